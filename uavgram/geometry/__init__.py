@@ -1,1 +1,1 @@
-"""Pure kernels on plain arrays, with analytic Jacobians; NaN marks what has no answer."""
+"""Geometric kernels on plain arrays with analytic Jacobians; NaN marks undefined results."""

@@ -8,5 +8,8 @@ from uavgram.model.arrays import Floats
 
 
 def lengths_of(vectors: Floats) -> Floats:
-    """(...) lengths of vectors (..., n): numpy's `norm` takes three times as long for a few."""
+    """Compute the lengths (...) of vectors (..., n).
+
+    For a few vectors numpy's `norm` takes three times as long.
+    """
     return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=-1)))

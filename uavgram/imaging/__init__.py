@@ -1,1 +1,1 @@
-"""Whatever looks at the pixels of photos: calibration boards, previews, top views, rendering."""
+"""Image processing of photos: calibration boards, previews, top views, matching, rendering."""

@@ -1,9 +1,9 @@
 """First poses of frames from four or more points with known coordinates, by OpenCV's solvers.
 
-Points about in a plane: IPPE, which gives both poses that such points may have (Collins and
-Bartoli 2014, "Infinitesimal plane-based pose estimation"). Others: SQPNP (Terzakis and Lourakis
-2020, "A consistently fast and globally optimal solution to the perspective-n-point problem").
-They weigh all points alike and know no sigmas: their poses are where the adjustment starts.
+Points nearly in a plane: IPPE, which gives both poses that such points allow (Collins and Bartoli
+2014, "Infinitesimal plane-based pose estimation"). Others: SQPNP (Terzakis and Lourakis 2020, "A
+consistently fast and globally optimal solution to the perspective-n-point problem"). The solvers
+weight all points equally and use no sigmas: their poses are start values of the adjustment.
 """
 
 from __future__ import annotations
@@ -18,16 +18,17 @@ from uavgram.model.survey.survey import Survey
 
 FEWEST_POINTS = 4
 THIN = 0.1
-"""Ratio of the points' smallest to their second extent up to which they count as one plane."""
+"""Ratio of the points' smallest to second extent up to which they count as one plane."""
 IN_LINE = 1e-3
-"""Ratio of the points' second to their largest extent below which they lie on one line."""
+"""Ratio of the points' second to largest extent below which they are on one line."""
 
 
 def known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
-    """Poses of every frame that shows four or more control points, not all in one line.
+    """Compute poses of every frame that shows four or more control points, not all in one line.
 
-    The picks are undistorted by the package's own kernels first.
+    The picks are first undistorted by `back_project`.
     """
+    # Row of the control points for each label; -1 for others.
     control = np.full(len(survey.label), -1)
     control[survey.control_label] = np.arange(len(survey.control_label))
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
@@ -53,24 +54,27 @@ def known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
 
 
 def poses_from_points(world_m: Floats, ray: Floats) -> tuple[Floats, Floats, Floats] | None:
-    """Poses of one camera from points (N, 3) and their undistorted rays (N, 3), z = 1; N >= 4.
+    """Compute poses of one camera from points (N, 3) and their undistorted rays (N, 3), N >= 4.
+
+    The rays have z = 1.
 
     Returns
     -------
     center_world_m : (S, 3)
-        Best first; S is 2 for points in a plane (1 where one solution lies behind the camera).
+        Best first; S is 2 for points in a plane (1 where one solution is behind the camera).
     world_from_camera : (S, 3, 3)
     misfit : (S,)
         Root mean square distance of the projected points from the rays, both at z = 1.
     None
-        The points lie on one line, or no solution has them in front of the camera.
+        The points are on one line, or no solution has them in front of the camera.
     """
     middle = world_m.mean(axis=0)
+    # Principal axes of the points: a local frame with the plane of the points, if any, at z = 0.
     _, extent, axes = np.linalg.svd(world_m - middle, full_matrices=False)
     if extent[1] <= IN_LINE * extent[0]:
         return None
     axes[2] = np.cross(axes[0], axes[1])
-    local = (world_m - middle) @ axes.T  # the plane of the points, if they have one, is z = 0
+    local = (world_m - middle) @ axes.T  # the plane of the points, if any, is z = 0
     flag: int = cv2.SOLVEPNP_SQPNP
     if extent[2] <= THIN * extent[1]:
         flag, local = cv2.SOLVEPNP_IPPE, local * [1.0, 1.0, 0.0]

@@ -1,7 +1,7 @@
-"""Least-squares fits of models of grey values to small windows of a photo.
+"""Least-squares fits of grey-value models to small windows of a photo.
 
-Many windows are fitted at once, each with its own damping (Levenberg 1944, Marquardt 1963); those
-that are done drop out.
+Many windows are fitted at once, each with its own damping (Levenberg 1944, Marquardt 1963); windows
+that have converged drop out.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from uavgram.model.arrays import Floats, Ints
 Model = Callable[[Floats, Ints], tuple[Floats, Floats]]
 """Weighted residuals (n, k) of windows and their derivatives (n, p, k).
 
-Given are the states (n, p) and the numbers (n,) of the windows.
+Arguments are the states (n, p) and the indices (n,) of the windows.
 """
 
 _ROUNDS = 15
@@ -33,9 +33,9 @@ class Fit(NamedTuple):
     state
         (n, p) parameters.
     residual
-        (n, k) what remains, weighted.
+        (n, k) weighted residuals.
     normal
-        (n, p, p) normal matrix; singular where a window does not tell all parameters.
+        (n, p, p) normal matrix; singular where a window does not determine all parameters.
     """
 
     state: Floats
@@ -67,20 +67,20 @@ def fit_windows(
     Parameters
     ----------
     model
-        Residuals and derivatives; a window that comes to where they are not finite is given up,
-        and its cost is not finite.
+        Residuals and derivatives; a window is given up where they are not finite, and its cost is
+        not finite.
     start
-        (n, p) first states.
+        (n, p) start values of the states.
     bounds
         Least and largest value (p,) of the parameters.
     damping
-        Of the first step; 0: all steps are Gauss's and Newton's, and are taken whether the cost
+        Damping of the first step; with 0 all steps are Gauss-Newton steps, taken whether the cost
         falls or not.
     places
-        So many of the first parameters are pixel coordinates: the others follow them, so a window
-        is done when these move no more.
+        Number of leading parameters that are pixel coordinates: the others follow them, so a window
+        has converged when these no longer move.
     rounds
-        At most so many steps.
+        Largest number of steps.
     """
     state = start.copy()
     residual, jacobian = model(state, np.arange(len(state)))
@@ -91,6 +91,7 @@ def fit_windows(
     for _ in range(rounds):
         if not len(active):
             break
+        # Damped normal equations: (N + damping diag N) step = gradient.
         regular = _regular(normal[active], damped[active])
         step = np.linalg.solve(regular, gradient[active, :, None])[..., 0]
         trial = state[active] - step
@@ -98,6 +99,7 @@ def fit_windows(
             trial = trial.clip(*bounds)
         remains, jacobian = model(trial, active)
         after = (remains**2).sum(axis=1)
+        # Accept steps that reduce the cost; otherwise increase the damping.
         better = ~((after >= cost[active]) & (damped[active] > 0))
         damped[active] *= np.where(better, 0.1, 10.0)
         taken = active[better]
@@ -110,14 +112,14 @@ def fit_windows(
 
 
 def neighbour_correlation(residual: Floats, root: Floats) -> Floats:
-    """(2, n) correlation of residuals with the next ones along rows and along columns, 0 to 0.9.
+    """Compute correlations (2, n) of residuals with neighbours along rows and columns, 0 to 0.9.
 
     Parameters
     ----------
     residual
         (n, h, w), each times the root of its weight.
     root
-        (h, w) or (n, h, w) these roots; 0: not used.
+        (h, w) or (n, h, w) these roots; 0 where not used.
     """
     axes = (-2, -1)
     variance = np.maximum((residual**2).sum(axis=axes), 1e-12) / np.maximum(
@@ -134,22 +136,21 @@ def neighbour_correlation(residual: Floats, root: Floats) -> Floats:
 
 
 def growth(correlation: Floats) -> Floats:
-    """(n,) how much the variance of a mean grows by correlations (2, n) of neighbours.
+    """Compute the growth (n,) of a mean's variance by correlations (2, n) of neighbours.
 
-    The sum of all correlations of a process that forgets by a factor per pixel, along rows and
-    along columns.
+    It is the sum of all correlations of a first-order process along rows and along columns.
     """
     return np.asarray(((1.0 + correlation) / (1.0 - correlation)).prod(axis=0))
 
 
 def _equations(residual: Floats, jacobian: Floats) -> tuple[Floats, Floats]:
-    """Normal matrices (n, p, p) and gradients (n, p)."""
+    """Form normal matrices (n, p, p) and gradients (n, p)."""
     normal = jacobian @ np.swapaxes(jacobian, 1, 2)
     return normal, (jacobian @ residual[..., None])[..., 0]
 
 
 def _regular(normal: Floats, damping: Floats) -> Floats:
-    """Normal matrices with a damped diagonal, regular also where a window shows nothing."""
+    """Damp the diagonal of normal matrices; regular also where a window has no texture."""
     diagonal = np.diagonal(normal, axis1=1, axis2=2)
     floor = 1e-9 * diagonal.max(axis=1, keepdims=True) + 1e-12
     more = damping[:, None] * diagonal + floor

@@ -1,9 +1,9 @@
-"""Small parts of photos: resampled, and their slopes.
+"""Resampling of small parts of photos, and their slopes.
 
 Parts of two photos that are compared pixel by pixel are resampled to one geometry. Its axes are
 those in which one photo is a stretched picture of the other (the singular vectors of the affine
-map), and along each axis the steps are the pixels of the coarser photo: nothing is made up between
-coarse pixels, and the finer photo is smoothed before pixels are left out.
+map), and along each axis the steps are the pixels of the coarser photo. So nothing is interpolated
+between coarse pixels, and the finer photo is smoothed before pixels are left out.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from uavgram.model.arrays import Bools, Floats
 Grey = NDArray[np.float32]
 Real = TypeVar("Real", np.float32, np.float64)
 
-_BLUR_PX = 0.7  # of a photo: lens, pixel and demosaicing together
-_FINE_ENOUGH = 1.15  # steps up to this are taken without smoothing
-_MOST_ROWS = 30000  # of maps that OpenCV resamples by
+_BLUR_PX = 0.7  # blur of a photo: lens, pixel and demosaicing together
+_FINE_ENOUGH = 1.15  # steps up to this are sampled without smoothing
+_MOST_ROWS = 30000  # of a map for OpenCV's resampling
 
 
 def grid(reach: int) -> Floats:
-    """((2 reach + 1)^2, 2) steps about a pixel."""
+    """Return the ((2 reach + 1)^2, 2) steps about a pixel."""
     side = np.arange(-reach, reach + 1.0)
     return np.asarray(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
 
@@ -34,7 +34,7 @@ def grid(reach: int) -> Floats:
 def sample(
     photo: Image | Grey, u_px: Floats | Grey, v_px: Floats | Grey, kernel: int = cv2.INTER_CUBIC
 ) -> Grey:
-    """(n, k) grey values at places, to 1/32 px; outside the photo its edge goes on.
+    """Resample grey values (n, k) at places, to 1/32 px; edge values continue outside the photo.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def sample(
     u_px, v_px
         (n, k).
     kernel
-        OpenCV's.
+        OpenCV's interpolation.
     """
     u, v = (np.ascontiguousarray(one, np.float32) for one in (u_px, v_px))
     out = np.empty(u.shape, photo.dtype)
@@ -54,31 +54,32 @@ def sample(
 
 
 def slopes(grey: NDArray[Real]) -> tuple[NDArray[Real], NDArray[Real]]:
-    """(n, h - 2, w - 2) each, of grey values (n, h, w) along u and along v: central differences."""
+    """Compute central differences (n, h - 2, w - 2) of grey values (n, h, w) along u and v."""
     across = 0.5 * (grey[:, 1:-1, 2:] - grey[:, 1:-1, :-2])
     down = 0.5 * (grey[:, 2:, 1:-1] - grey[:, :-2, 1:-1])
     return across, down
 
 
 class Frames(NamedTuple):
-    """Both photos' pixels by steps of the common window, (n, 2, 2) each."""
+    """Derivatives (n, 2, 2) of both photos' pixels by steps of the common window."""
 
     source: Floats
     target: Floats
 
 
 def common_frames(affine: Floats) -> Frames:
-    """The windows' axes for maps (n, 2, 2), d target pixel / d source pixel."""
+    """Compute the windows' axes for maps (n, 2, 2), d target pixel / d source pixel."""
     u, stretch, vt = np.linalg.svd(affine)
     source = np.swapaxes(vt, 1, 2) * np.maximum(1.0, 1.0 / stretch)[:, None]
     target = u * np.maximum(1.0, stretch)[:, None]
-    # Turned so that the source stays upright: squares of all pairs then see the same surroundings.
+    # Turn the axes so that the source stays upright: then squares of all pairs cover the same
+    # surroundings.
     turn = _nearest_turn(vt)
     return Frames(source @ turn, target @ turn)
 
 
 def _nearest_turn(vt: Floats) -> Floats:
-    """Quarter turns and flips that bring axes (n, 2, 2) next to upright: steps stay along axes."""
+    """Find the quarter turns and flips that bring axes (n, 2, 2) nearest to upright."""
     swap = np.abs(vt[:, 0, 0]) < np.abs(vt[:, 0, 1])
     turn = np.where(swap[:, None, None], np.array([[0.0, 1.0], [1.0, 0.0]]), np.eye(2))
     upright = np.swapaxes(vt, 1, 2) @ turn
@@ -87,23 +88,23 @@ def _nearest_turn(vt: Floats) -> Floats:
 
 
 def reach(frame: Floats, half: int) -> Floats:
-    """(n, 2) how far windows of frames (n, 2, 2) reach from their centres in u and v [px]."""
+    """Compute extents (n, 2) of windows of frames (n, 2, 2) from their centres in u and v [px]."""
     return np.asarray(np.abs(frame).sum(axis=2) * (half + 4))
 
 
 def within(photo: Image, center_px: Floats, frame: Floats, half: int) -> Bools:
-    """(n,) whether whole windows lie in a photo.
+    """Mark the windows (n,) that are completely within a photo.
 
     Parameters
     ----------
     photo
         (height, width).
     center_px
-        (n, 2) of the windows.
+        (n, 2) centres of the windows.
     frame
         (n, 2, 2) pixels by steps.
     half
-        Of a window's side, in steps.
+        Half a window's side, in steps.
     """
     far = np.abs(frame).sum(axis=2) * half + 1.0
     edge = np.array(photo.shape[1::-1]) - 1.0
@@ -113,22 +114,24 @@ def within(photo: Image, center_px: Floats, frame: Floats, half: int) -> Bools:
 def window(
     photo: Image, center_px: Floats, frame: Floats, half: int, *, exact: bool = True
 ) -> Grey:
-    """(2 half + 1, 2 half + 1) grey values about a place; outside the photo its edge goes on.
+    """Resample grey values (2 half + 1, 2 half + 1) about a place; edge values continue outside.
 
     Parameters
     ----------
     photo
         (height, width).
     center_px
-        (2,) of the window.
+        (2,) centre of the window.
     frame
         (2, 2) pixels by steps; its columns are perpendicular.
     half
-        Of the window's side, in steps.
+        Half the window's side, in steps.
     exact
-        By Lanczos' kernel, else straight between pixels: for a search.
+        Whether to use Lanczos' kernel, instead of bilinear interpolation for a search.
     """
     length = np.hypot(frame[0], frame[1])
+    # Coarse steps: sample at a fraction of a step, smooth by a Gaussian, then take every p-th
+    # value.
     parts = np.maximum(np.ceil(length - _FINE_ENOUGH + 1.0), 1.0).astype(int)
     spread = _BLUR_PX * np.sqrt(np.maximum(length**2 - 1.0, 0.0)) * parts / length
     wide = np.where(parts > 1, np.ceil(3.0 * spread), 0.0).astype(int)

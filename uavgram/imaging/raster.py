@@ -1,7 +1,7 @@
 """Rasters of the ground plane, and painting on them.
 
-OpenCV fills shapes up to half a pixel (1 cm of road) too far: good enough for a road and its
-paint. Nothing that is measured is painted this way (see synthetic/picture/things.py).
+OpenCV fills shapes up to half a pixel (1 cm of road) too far: good enough for a road and its paint.
+Shapes that are measured are not painted this way (see synthetic/picture/things.py).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _SHIFT = 6  # OpenCV draws to 1/64 px
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GroundRaster:
-    """A top view of part of the scene: up is x (along the road), left is y.
+    """Top view of part of the scene: up is x (along the road), left is y.
 
     Attributes
     ----------
@@ -60,7 +60,7 @@ class GroundRaster:
 
 
 class Painter:
-    """Draws shapes given in scene metres into masks of one raster's frame."""
+    """Painter of shapes given in scene metres into masks in the frame of one raster."""
 
     def __init__(self, raster: GroundRaster) -> None:
         self._affine = raster.pixel_from_scene
@@ -68,7 +68,7 @@ class Painter:
         self._resolution_m = raster.resolution_m
 
     def blank(self) -> Image:
-        """Give an empty mask (H, W)."""
+        """Create an empty mask (H, W)."""
         return np.zeros(self._shape, np.uint8)
 
     def polygons(self, *outlines_m: Floats, mask: Image | None = None, value: int = 255) -> Image:
@@ -88,9 +88,9 @@ class Painter:
         paths_m
             (K, 2) each, in the scene.
         width_m
-            Of all stripes.
+            Width of all stripes.
         mask
-            Drawn into; None: a new one.
+            Mask to draw into; None for a new one.
         value
             0 to 255.
         """
@@ -106,9 +106,9 @@ class Painter:
         centers_m
             (K, 2) in the scene.
         radius_m
-            Of all discs.
+            Radius of all discs.
         mask
-            (H, W) drawn into.
+            (H, W) mask to draw into.
         value
             0 to 255.
         """
@@ -124,7 +124,7 @@ class Painter:
 
 
 def stripe_outline(path_m: Floats, width_m: float) -> Floats:
-    """Outline (2K, 2) of a path (K, 2) drawn with a flat pen."""
+    """Compute the outline (2K, 2) of a path (K, 2) drawn with a flat pen."""
     path = np.asarray(path_m, dtype=np.float64)
     tangent = np.gradient(path, axis=0)
     normal = np.column_stack([-tangent[:, 1], tangent[:, 0]])
@@ -133,14 +133,14 @@ def stripe_outline(path_m: Floats, width_m: float) -> Floats:
 
 
 def arc(center_m: tuple[float, float], radius_m: float, start_deg: float, end_deg: float) -> Floats:
-    """Points (25, 2) of an arc, angles from x towards y.
+    """Compute points (25, 2) of an arc, angles from x towards y.
 
     Parameters
     ----------
     center_m
-        In the scene.
+        Centre in the scene.
     radius_m
-        Of the circle.
+        Radius of the circle.
     start_deg, end_deg
         Angles of its ends.
     """
@@ -149,7 +149,7 @@ def arc(center_m: tuple[float, float], radius_m: float, start_deg: float, end_de
 
 
 def box(x0: float, x1: float, y0: float, y1: float) -> Floats:
-    """Corners (4, 2) of a rectangle along the axes.
+    """Return the corners (4, 2) of a rectangle along the axes.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def lay(
     mask: Image,
     strength: float | Weights = 1.0,
 ) -> None:
-    """Lay one colour, or another image, over an image in place.
+    """Paint one colour, or another image, over an image in place.
 
     Parameters
     ----------
@@ -188,11 +188,11 @@ def lay(
     paint
         A colour of C channels, or an image of the same size.
     mask
-        (H, W) where, 0 to 255.
+        (H, W) coverage, 0 to 255.
     strength
         Opacity, 0 to 1, everywhere or for each pixel.
     """
-    # Most shapes are small: the rest of the image is left alone.
+    # Most shapes are small: change only their part of the image.
     x, y, width, height = cv2.boundingRect(mask)
     part = np.s_[y : y + height, x : x + width]
     if not width:
@@ -200,7 +200,7 @@ def lay(
     opacity = strength if isinstance(strength, float) else strength[part]
     weight: Weights = mask[part] * (np.asarray(opacity, np.float32) / np.float32(255.0))
     if isinstance(paint, tuple):
-        # A third of the time of np.full with a colour.
+        # Takes a third of the time of np.full with a colour.
         layer = cv2.merge([np.full(weight.shape, channel, np.uint8) for channel in paint])
     else:
         layer = np.ascontiguousarray(paint[part])
@@ -216,12 +216,12 @@ def soften(mask: Image, sigma_px: float) -> Image:
 def octaves(
     rng: np.random.Generator, shape: tuple[int, int], weights: dict[float, float]
 ) -> Weights:
-    """Random texture (H, W): sums of smooth noise, keyed by the grain's size in pixels.
+    """Create a random texture (H, W): a sum of smooth noise of several grain sizes.
 
     Parameters
     ----------
     rng
-        Draws the noise.
+        Random generator of the noise.
     shape
         Height and width [px].
     weights
@@ -240,7 +240,7 @@ def octaves(
 
 
 def ramp(noise: Weights, *colors_bgr: tuple[int, int, int]) -> Image:
-    """Colour a noise of about unit variance: its values -2.5 to 2.5 run through the colours."""
+    """Colour a noise of about unit variance: values -2.5 to 2.5 run through the colours."""
     level = cv2.convertScaleAbs(noise + 2.5, alpha=255 / 5.0)
     stops = np.linspace(0, 255, len(colors_bgr))
     table = [np.interp(np.arange(256), stops, channel) for channel in zip(*colors_bgr, strict=True)]

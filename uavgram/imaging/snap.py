@@ -1,7 +1,7 @@
-"""The exact place of a corner or a round target near a click, and how well the picture tells it.
+"""Refinement of a click to the exact place of a corner or a round target, with its sigma.
 
-The sigma is that of the grey values' noise carried through the estimate: what the picture can
-give, not whether it shows the thing that was meant.
+The sigma propagates the noise of the grey values through the estimate. It measures the picture's
+precision, not whether the place is on the intended object.
 """
 
 from __future__ import annotations
@@ -19,27 +19,27 @@ from uavgram.imaging.targets.saddle import cut_windows
 from uavgram.model.arrays import Floats
 
 CORNER_HALF_PX = 6
-"""Half the window in which edges are looked at."""
+"""Half the window in which edges are used."""
 
 CIRCLE_HALF_PX = 48
-"""Half the window in which a round target must lie as a whole."""
+"""Half the window that must contain a round target completely."""
 
 MOST_SIGMA_PX = 0.5
-"""A place known less well than this is no better than the click."""
+"""Largest accepted sigma: a place known less well is no better than the click."""
 
 SMALLEST_SIGMA_PX = 0.03
-"""What blur that is not the same on all sides, JPEG and sharpening leave at best."""
+"""Least sigma that uneven blur, JPEG and sharpening allow."""
 
 _LEAST_NOISE = 0.3  # of rounding to whole grey values: 1 / sqrt(12)
 _LEAST_CONTRAST = 6.0  # in standard deviations of the noise
 _LEAST_ROUND = 0.75
-_FLATTEST = 0.3  # axes of a circle seen at 17 degrees above the ground
+_FLATTEST = 0.3  # ratio of axes of a circle seen at 17 degrees above the ground
 _LEAST_AREA_PX = 12
 
 
 @dataclass(frozen=True)
 class Snapped:
-    """A place (u, v) [px], its sigma in its worse direction [px], and what is there."""
+    """Place (u, v) [px], its sigma in the worse direction [px], and the kind of object there."""
 
     u_px: float
     v_px: float
@@ -48,14 +48,14 @@ class Snapped:
 
 
 def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
-    """The point where edges meet near a pixel, or why there is none.
+    """Find the point where edges meet near a pixel, or give the reason why there is none.
 
     Parameters
     ----------
     photo
         (height, width, 3) BGR.
     u_px, v_px
-        Of the click.
+        Pixel of the click.
     """
     half = 2 * CORNER_HALF_PX + 2
     cut = _cut(photo, u_px, v_px, half)
@@ -78,17 +78,17 @@ def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
 
 
 def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
-    """The centre of gravity of the round target that a pixel lies on, or why there is none.
+    """Find the centre of gravity of the round target under a pixel, or give the reason why not.
 
-    In an oblique view the centre of the image of a
-    circle is not the image of its centre; for small targets the difference is far below a pixel.
+    In an oblique view the centre of the image of a circle is not the image of its centre; for small
+    targets the difference is far below a pixel.
 
     Parameters
     ----------
     photo
         (height, width, 3) BGR.
     u_px, v_px
-        Of the click.
+        Pixel of the click.
     """
     cut = _cut(photo, u_px, v_px, CIRCLE_HALF_PX)
     if cut is None:
@@ -105,12 +105,13 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     noise = max(_noise(grey), _LEAST_NOISE)
     if abs(top - ground) < _LEAST_CONTRAST * noise:
         return "the target hardly differs from what is around it"
+    # Centre of gravity, with the coverage of each pixel by the target as weight.
     share = np.where(inside, (values - ground) / (top - ground), 0.0)
     v, u = np.mgrid[: grey.shape[0], : grey.shape[1]]
     place = np.stack([u, v], axis=-1).astype(np.float64)
     total = share.sum()
     center = np.einsum("vu,vui->i", share, place) / total
-    # Each grey value moves the centre by (x - c) / (contrast * total).
+    # Variance propagation: each grey value moves the centre by (x - c) / (contrast * total).
     arm = place[inside] - center
     covariance = arm.T @ arm * (noise / ((top - ground) * total)) ** 2
     sigma = float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
@@ -118,7 +119,7 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
 
 
 def _cut(photo: Pixels, u_px: float, v_px: float, half: int) -> tuple[Image, Floats] | None:
-    """Grey surroundings of a pixel, and the pixel of their first corner."""
+    """Cut grey surroundings of a pixel; return them and the pixel of their first corner."""
     height, width = photo.shape[:2]
     u, v = round(u_px), round(v_px)
     left, top = max(u - half, 0), max(v - half, 0)
@@ -131,10 +132,10 @@ def _cut(photo: Pixels, u_px: float, v_px: float, half: int) -> tuple[Image, Flo
 
 
 def _noise(grey: Image) -> float:
-    """Standard deviation of white noise: robust mean of a Laplacian that edges leave alone.
+    """Estimate the standard deviation of white noise by a Laplacian that cancels straight edges.
 
-    Immerkaer 1996, "Fast noise variance estimation"; the median in place of the mean keeps
-    corners out. The mask's weights have the root of the sum of squares 6.
+    Immerkaer 1996, "Fast noise variance estimation"; the median instead of the mean excludes
+    corners. The root of the sum of squares of the mask's weights is 6.
     """
     mask = np.array([[1, -2, 1], [-2, 4, -2], [1, -2, 1]], np.float64)
     response = cv2.filter2D(grey.astype(np.float64), -1, mask)[1:-1, 1:-1]
@@ -142,7 +143,7 @@ def _noise(grey: Image) -> float:
 
 
 def _blob(grey: Image, at: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Image | str:
-    """The round patch of one brightness under a pixel, or why there is none."""
+    """Segment the round patch of one brightness under a pixel, or give the reason why not."""
     _, bright = cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY + cv2.THRESH_OTSU)
     if not bright[at[1], at[0]]:
         bright = cv2.bitwise_not(bright)

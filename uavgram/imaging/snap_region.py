@@ -1,8 +1,8 @@
-"""The one thing inside the region where a point is expected, or why none is taken.
+"""Search for the object inside the region where a point is expected, or the reason why not.
 
-Targets first: chequers, crosses and discs. Where there is none, and one may be meant, the corner
-that stands out. The likeliest wins, by how much it stands out and by the region; where several are
-about as likely and the pointer is on none of them, nothing is guessed.
+Targets first: chequers, crosses and discs. Where there is none, and a corner may be intended, the
+most distinct corner. The most likely object wins, by its distinctness and by the region; where
+several are about as likely and the pointer is on none of them, no object is chosen.
 """
 
 from __future__ import annotations
@@ -20,57 +20,57 @@ from uavgram.imaging.targets.symmetric_places import symmetric_targets
 from uavgram.model.arrays import Bools, Floats
 
 WITHIN = 13.82
-"""Squared distance in sigmas within which 99.9 % lie: chi-square of two degrees of freedom."""
+"""Squared distance [sigma] that holds 99.9 %: chi-square with two degrees of freedom."""
 
 AROUND_PX = 4.0
-"""Beside the region: a pick's own error, and that of a place that is known exactly."""
+"""Margin beside the region for a pick's own error, also where the place is known exactly."""
 
 WIDEST_PX = 250
 """Half the largest window that is searched."""
 
 POINTED_PX = 4.0
-"""Standard deviation of a click from the thing that was meant."""
+"""Standard deviation of a click from the intended object."""
 
 SHARPNESS = 3
-"""Power of how much targets stand out, as their likelihood.
+"""Exponent of a target's strength in its likelihood.
 
-Of 2, 3 and 4 the one that took fewest wrong ones on rendered streets, with what was expected
-25 px away at a standard deviation of 10 px: of 249 searches for targets 197 ended at the right one
-and 8 at another; of 54 for a corner of asphalt that is no target, 1 at something.
+Among 2, 3 and 4 it chose the fewest wrong targets on rendered streets, with the expected target 25
+px away at a standard deviation of 10 px: 197 of 249 searches for targets ended at the right one and
+8 at another; 1 of 54 searches for a corner of asphalt that is no target ended at an object.
 """
 
 SURE = 0.9
-"""Probability from which one of several is the one."""
+"""Probability from which one of several objects is accepted."""
 
 ALIKE = 0.6
-"""Corners that stand out by so much of the most are as good."""
+"""Strength, relative to the strongest corner, from which corners are equally good."""
 
 REACH_PX = 8.0
-"""Of several, the one that the pointer is on counts as pointed at."""
+"""Distance within which the pointer is on one of several objects."""
 
 SAME_PX = 3.0
-"""What is measured so far from what was found is something else."""
+"""Distance between the measured and the found place beyond which they are different objects."""
 
 MOST_SHOWN = 4
-"""Of several that are about as likely."""
+"""Largest number of about equally likely objects that are listed."""
 
 _BLOCK_PX = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Where a point is expected: the pixel (2,), its covariance (2, 2), and the pointer (2,)."""
+    """Region where a point is expected: pixel (2,), its covariance (2, 2), and the pointer (2,)."""
 
     pixel_px: Floats
     covariance_px2: Floats
     pointer_px: Floats
 
     def holds(self, place_px: Floats) -> Bools:
-        """(n,) whether places (n, 2) lie in it."""
+        """Mark the places (n, 2) inside the region."""
         return np.asarray(self.distance(place_px) <= WITHIN)
 
     def distance(self, place_px: Floats) -> Floats:
-        """(n,) squared distances of places (n, 2), in sigmas."""
+        """Compute squared distances (n,) of places (n, 2), in sigmas."""
         off = place_px - self.pixel_px
         covariance = self.covariance_px2 + (AROUND_PX / 3.0) ** 2 * np.eye(2)
         solved = np.linalg.solve(covariance, off[..., None])[..., 0]
@@ -78,47 +78,47 @@ class Region:
 
     @classmethod
     def near(cls, pointer_px: Floats) -> Region:
-        """What somebody pointed at."""
+        """Create the region about a click."""
         return cls(pointer_px, POINTED_PX**2 * np.eye(2), pointer_px)
 
     @property
     def reach_px(self) -> Floats:
-        """(2,) how far it goes from its middle, along u and v."""
+        """(2,) half extent along u and v."""
         spread = np.diag(self.covariance_px2) + (AROUND_PX / 3.0) ** 2
         return np.asarray(np.minimum(np.sqrt(WITHIN * spread), WIDEST_PX))
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Things (n, 2) in the photo, and how much each stands out (n,)."""
+    """Objects (n, 2) in the photo, and how distinct each is (n,)."""
 
     place_px: Floats
     strength: Floats
 
     def those(self, which: Bools) -> _Found:
-        """Some of them."""
+        """Select by a mask."""
         return _Found(self.place_px[which], self.strength[which])
 
 
 @dataclass(frozen=True, eq=False)
 class Unclear:
-    """Why nothing is taken, and the places (n, 2) [px] of things that are about as likely."""
+    """Reason why no object is chosen, and places (n, 2) [px] of about equally likely objects."""
 
     why: str
     place_px: Floats
 
 
 def snap_within(photo: Pixels, region: Region, *, corners: bool) -> Snapped | Unclear:
-    """The thing in a region that is meant, or why none is taken.
+    """Find the intended object in a region, or give the reason why not.
 
     Parameters
     ----------
     photo
         (height, width, 3) BGR.
     region
-        Where it is expected.
+        Region where it is expected.
     corners
-        Whether a corner is meant where there is no target.
+        Whether to search for a corner where there is no target.
     """
     window = _window(photo, region)
     if window is None:
@@ -143,14 +143,14 @@ def _nothing(why: str) -> Unclear:
 
 
 def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snapped | Unclear:
-    """The corner that stands out in a region.
+    """Find the most distinct corner in a region.
 
     Parameters
     ----------
     photo, region
-        As of `snap_within`.
+        As for `snap_within`.
     grey, first
-        The window that is searched, and its first pixel.
+        Searched window, and its first pixel.
     """
     found = _corners(grey, lambda place: region.holds(place + first))
     if not len(found.strength):
@@ -167,16 +167,16 @@ def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snappe
 
 
 def _chosen(place_px: Floats, weight: Floats, region: Region) -> int | Unclear:
-    """Which of several things is meant, by likelihood, else by the pointer.
+    """Choose among several objects by likelihood, else by the pointer.
 
     Parameters
     ----------
     place_px
-        (n, 2) where they are.
+        (n, 2) their places.
     weight
-        (n,) how likely each is wherever it lies.
+        (n,) likelihood of each without its place.
     region
-        How likely it is there.
+        Region, from which the likelihood of the places follows.
     """
     likely = weight * np.exp(-0.5 * region.distance(place_px))
     best = int(np.argmax(likely))
@@ -192,7 +192,7 @@ def _chosen(place_px: Floats, weight: Floats, region: Region) -> int | Unclear:
 
 
 def _window(photo: Pixels, region: Region) -> tuple[Image, Floats] | None:
-    """Grey surroundings of a region with a margin for what lies on its edge, and their first pixel.
+    """Cut grey surroundings of a region, with a margin; return them and their first pixel.
 
     None where the region is outside the photo.
     """
@@ -207,13 +207,13 @@ def _window(photo: Pixels, region: Region) -> tuple[Image, Floats] | None:
 
 
 def _corners(grey: Image, holds: Callable[[Floats], Bools]) -> _Found:
-    """Corners, by the smaller eigenvalue of the structure tensor (Shi and Tomasi 1994)."""
+    """Find corners by the smaller eigenvalue of the structure tensor (Shi and Tomasi 1994)."""
     fine = cv2.GaussianBlur(grey, (0, 0), 1.0)
     return _peaks(cv2.cornerMinEigenVal(fine, _BLOCK_PX), holds)
 
 
 def _peaks(strength: cv2.typing.MatLike, holds: Callable[[Floats], Bools]) -> _Found:
-    """The highest places of a map, of those that are taken."""
+    """Find the local maxima of a map at accepted places."""
     peak = strength >= cv2.dilate(strength, np.ones((2 * _BLOCK_PX + 1,) * 2, np.uint8))
     v, u = np.nonzero(peak & (strength > 0))
     place = np.column_stack([u, v]).astype(np.float64)

@@ -1,1 +1,1 @@
-"""Direction to pixel and back: lens models with derivatives, and their inverse."""
+"""Projection and back-projection: lens models, their derivatives and their inverse."""

@@ -1,11 +1,9 @@
-"""Pixel to ray: the inverse of the lens model, to 1e-9 px.
+"""Back-projection from pixel to ray: inverse of the lens model, to 1e-9 px.
 
-A table gives the radial factor to seven digits, two or three Newton steps over whole arrays the
-rest. What does not come to rest, or lies at or beyond the fold, is left to the careful search in
-`back_projection`.
-
-The radial part is inverted between the nodes of a table, so that Newton's steps start on the
-right branch and cannot leave it; the tangential part by Newton's method on the plane z = 1.
+The radial part is interpolated in a table (seven digits), so that Newton's iteration starts on the
+right branch and cannot leave it. Two or three Newton steps on the plane z = 1, over whole arrays,
+then invert radial and tangential part together. Points that do not converge, or that are at or
+beyond the fold of the lens model, are left to the slower bracketed search of `_undistort`.
 """
 
 from __future__ import annotations
@@ -31,24 +29,26 @@ from uavgram.model.camera.calibration import LensModel
 
 _NODES = 4096
 _LARGE_TANGENTIAL = 1e-2
-"""p1 or p2 from which the start is so much coarser that a third step is due."""
+"""Coefficient p1 or p2 above which the start value is so coarse that a third step is needed."""
 
 _LAST_STEP = 1e-7
-"""Newton step after which none is due: the error goes with its square, 1e-14 away from the fold."""
+"""Newton step after which none is needed: the error is its square, 1e-14 away from the fold."""
 
 _LEAST_DETERMINANT = 0.05
-"""Of the lens's Jacobian: below, the fold is too near for that."""
+"""Determinant of the lens's Jacobian below which the point is too near to the fold."""
 
 _SAFE = 0.95
-"""Share of the way to the fold up to which the table reaches."""
+"""Fraction of the way to the fold that the table covers."""
 
 _WIDEST: dict[LensModel, float] = {"brown": 1.6, "fisheye": 4.0}
-"""Undistorted radius up to which it does: 58 and 76 degrees from the optical axis. Farther out a
-polynomial may grow so fast that the nodes would lie too far apart everywhere."""
+"""Undistorted radius that the table covers at most: 58 and 76 degrees from the optical axis.
+
+Farther out a polynomial may grow so fast that the nodes would be too far apart everywhere.
+"""
 
 
 class _Table(NamedTuple):
-    """Factors undistorted / distorted radius over equal steps of the distorted radius squared."""
+    """Ratio of undistorted to distorted radius at equal steps of the squared distorted radius."""
 
     factor: Floats
     slope: Floats
@@ -57,16 +57,16 @@ class _Table(NamedTuple):
 
 
 class Undistorted(NamedTuple):
-    """Undistorted points, and the lens at them.
+    """Undistorted points, with the lens model evaluated at them.
 
     Attributes
     ----------
     x, y
         (N,).
     lens
-        What `distort` makes of them, to seven digits (it belongs to the step before the last).
+        Result of `distort` at the points, to seven digits (from the step before the last).
     found
-        (N,) whether they are, on the near side of the fold.
+        (N,) True where the iteration converged on the near side of the fold.
     """
 
     x: Floats
@@ -78,29 +78,31 @@ class Undistorted(NamedTuple):
 def undistort(
     model: LensModel, parameters: Floats, target_x: Floats, target_y: Floats
 ) -> Undistorted:
-    """Invert the lens at points (N,) of the plane z = 1; where it fails, `found` is False.
+    """Invert the lens at points (N,) of the plane z = 1; `found` is False where this fails.
 
     Parameters
     ----------
     model, parameters
-        The lens; (P,).
+        Lens model; (P,) its parameters.
     target_x, target_y
         Distorted coordinates.
     """
     table = _table(model, parameters[4:].tobytes())
     x, y = _radial_inverse(table, target_x, target_y)
     if model == "brown" and parameters[6:8].any():
-        # What the tangential part adds at that first guess is taken off beforehand.
+        # Start value: subtract the tangential part at the first guess, then invert again.
         p1, p2 = parameters[6:8].tolist()
         square = x * x + y * y
         common = (2 * p1) * y + (2 * p2) * x
         x, y = _radial_inverse(
             table, target_x - (x * common + p2 * square), target_y - (y * common + p1 * square)
         )
-    # As many steps for every point, whatever else is asked for along with it.
+    # Newton's iteration. The number of steps does not depend on the points, so that each result is
+    # independent of the others in the array.
     for _ in range(_steps(model, parameters)):
         lens = distort(model, parameters[4:], x, y)
         miss_x, miss_y = lens.x - target_x, lens.y - target_y
+        # Solve the symmetric 2x2 system [[a, b], [b, c]] step = miss in closed form.
         determinant = lens.a * lens.c - lens.b * lens.b
         over = 1.0 / determinant
         step_x = (lens.c * miss_x - lens.b * miss_y) * over
@@ -117,7 +119,7 @@ def _steps(model: LensModel, parameters: Floats) -> int:
 
 
 def _radial_inverse(table: _Table, x: Floats, y: Floats) -> tuple[Floats, Floats]:
-    """Points undistorted by the radial part alone; NaN where the table does not reach."""
+    """Undistort points by the radial part alone; NaN beyond the end of the table."""
     square = x * x
     square += y * y
     inside = square < table.end_square  # False for NaN
@@ -133,7 +135,7 @@ def _radial_inverse(table: _Table, x: Floats, y: Floats) -> tuple[Floats, Floats
 
 @lru_cache(maxsize=64)
 def _table(model: LensModel, coefficients: bytes) -> _Table:
-    """Table of the radial part alone, up to a little before its fold."""
+    """Tabulate the inverse of the radial part alone, up to a little before its fold."""
     values = np.frombuffer(coefficients)
     argument = np.linspace(0.0, _reach(model, values), 4 * _NODES)
     distorted = _radial(model, values, argument)
@@ -141,7 +143,7 @@ def _table(model: LensModel, coefficients: bytes) -> _Table:
     end = float(distorted[-1] ** 2)
     square = np.linspace(0.0, end, _NODES + 1)
     factor = np.ones(_NODES + 1)
-    # Between the nodes of a fine grid the inverse is straight to eight digits.
+    # Linear interpolation on the fine grid is exact to eight digits.
     factor[1:] = np.interp(np.sqrt(square[1:]), distorted, radius) / np.sqrt(square[1:])
     return _Table(factor[:-1].copy(), np.diff(factor), _NODES / end, end * (1 - 1e-12))
 
@@ -163,10 +165,10 @@ def _radial(model: LensModel, coefficients: Floats, argument: Floats) -> Floats:
     return argument * polynomial(above) / polynomial(below)
 
 
-# Tighter than the 1e-9 px that is promised: Newton's last step passes both at once.
+# Tighter than the documented 1e-9 px: Newton's last step meets both at once.
 _TOLERANCE_PX = 1e-10
-_START_PX = 0.01  # near enough for Newton's steps in the plane
-_ROUNDING = 8 * float(np.finfo(float).eps)  # of pixels so far out that 1e-10 px is less than that
+_START_PX = 0.01  # start value of Newton's iteration in the plane
+_ROUNDING = 8 * float(np.finfo(float).eps)  # relative, for very large pixel values
 _SMALLEST_SLOPE = 1e-30
 _TABLE_NODES = 1024
 _RADIAL_STEPS = 60  # at the fold itself a step only halves the distance
@@ -175,21 +177,21 @@ _HALVINGS = 6
 
 
 def back_project(model: LensModel, parameters: Floats, pixel: Floats) -> Floats:
-    """Rays of pixels.
+    """Compute the rays of pixels.
 
     Parameters
     ----------
     model, parameters
-        The lens; (P,) in the order of ``PARAMETER_NAMES[model]``.
+        Lens model; (P,) its parameters in the order of ``PARAMETER_NAMES[model]``.
     pixel
         (..., 2) in the original, distorted image.
 
     Returns
     -------
     (..., 3)
-        Rays in the camera frame with z = 1. Projection gives the pixel back to 1e-9 px. NaN where
-        the lens model has no inverse (outside its fold), and for a fisheye at 90 degrees from the
-        optical axis and beyond.
+        Rays in the camera frame with z = 1. Projecting them gives the pixel back to 1e-9 px. NaN
+        where the lens model has no inverse (outside its fold), and for a fisheye at 90 degrees from
+        the optical axis and beyond.
     """
     parameters = np.asarray(parameters, np.float64)
     pixel = np.asarray(pixel, np.float64)
@@ -206,7 +208,7 @@ def back_project(model: LensModel, parameters: Floats, pixel: Floats) -> Floats:
 def back_project_with_jacobian(
     model: LensModel, parameters: Floats, pixel: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Rays of pixels, and their derivatives by the implicit function theorem.
+    """Compute the rays of pixels and their derivatives (implicit function theorem).
 
     Parameters
     ----------
@@ -218,9 +220,9 @@ def back_project_with_jacobian(
     ray : (..., 3)
         With z = 1.
     d_pixel : (..., 3, 2)
-        By the pixel.
+        Derivative with respect to the pixel.
     d_parameters : (..., 3, P)
-        By the camera's parameters. All NaN where the ray is.
+        Derivative with respect to the camera's parameters. All NaN where the ray is.
     """
     parameters = np.asarray(parameters, np.float64)
     pixel = np.asarray(pixel, np.float64)
@@ -236,6 +238,7 @@ def back_project_with_jacobian(
         lens = distort(model, parameters[4:], x, y)
         determinant = lens.a * lens.c - lens.b * lens.b
         fx, fy = parameters[:2].tolist()
+        # d ray / d pixel: inverse of the symmetric 2x2 derivative of the projection.
         inverse = d_pixel[block]
         inverse[:, 0, 0] = lens.c / (determinant * fx)
         inverse[:, 0, 1] = -lens.b / (determinant * fy)
@@ -254,14 +257,15 @@ def back_project_with_jacobian(
 def rays_and_lens(
     model: LensModel, parameters: Floats, pixel: Floats
 ) -> tuple[Floats, Floats, Distorted]:
-    """Undistorted x and y (...) of pixels (..., 2), NaN where there are none, and the lens there.
+    """Compute undistorted x and y (...) of pixels (..., 2), and the lens model at them.
 
-    The lens's derivatives are good to six digits: enough for a covariance.
+    Undistorted coordinates are NaN where a pixel has no ray. The derivatives of the lens are good
+    to six digits, enough for a covariance.
 
     Parameters
     ----------
     model, parameters
-        The lens; (P,).
+        Lens model; (P,) its parameters.
     pixel
         (..., 2) in the original, distorted image.
     """
@@ -279,17 +283,18 @@ def rays_and_lens(
 
 
 def _undistort(model: LensModel, parameters: Floats, target: Floats) -> Floats:
-    """(N, 2) undistorted points of distorted ones on the plane z = 1; NaN where there is none."""
+    """Undistort points (N, 2) of the plane z = 1; NaN where there is no inverse."""
     coefficients = parameters[4:]
     distorted = np.hypot(target[:, 0], target[:, 1])
     fold = fold_argument(model, coefficients)
     limit = fold if model == "brown" else min(fold, np.pi / 2)
     radial_only = model == "fisheye" or not coefficients[2:4].any()
     tolerance = (_TOLERANCE_PX if radial_only else _START_PX) / float(parameters[:2].max())
+    # Invert the radial part as a function of one variable: radius or angle.
     odd = radial_coefficients(model, coefficients)
     argument, found = _invert_odd(odd, distorted, limit, tolerance)
     radius = argument if model == "brown" else np.tan(argument)
-    # The limit at the principal point is one; the point itself is zero whatever the factor.
+    # At the principal point the limit of the factor is 1, and the result is zero for any factor.
     factor = np.divide(radius, distorted, out=np.ones_like(radius), where=distorted > 0)
     point = target * factor[:, None]
     if radial_only:
@@ -304,12 +309,13 @@ def _invert_odd(odd: Radial, value: Floats, limit: float, tolerance: float) -> t
     Returns
     -------
     argument : (N,)
-        The nearest t there is, also where there is no solution.
+        Solution, or the nearest t where there is none.
     found : (N,)
-        Whether it is a solution within `tolerance`.
+        True where the argument is a solution within `tolerance`.
     """
     finite = np.isfinite(value)
     value = np.where(finite, value, 0.0)
+    # Bracket and start value from a table; then Newton's steps within the bracket.
     node = np.linspace(0.0, _table_end(odd, value.max(initial=0.0), limit), _TABLE_NODES)
     height = _odd(odd, node)[0]
     above = np.clip(np.searchsorted(height, value), 1, _TABLE_NODES - 1)
@@ -325,7 +331,7 @@ def _invert_odd(odd: Radial, value: Floats, limit: float, tolerance: float) -> t
         found[active[done]] = True
         low[active] = np.where(residual < 0, t, low[active])
         high[active] = np.where(residual > 0, t, high[active])
-        # Zero slope only at the fold; a step that leaves the bracket gives way to halving it.
+        # The slope is zero only at the fold. Bisect where Newton's step leaves the bracket.
         improved = t - residual / np.maximum(slope, _SMALLEST_SLOPE)
         outside = (improved < low[active]) | (improved > high[active])
         improved[outside] = 0.5 * (low[active] + high[active])[outside]
@@ -337,7 +343,7 @@ def _invert_odd(odd: Radial, value: Floats, limit: float, tolerance: float) -> t
 
 
 def _table_end(odd: Radial, largest_value: float, limit: float) -> float:
-    """Smallest power of two, or else `limit`, at which the odd function reaches the value."""
+    """Find the smallest power of two (at most `limit`) where the odd function reaches the value."""
     end = min(1.0, limit)
     while end < limit and _odd(odd, np.array([end]))[0][0] < largest_value:
         end = min(2 * end, limit)
@@ -345,7 +351,7 @@ def _table_end(odd: Radial, largest_value: float, limit: float) -> float:
 
 
 def _odd(odd: Radial, t: Floats) -> tuple[Floats, Floats]:
-    """Value and slope of t (1 + n1 t^2 + ...) / (1 + d1 t^2 + ...)."""
+    """Evaluate t (1 + n1 t^2 + ...) / (1 + d1 t^2 + ...) and its slope."""
     factor, slope = _factor_and_slope(odd.numerator, t)
     if len(odd.denominator):
         divisor, divisor_slope = _factor_and_slope(odd.denominator, t)
@@ -356,7 +362,7 @@ def _odd(odd: Radial, t: Floats) -> tuple[Floats, Floats]:
 
 
 def _factor_and_slope(coefficients: Floats, t: Floats) -> tuple[Floats, Floats]:
-    """1 + c1 t^2 + c2 t^4 + ..., and the slope of t times that."""
+    """Evaluate 1 + c1 t^2 + c2 t^4 + ..., and the slope of t times this polynomial."""
     t2 = t * t
     factor, slope = np.zeros_like(t), np.zeros_like(t)
     for power, coefficient in reversed(list(enumerate(coefficients.tolist(), 1))):
@@ -366,19 +372,19 @@ def _factor_and_slope(coefficients: Floats, t: Floats) -> tuple[Floats, Floats]:
 
 
 def _newton(parameters: Floats, target: Floats, start: Floats) -> Floats:
-    """Damped Newton for the Brown model with tangential terms; NaN where it finds nothing.
+    """Invert the Brown model with tangential terms by damped Newton steps; NaN on failure.
 
     Parameters
     ----------
     parameters
         (9,) or (12,).
     target, start
-        (N, 2) distorted points, first undistorted ones; points on the plane z = 1.
+        (N, 2) distorted points and start values of the undistorted ones, on the plane z = 1.
     """
     largest = largest_radius("brown", parameters)
     point = np.full_like(start, np.nan)
     index = np.flatnonzero(np.isfinite(target).all(axis=1))
-    # A start on the fold has no derivative to follow.
+    # On the fold the derivative is singular: start inside it.
     now = _inside(start[index], 0.99 * largest)
     wanted = target[index]
     for _ in range(_NEWTON_STEPS):  # pragma: no branch (a limit, not a plan)
@@ -388,6 +394,7 @@ def _newton(parameters: Floats, target: Floats, start: Floats) -> Floats:
         done = (np.abs(miss) * parameters[:2] <= allowed).all(axis=1)
         good = done & ~folded(lens, now[:, 0], now[:, 1], largest)
         point[index[good]] = now[good]
+        # Newton step by the symmetric 2x2 Jacobian, where its determinant is positive.
         determinant = lens.a * lens.c - lens.b * lens.b
         going = ~done & (determinant > 0)
         if not going.any():
@@ -413,7 +420,7 @@ def _damped_step(
     step_and_miss: tuple[Floats, Floats],
     largest: float,
 ) -> tuple[Floats, Bools]:
-    """Go along Newton's step, halved until the miss shrinks; and whether it ever does."""
+    """Take Newton's step, halved until the misfit shrinks; return points and success flags."""
     step, miss = step_and_miss
     before = np.sum(miss * miss, axis=1)
     size = np.ones(len(now))
@@ -432,7 +439,7 @@ def _damped_step(
 
 
 def _inside(point: Floats, largest: float) -> Floats:
-    """Points drawn back to `largest` from the axis where they lie farther out."""
+    """Move points that are farther than `largest` from the axis back to that radius."""
     if not np.isfinite(largest):
         return point
     radius = np.hypot(point[:, 0], point[:, 1])
@@ -442,14 +449,15 @@ def _inside(point: Floats, largest: float) -> Floats:
 def share_without_rays(
     model: LensModel, parameters: Floats, width_px: int, height_px: int
 ) -> float:
-    """Share of an image (0 to 1) whose pixels have no ray, on a grid of about 40,000 cells.
+    """Compute the share of an image (0 to 1) whose pixels have no ray.
 
-    There the lens model folds back: two directions share a pixel, or none reaches it.
+    There the lens model folds back: two directions share a pixel, or none reaches it. The share is
+    counted on a grid of about 40,000 cells.
 
     Parameters
     ----------
     model, parameters
-        The lens; (P,).
+        Lens model; (P,) its parameters.
     width_px, height_px
         Size of the image.
     """

@@ -1,7 +1,7 @@
-"""Facts of a camera: angles of view, focal length by EXIF, and the same camera rescaled.
+"""Properties of a camera: angles of view, focal length from EXIF, calibration at another size.
 
-Pixels are counted from the centre of the top-left one, so a resized image keeps its edges, not its
-pixel centres: u' + 1/2 = s (u + 1/2).
+Pixels are counted from the centre of the top-left one. Resizing an image therefore keeps its edges,
+not its pixel centres: u' + 1/2 = s (u + 1/2).
 """
 
 from __future__ import annotations
@@ -18,23 +18,24 @@ from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags
 
-_SAME_SHAPE = 0.01  # of width / height: else a part was cut off, and nobody says how much
-_SAME_STEP = 0.05  # of both resolutions: pixels are square
-_SENSORS_MM = (1.0, 100.0)  # of the long side: others are a wrong unit
+_SAME_SHAPE = 0.01  # of width / height: beyond it the image is an unknown crop
+_SAME_STEP = 0.05  # relative difference of both resolutions: pixels are square
+_SENSORS_MM = (1.0, 100.0)  # of the long side: other values mean a wrong unit
 
 _LARGEST_SHAPE = 1.51  # wider than 3:2: a strip of some sensor
 
 
 def focal_plane_px(tags: CameraTags) -> tuple[float, float]:
-    """Focal length in pixels of this photo, and what its two axes leave unsure, as a share.
+    """Compute the focal length in pixels from EXIF's focal plane resolution.
 
     The resolution counts pixels of the photo as it was taken (CIPA DC-008): a copy of another size
-    has another focal length, by the ratio of the sizes. Where EXIF does not state the original's
-    size, this photo is taken for the original.
+    has another focal length, by the ratio of the sizes. Where EXIF does not state the size of the
+    original, this photo is assumed to be the original.
 
     Returns
     -------
-    NaN, NaN where EXIF states no such resolution, an impossible one, or one for another shape.
+    Focal length [px], and its relative uncertainty from the difference of the two axes. NaN, NaN
+    where EXIF has no such resolution, an impossible one, or one for another shape.
     """
     unknown = math.nan, math.nan
     across, down = tags.focal_plane_per_mm
@@ -58,10 +59,11 @@ def _original(tags: CameraTags) -> tuple[float, float]:
 
 
 def equivalent_focal_px(tags: CameraTags, equivalent_mm: float) -> float:
-    """Focal length in pixels, its 35 mm equivalent being over the diagonal of such a frame.
+    """Compute the focal length in pixels from its 35 mm equivalent.
 
-    CIPA DC-008, FocalLengthIn35mmFilm. A photo wider than 3:2 is taken for a strip of a 4:3 sensor
-    of its width: so it is in both such cameras at hand.
+    The equivalent refers to the diagonal of the 35 mm frame (CIPA DC-008, FocalLengthIn35mmFilm). A
+    photo wider than 3:2 is taken as a strip of a 4:3 sensor of the same width, as it is in both
+    such cameras that were examined.
     """
     width, height = sorted((tags.width_px, tags.height_px), reverse=True)
     diagonal_px = math.hypot(width, width * 3 / 4 if is_strip(tags) else height)
@@ -69,21 +71,21 @@ def equivalent_focal_px(tags: CameraTags, equivalent_mm: float) -> float:
 
 
 def is_strip(tags: CameraTags) -> bool:
-    """Whether the photo is too wide to be a whole frame of a sensor."""
+    """Return whether the photo is too wide to be a whole frame of a sensor."""
     width, height = sorted((tags.width_px, tags.height_px), reverse=True)
     return width / height > _LARGEST_SHAPE
 
 
 def scaled(calibration: Calibration, width_px: int, height_px: int) -> Calibration:
-    """Calibration of the same image at another resolution.
+    """Scale a calibration to the same image at another resolution.
 
-    Width and height may be scaled by (slightly) different factors, as rounding to whole pixels
-    does.
+    Width and height may be scaled by (slightly) different factors, as happens when sizes are
+    rounded to whole pixels.
 
     Parameters
     ----------
     calibration
-        Of the image as it was calibrated.
+        Calibration of the image at its original size.
     width_px, height_px
         Size of the image at the other resolution.
     """
@@ -98,21 +100,21 @@ def scaled(calibration: Calibration, width_px: int, height_px: int) -> Calibrati
 def cropped(
     calibration: Calibration, left_px: int, top_px: int, width_px: int, height_px: int
 ) -> Calibration:
-    """Calibration of a part of the image.
+    """Convert a calibration to that of a part of the image.
 
     Parameters
     ----------
     calibration
-        Of the whole.
+        Calibration of the whole image.
     left_px, top_px
-        Pixel of the whole that becomes (0, 0).
+        Pixel of the whole image that becomes (0, 0).
     width_px, height_px
         Size of the part.
 
     Raises
     ------
     ValueError
-        The part does not lie inside the image.
+        The part is not inside the image.
     """
     right, bottom = left_px + width_px, top_px + height_px
     if min(left_px, top_px) < 0 or right > calibration.width_px or bottom > calibration.height_px:
@@ -128,7 +130,7 @@ def cropped(
 def _linear(
     calibration: Calibration, slope: Floats, shift: Floats, size_px: tuple[int, int]
 ) -> Calibration:
-    """Parameters' = slope * parameters + shift, element by element: J = diag(slope)."""
+    """Map the parameters to slope * parameters + shift by element: J = diag(slope)."""
     return replace(
         calibration,
         width_px=size_px[0],
@@ -143,24 +145,24 @@ FRAME_35MM_DIAGONAL_MM = math.hypot(36.0, 24.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraFacts(FrozenArrays):
-    """Figures that follow from a calibration.
+    """Properties derived from a calibration.
 
     Attributes
     ----------
     field_of_view_rad
-        (3,) across the width, the height and the diagonal, each through the image's centre; NaN
-        where the lens model has no rays.
+        (3,) angles of view across the width, the height and the diagonal, each through the image's
+        centre; NaN where the lens model has no rays.
     equivalent_mm
-        Focal length over a 35 mm frame's diagonal (CIPA DC-008).
+        Focal length referred to the diagonal of a 35 mm frame (CIPA DC-008).
     centre_offset_px, centre_sigma_px
         (2,) principal point from the image's centre, and its sigma.
     corner_distortion_px
-        (4,) how far distortion moves the image's corners, outward positive; NaN where the lens
+        (4,) displacement of the image's corners by distortion, outward positive; NaN where the lens
         model has no rays.
     fold_rad
         Angle from the optical axis at which the lens model folds back; pi / 2 if nowhere.
     share_without_rays
-        Part of the image that the lens model cannot invert.
+        Share of the image that the lens model cannot invert.
     correlation
         (P, P); zero where a parameter has no error.
     """
@@ -176,7 +178,7 @@ class CameraFacts(FrozenArrays):
 
 
 def camera_facts(calibration: Calibration) -> CameraFacts:
-    """Work out what a calibration means."""
+    """Compute the properties of a camera from its calibration."""
     size = np.array([calibration.width_px, calibration.height_px], dtype=np.float64)
     parameters = calibration.parameters
     sigma = np.sqrt(calibration.covariance.diagonal())
@@ -198,20 +200,23 @@ def camera_facts(calibration: Calibration) -> CameraFacts:
 
 
 def _field_of_view(calibration: Calibration, size: Floats) -> Floats:
-    """(3,) angles between the rays of opposite edges of the image."""
+    """Compute the (3,) angles between the rays of opposite edges of the image."""
     middle = (size - 1) / 2
     half = np.array([[size[0], 0.0], [0.0, size[1]], size]) / 2
     rays = [
         back_project(calibration.model, calibration.parameters, middle + side * half)
         for side in (-1, 1)
     ]
-    # atan2 keeps its digits at small angles, arccos does not.
+    # atan2 is accurate at small angles, arccos is not.
     across = np.linalg.norm(np.cross(rays[0], rays[1]), axis=1)
     return np.asarray(np.arctan2(across, np.sum(rays[0] * rays[1], axis=1)))
 
 
 def _corner_distortion(calibration: Calibration, size: Floats) -> Floats:
-    """(4,) distance from the principal point, with distortion minus without."""
+    """Compute the radial displacement of the (4,) image corners by distortion, outward positive.
+
+    It is the distance from the principal point with distortion, less that without.
+    """
     corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * size - 0.5
     focal, centre = calibration.parameters[:2], calibration.parameters[2:4]
     ray = back_project(calibration.model, calibration.parameters, corner)

@@ -1,7 +1,7 @@
 """Lens models on the plane z = 1: OpenCV's Brown and fisheye distortion, with derivatives.
 
-Both have symmetric 2x2 Jacobians by the undistorted point, given here as (a, b, c) for
-[[a, b], [b, c]]. Coefficients are those that follow fx fy cx cy in the camera's parameters.
+Both have symmetric 2x2 Jacobians by the undistorted point, given as (a, b, c) for [[a, b], [b, c]].
+Coefficients are the camera parameters that follow fx fy cx cy.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import LensModel
 
-# Points at a time: the temporaries of one block stay in the processor's cache.
+# Points per block: the temporaries of one block fit into the processor's cache.
 BLOCK = 8192
 
-# A radius below which OpenCV's fisheye is the identity to the last digit.
+# Squared radius below which OpenCV's fisheye is the identity to the last digit.
 _TINY_RADIUS_SQUARED = 1e-20
 
-# Of the radius at which a rational lens sends points to infinity: what still counts as in view.
-# Nearer than that, rounding alone is more than 1e-9 px.
+# Fraction of the radius at which a rational lens sends points to infinity, up to which points count
+# as in view. Closer to the pole, rounding alone exceeds 1e-9 px.
 _BEFORE_POLE = 0.99
 
-# Where the radial coefficients stand among the camera's parameters.
+# Indices of the radial coefficients among the camera's parameters.
 _RADIAL_COLUMNS: dict[LensModel, tuple[int, ...]] = {
     "brown": (4, 5, 8, 9, 10, 11),
     "fisheye": (4, 5, 6, 7),
@@ -42,8 +42,8 @@ class Distorted(NamedTuple):
     a, b, c
         (N,) dx/dx, dx/dy = dy/dx, dy/dy.
     powers
-        The factors of the radial coefficients: d(x, y)/dk_i = (x, y)_undistorted * powers[i].
-        Brown: k1 k2 k3, and k4 k5 k6 where the camera has them.
+        Factors of the radial coefficients: d(x, y)/dk_i = (x, y)_undistorted * powers[i]. Brown: k1
+        k2 k3, and k4 k5 k6 where the camera has them.
     """
 
     x: Floats
@@ -55,13 +55,13 @@ class Distorted(NamedTuple):
 
 
 def distort(model: LensModel, coefficients: Floats, x: Floats, y: Floats) -> Distorted:
-    """Distort points of the plane z = 1; plain formula, also where it folds back.
+    """Distort points of the plane z = 1 by the plain formula, also beyond the fold.
 
     Parameters
     ----------
     model, coefficients
-        ``brown``: k1 k2 p1 p2 k3 [k4 k5 k6]; ``fisheye``: k1 k2 k3 k4. Along the first axis; where
-        there are more axes (many cameras), they broadcast against the points.
+        ``brown``: k1 k2 p1 p2 k3 [k4 k5 k6]; ``fisheye``: k1 k2 k3 k4. Along the first axis;
+        further axes (many cameras) broadcast against the points.
     x, y
         (N,) undistorted coordinates, or of any shape.
     """
@@ -71,7 +71,7 @@ def distort(model: LensModel, coefficients: Floats, x: Floats, y: Floats) -> Dis
 
 
 def each(values: Floats) -> list[Any]:
-    """Entries along the first axis: plain numbers, or arrays where there are more axes."""
+    """Split values along the first axis: numbers for a vector, arrays where there are more axes."""
     return values.tolist() if values.ndim == 1 else list(values)
 
 
@@ -81,7 +81,7 @@ def _distort_brown(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
     xx, yy = x * x, y * y
     r2 = xx + yy
     r4 = r2 * r2
-    # Horner's scheme, and that of the derivative on top of its partial sums.
+    # Horner's scheme of the polynomial; the derivative reuses its partial sums.
     third = k3 * r2
     second = k2 + third
     first = k1 + r2 * second
@@ -90,7 +90,8 @@ def _distort_brown(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
     powers: tuple[Floats, ...] = (r2, r4, r2 * r4)
     if rational:
         radial, slope, powers = _divide(rational, radial, slope, powers)
-    # p1 2xy + p2 (r^2 + 2x^2) = x 2 (p1 y + p2 x) + p2 r^2: both axes share the first factor.
+    # Tangential part: p1 2xy + p2 (r^2 + 2x^2) = x 2 (p1 y + p2 x) + p2 r^2; both axes share the
+    # first factor.
     radial_t = radial + ((2 * p1) * y + (2 * p2) * x)
     twice = 2 * slope
     twice_x = twice * x
@@ -107,7 +108,7 @@ def _distort_brown(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
 def _divide(
     rational: list[Any], radial: Floats, slope: Floats, powers: tuple[Floats, ...]
 ) -> tuple[Floats, Floats, tuple[Floats, ...]]:
-    """Radial factor, its slope by r^2 and its powers, over 1 + k4 r^2 + k5 r^4 + k6 r^6."""
+    """Divide radial factor, its slope by r^2 and its powers by 1 + k4 r^2 + k5 r^4 + k6 r^6."""
     k4, k5, k6 = rational
     r2 = powers[0]
     inverse = 1 / (1 + r2 * (k4 + r2 * (k5 + r2 * k6)))
@@ -145,8 +146,8 @@ def _distort_fisheye(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
 class Radial(NamedTuple):
     """Coefficients n, d of t (1 + n1 t^2 + n2 t^4 + ...) / (1 + d1 t^2 + ...).
 
-    t is the radius (brown) or the angle from the optical axis [rad] (fisheye); d is empty where
-    nothing is divided.
+    t is the radius (brown) or the angle from the optical axis [rad] (fisheye); d is empty for a
+    polynomial.
     """
 
     numerator: Floats
@@ -154,17 +155,18 @@ class Radial(NamedTuple):
 
 
 def radial_coefficients(model: LensModel, coefficients: Floats) -> Radial:
-    """Radial part of a lens as a function of one variable."""
+    """Return the radial part of a lens as a function of one variable."""
     if model == "brown":
         return Radial(coefficients[[0, 1, 4]], coefficients[5:])
     return Radial(coefficients, coefficients[:0])
 
 
 def fold_argument(model: LensModel, coefficients: Floats) -> float:
-    """Smallest t at which the function of `radial_coefficients` stops growing; inf if none.
+    """Find the smallest t at which the function of `radial_coefficients` stops growing.
 
-    t is the undistorted radius (brown) or the angle from the optical axis [rad] (fisheye). Where
-    the denominator of a rational lens comes to zero before, a hundredth short of that.
+    t is the undistorted radius (brown) or the angle from the optical axis [rad] (fisheye); inf if
+    it grows everywhere. Where the denominator of a rational lens reaches zero before, the result is
+    one hundredth short of that pole.
     """
     above, below = radial_coefficients(model, coefficients)
     # The slope is 1 + 3 n1 t^2 + 5 n2 t^4 + ...
@@ -180,19 +182,19 @@ def fold_argument(model: LensModel, coefficients: Floats) -> float:
 
 
 def _smallest_root(ascending: Floats) -> float:
-    """Smallest t > 0 at which 1 + c1 t^2 + c2 t^4 + ... is zero; inf if there is none."""
-    # As a polynomial in 1 / t^2 it starts with 1, so coefficients near zero do no harm, and the
-    # nearest zero is its largest root.
+    """Find the smallest t > 0 at which 1 + c1 t^2 + c2 t^4 + ... is zero; inf if there is none."""
+    # As a polynomial in 1 / t^2 the leading coefficient is 1, so coefficients near zero do no harm,
+    # and the nearest zero is the largest root.
     roots = np.roots(ascending)
     crossings = roots[(roots.imag == 0) & (roots.real > 0)].real
     return 1.0 / math.sqrt(crossings.max()) if len(crossings) else math.inf
 
 
 def largest_radius(model: LensModel, parameters: Floats) -> float:
-    """Undistorted radius on the plane z = 1 at which the lens model folds back; inf if nowhere.
+    """Compute the undistorted radius at which the lens model folds back; inf if nowhere.
 
-    There the radial polynomial stops growing: farther out, two directions share a pixel. The
-    tangential terms are left out.
+    The radius is on the plane z = 1. There the radial polynomial stops growing: farther out, two
+    directions share a pixel. The tangential terms are neglected.
     """
     return _largest_radius(model, tuple(np.asarray(parameters, np.float64)[4:].tolist()))
 
@@ -206,14 +208,15 @@ def _largest_radius(model: LensModel, coefficients: tuple[float, ...]) -> float:
 
 
 def folded(lens: Distorted, x: Floats, y: Floats, largest: float) -> Bools:
-    """(N,) whether the lens model folds back at undistorted points (x, y).
+    """Mark the undistorted points (x, y) at which the lens model folds back; (N,).
 
-    Beyond the largest radius, and where the tangential terms turn it over a little before that.
+    The model folds back beyond the largest radius, and a little before it where the tangential
+    terms reverse the orientation.
 
     Parameters
     ----------
     lens
-        What `distort` makes of the points.
+        Result of `distort` at the points.
     x, y
         (N,) undistorted, on the plane z = 1.
     largest
@@ -239,9 +242,9 @@ def write_parameter_derivative(
     out
         (..., 2, P) for points (...).
     model, parameters
-        The lens; (P,), or with more axes that broadcast against the points.
+        Lens model; its parameters (P,), or with more axes that broadcast against the points.
     lens, undistorted
-        What `distort` makes of the points (x, y), each (...).
+        Result of `distort` at the undistorted points, and their (x, y), each (...).
     """
     fx, fy = each(parameters[:2])
     x, y = undistorted
@@ -250,12 +253,14 @@ def write_parameter_derivative(
     out[..., 1, 1] = lens.y
     out[..., 0, 2] = 1
     out[..., 1, 3] = 1
+    # Radial coefficients: d(u, v)/dk_i = (fx x, fy y) powers[i].
     u, v = fx * x, fy * y
     columns = _RADIAL_COLUMNS[model][: len(lens.powers)]
     for column, power in zip(columns, lens.powers, strict=True):
         np.multiply(u, power, out=out[..., 0, column])
         np.multiply(v, power, out=out[..., 1, column])
     if model == "brown":
+        # Tangential coefficients: columns 6 (p1) and 7 (p2).
         r2 = x * x + y * y
         twice_u, twice_v = 2 * u, 2 * v
         np.multiply(twice_u, y, out=out[..., 0, 6])

@@ -1,6 +1,6 @@
-"""Camera to pixel: OpenCV's projection with analytic derivatives, and back.
+"""Projection from camera to pixel by OpenCV's models with analytic derivatives, and back.
 
-Pixels (u right, v down), (0, 0) = centre of the top-left pixel. Parameters as in
+Pixels are (u right, v down); (0, 0) is the centre of the top-left pixel. Parameters are those of
 ``uavgram.model.camera.calibration.PARAMETER_NAMES``.
 """
 
@@ -35,7 +35,7 @@ __all__ = [
 BeyondFold = Literal["nan", "extend"]
 
 
-# Points at the camera or at infinity overflow on their way to NaN or infinity: no warning needed.
+# Points at the camera or at infinity overflow before they become NaN or infinity: no warning.
 @np.errstate(over="ignore", invalid="ignore")
 def project(
     model: LensModel,
@@ -44,16 +44,16 @@ def project(
     *,
     beyond_fold: BeyondFold = "nan",
 ) -> Floats:
-    """Pixels of points in the camera frame.
+    """Project points of the camera frame to pixels.
 
     Parameters
     ----------
     model, parameters
-        The lens; (P,) in the order of ``PARAMETER_NAMES[model]``.
+        Lens model; (P,) its parameters in the order of ``PARAMETER_NAMES[model]``.
     point_camera
         (..., 3) [m, or any unit].
     beyond_fold
-        What to do where the lens model folds back: ``nan``, or ``extend``: the plain formula.
+        Result where the lens model folds back: ``nan``, or ``extend`` for the plain formula.
 
     Returns
     -------
@@ -81,26 +81,26 @@ def project_with_jacobian(
     *,
     beyond_fold: BeyondFold = "nan",
 ) -> tuple[Floats, Floats, Floats]:
-    """Pixels of points in the camera frame, and their derivatives.
+    """Project points of the camera frame to pixels, with derivatives.
 
     Parameters
     ----------
     model, point_camera, beyond_fold
         As for `project`.
     parameters
-        As for `project`; or (m, P) of as many lenses, for points (m, n, 3), with ``extend``.
+        As for `project`; or (m, P) of m lenses, for points (m, n, 3), with ``extend``.
 
     Returns
     -------
     pixel : (..., 2)
     d_point : (..., 2, 3)
-        By the point.
+        Derivative with respect to the point.
     d_parameters : (..., 2, P)
-        By the camera's parameters. All NaN where the pixel is.
+        Derivative with respect to the camera's parameters. All NaN where the pixel is.
     """
     parameters, flat, shape = _flatten(parameters, point_camera)
     fold = _fold(model, parameters, beyond_fold)
-    if parameters.ndim > 1:  # each point its own lens
+    if parameters.ndim > 1:  # one lens for each point
         parameters = np.repeat(parameters.T, shape[-1], axis=1)
     n, p = len(flat), len(parameters)
     pixel, d_point, d_parameters = np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, p))
@@ -146,9 +146,9 @@ def _write_point_derivative(
 
 
 def _normalise(point: Floats) -> tuple[Floats, Floats, Floats]:
-    """(x / z, y / z, 1 / z) of (N, 3) points; NaN behind the camera."""
+    """Compute (x / z, y / z, 1 / z) of (N, 3) points; NaN behind the camera."""
     z = point[:, 2]
-    # Contiguous copies: everything that follows runs over them many times.
+    # Contiguous copies, because all later steps read them many times.
     inverse_depth = 1.0 / np.where(z > 0, z, np.nan)
     return point[:, 0] * inverse_depth, point[:, 1] * inverse_depth, inverse_depth
 
@@ -163,5 +163,5 @@ def _flatten(parameters: Floats, array: Floats) -> tuple[Floats, Floats, tuple[i
 
 
 def _fold(model: LensModel, parameters: Floats, beyond_fold: BeyondFold) -> float | None:
-    """Largest radius to accept; None where the plain formula is wanted everywhere."""
+    """Return the largest radius to accept; None where the plain formula is wanted everywhere."""
     return largest_radius(model, parameters) if beyond_fold == "nan" else None

@@ -1,1 +1,1 @@
-"""The local world on the earth, and in time: geodesy, map projections, GPS time."""
+"""Relation of the local world to the earth and to time: geodesy, map projections, GPS time."""

@@ -17,40 +17,45 @@ Origin = tuple[float, float, float]
 Places = tuple[ArrayLike, ArrayLike]
 
 EARTH_RADIUS_M = 6_371_000.0
-"""Mean radius: for what the earth's curvature does over some kilometres."""
+"""Mean earth radius, for the effect of the curvature over some kilometres."""
 
 SAME_SITE_M = 20_000.0
-"""Farther apart, two places are not of one flight: over this the ground falls 31 m below the
-horizontal plane."""
+"""Distance beyond which two places cannot belong to one flight.
+
+At this distance the ground is 31 m below the horizontal plane.
+"""
 
 _BESIDE_M, _CLEAR = 2_000.0, 5.0
-"""Nearer, a place is exchanged only if it is beside the flight, and so many times nearer with x
-and y exchanged: eastings and northings of some national grids resemble each other."""
+"""Limits within `SAME_SITE_M` for taking a place as one with x and y exchanged.
+
+Such a place must be farther from the flight than `_BESIDE_M`, and than `_CLEAR` times its distance
+after the exchange: eastings and northings of some national grids resemble each other.
+"""
 
 
 def curvature_drop(distance_m: float) -> float:
-    """How far the ground at a distance lies below the horizontal plane here [m]: d^2 / 2R."""
+    """Compute by how much [m] the curved ground drops over a distance: d^2 / 2R."""
     return distance_m**2 / (2.0 * EARTH_RADIUS_M)
 
 
 def enu_from_geodetic(
     latitude_deg: ArrayLike, longitude_deg: ArrayLike, height_m: ArrayLike, origin: Origin
 ) -> Floats:
-    """Turn geodetic coordinates into local ones.
+    """Convert geodetic coordinates to local ones.
 
     Parameters
     ----------
     latitude_deg, longitude_deg, height_m
-        (N,) each, WGS 84, heights in the origin's datum (of an undulation that scene
-        and origin share, 5 parts per million of the distances remain for each 30 m).
+        (N,) each, WGS 84, heights in the origin's datum (an undulation that scene and origin share
+        changes distances by 5 parts per million for each 30 m).
     origin
         Latitude [deg], longitude [deg], height [m] of the local origin.
 
     Returns
     -------
     (N, 3)
-        East, north, up [m] in the tangent plane at the origin: over 1 km the earth falls 8 cm
-        below it. NaN where the input is no place on earth.
+        East, north, up [m] in the tangent plane at the origin: over 1 km the earth falls 8 cm below
+        it. NaN where the input is not a place on earth.
     """
     latitude, longitude, height = np.broadcast_arrays(latitude_deg, longitude_deg, height_m)
     east, north, up = _to_enu(origin).transform(longitude, latitude, height)
@@ -61,18 +66,18 @@ EXCHANGED = (
     "is far from where the photos were taken, and near it with latitude and longitude (y and x) "
     "exchanged"
 )
-"""What is wrong with such a place, after its name or line."""
+"""Text of the message about such a place, to follow its name or line."""
 
 
 def are_exchanged(stated: Places, turned: Places, site: Origin) -> Bools:
-    """Tell which places (N,) cannot be of the flight at `site`, but could with x and y exchanged.
+    """Mark the places (N,) that can belong to the flight at `site` only with x and y exchanged.
 
     Parameters
     ----------
     stated, turned
-        Latitudes and longitudes (N,) [deg] as they are stated, and with x and y exchanged.
+        Latitudes and longitudes (N,) [deg] as stated, and with x and y exchanged.
     site
-        Where the flight was.
+        Place of the flight.
     """
     away_m, turned_away_m = (
         np.nan_to_num(np.linalg.norm(enu_from_geodetic(*one, 0.0, site), axis=-1), nan=np.inf)
@@ -83,7 +88,7 @@ def are_exchanged(stated: Places, turned: Places, site: Origin) -> Bools:
 
 
 def geodetic_from_enu(enu: Floats, origin: Origin) -> tuple[Floats, Floats, Floats]:
-    """Turn local coordinates into geodetic ones.
+    """Convert local coordinates to geodetic ones.
 
     Parameters
     ----------
@@ -106,7 +111,10 @@ def geodetic_from_enu(enu: Floats, origin: Origin) -> tuple[Floats, Floats, Floa
 
 @lru_cache(maxsize=16)
 def _to_enu(origin: Origin) -> Transformer:
-    """Geodetic (lon, lat in degrees, h) to topocentric: closed formulas, no grids, no network."""
+    """Create the transformation from geodetic (lon, lat in degrees, h) to topocentric coordinates.
+
+    Closed formulas: it needs neither grids nor a network.
+    """
     latitude, longitude, height = origin
     # .17g: the origin to its last digit
     return Transformer.from_pipeline(
@@ -116,22 +124,22 @@ def _to_enu(origin: Origin) -> Transformer:
 
 
 def _finite_or_nan(values: Floats) -> Floats:
-    """PROJ marks a failure by infinity."""
+    """Replace infinity, PROJ's mark of a failure, by NaN."""
     values = np.asarray(values, np.float64)
     return np.asarray(np.where(np.isfinite(values), values, np.nan))
 
 
-# UTM covers these latitudes; beyond them maps use the polar stereographic pair.
+# Latitudes covered by UTM; beyond them maps use the polar stereographic projections.
 _UTM_SOUTH_DEG, _UTM_NORTH_DEG = -80.0, 84.0
 MOST_SCALE = 0.01
-"""By which a map may be larger or smaller than the ground: zones of surveyors stay below 0.001."""
+"""Largest relative scale error of a map; the zones used by surveyors stay below 0.001."""
 
 
 def utm_crs(latitude_deg: float, longitude_deg: float) -> str:
-    """EPSG code of the UTM zone of a place, WGS 84; polar stereographic (UPS) near the poles.
+    """Return the EPSG code of the UTM zone (WGS 84) of a place; UPS near the poles.
 
-    The zones of Norway and Svalbard are the widened ones of the UTM standard (DMA TM 8358.2,
-    1989, section 2-3).
+    UPS is the polar stereographic projection. The zones of Norway and Svalbard are the widened ones
+    of the UTM standard (DMA TM 8358.2, 1989, section 2-3).
     """
     longitude = (longitude_deg + 180.0) % 360.0 - 180.0
     if latitude_deg >= _UTM_NORTH_DEG:
@@ -147,7 +155,7 @@ def utm_crs(latitude_deg: float, longitude_deg: float) -> str:
 
 
 def checked_crs(text: str) -> str:
-    """Return the coordinate system's name as PROJ understands it, if maps in metres can use it.
+    """Return the coordinate system's name in PROJ's form, if it suits maps in metres.
 
     Raises
     ------
@@ -167,20 +175,20 @@ def checked_crs(text: str) -> str:
 
 
 def misfit(text: str, latitude_deg: float, longitude_deg: float) -> str:
-    """Say why maps in a coordinate system would not fit a place; nothing where they do.
+    """Explain why a coordinate system does not suit maps of a place; empty where it does.
 
     Parameters
     ----------
     text
         A coordinate system that `checked_crs` accepts.
     latitude_deg, longitude_deg
-        The place, on WGS 84.
+        Place, on WGS 84.
 
     Returns
     -------
     str
-        That the place is outside the system's area of use, or that a metre there is shown more
-        than `MOST_SCALE` too long or too short; and a system that fits.
+        Message that the place is outside the system's area of use, or that the map scale there
+        differs from 1 by more than `MOST_SCALE`; and a system that fits.
     """
     crs, fitting = CRS.from_user_input(text), utm_crs(latitude_deg, longitude_deg)
     area = crs.area_of_use
@@ -204,21 +212,24 @@ def misfit(text: str, latitude_deg: float, longitude_deg: float) -> str:
 
 
 def _is_within(bounds: tuple[float, ...], latitude_deg: float, longitude_deg: float) -> bool:
-    """Whether a place is in an area, which may reach over the 180th meridian or round the earth."""
+    """Return whether a place is in an area, which may cross the 180th meridian.
+
+    An area may also go round the earth.
+    """
     west, south, east, north = bounds
     width = (east - west) % 360.0 or 360.0
     return south <= latitude_deg <= north and (longitude_deg - west) % 360.0 <= width
 
 
 def within_area(crs: CRS, latitude_deg: Floats, longitude_deg: Floats) -> Bools:
-    """Find which places are in a coordinate system's area of use.
+    """Mark the places that are in a coordinate system's area of use.
 
     Parameters
     ----------
     crs
-        The coordinate system; where it names no area, all places are in it.
+        Coordinate system; if it has no area of use, all places are in it.
     latitude_deg, longitude_deg
-        (N,) the places, on WGS 84 [deg].
+        (N,) places, on WGS 84 [deg].
     """
     area = crs.area_of_use
     places = zip(latitude_deg.tolist(), longitude_deg.tolist(), strict=True)
@@ -228,12 +239,12 @@ def within_area(crs: CRS, latitude_deg: Floats, longitude_deg: Floats) -> Bools:
 def with_axes_exchanged(
     latitude_deg: Floats, longitude_deg: Floats, crs: str
 ) -> tuple[Floats, Floats]:
-    """Find the places (N,) [deg] whose easting is the northing of others, and the reverse.
+    """Compute the places (N,) [deg] that result when easting and northing are exchanged.
 
     Parameters
     ----------
     latitude_deg, longitude_deg
-        (N,) the others, on WGS 84.
+        (N,) places before the exchange, on WGS 84.
     crs
         A projected coordinate system.
     """
@@ -243,7 +254,7 @@ def with_axes_exchanged(
 
 
 def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:
-    """Project local coordinates.
+    """Project local coordinates to a map.
 
     Parameters
     ----------
@@ -257,9 +268,9 @@ def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:
     Returns
     -------
     (N, 3)
-        Easting, northing [m] whatever the axis order of `crs`, height in the origin's datum.
-        Distances on the map are ground distances times the scale of the projection (in UTM 0.9996
-        at the central meridian).
+        Easting, northing [m] in this order for any axis order of `crs`, height in the origin's
+        datum. Distances on the map are ground distances times the scale of the projection (in UTM
+        0.9996 at the central meridian).
     """
     latitude, longitude, height = geodetic_from_enu(enu_m, origin)
     easting, northing = _to_map(crs).transform(longitude, latitude)
@@ -267,14 +278,14 @@ def projected_from_enu(enu_m: Floats, origin: Origin, crs: str) -> Floats:
 
 
 def geographic_from_projected(projected_m: Floats, crs: str) -> tuple[Floats, Floats]:
-    """Longitudes and latitudes (N,) [deg] of places on the map (N, 2) [m]."""
+    """Compute longitudes and latitudes (N,) [deg] of places on the map (N, 2) [m]."""
     east, north = projected_m.T
     longitude, latitude = _to_map(crs).transform(east, north, direction="INVERSE")
     return longitude, latitude
 
 
 def map_scale(origin: Origin, crs: str) -> float:
-    """Map distance over ground distance at the origin: scale of the projection there."""
+    """Compute the map scale at the origin: map distance over ground distance."""
     step = 1.0
     around = np.array([[0.0, 0.0, 0.0], [step, 0.0, 0.0], [0.0, step, 0.0]])
     placed = projected_from_enu(around, origin, crs)[:, :2]
@@ -284,5 +295,5 @@ def map_scale(origin: Origin, crs: str) -> float:
 
 @lru_cache(maxsize=16)
 def _to_map(crs: str) -> Transformer:
-    """Longitude and latitude on WGS 84 to easting and northing."""
+    """Create the transformation from longitude and latitude on WGS 84 to easting and northing."""
     return Transformer.from_crs("EPSG:4326", crs, always_xy=True)

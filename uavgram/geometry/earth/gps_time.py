@@ -1,6 +1,6 @@
-"""GPS weeks and UTC: the leap seconds between them.
+"""Conversion of GPS weeks to UTC, with leap seconds.
 
-Times are UTC seconds since the Unix epoch, float64: good to 0.2 microseconds today.
+Times are UTC seconds since the Unix epoch as float64, with a resolution of 0.2 microseconds today.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ def _utc_s(year: int, month: int, day: int) -> float:
 #: Start of GPS time, 1980-01-06, when GPS and UTC agreed.
 GPS_EPOCH_UTC_S = _utc_s(1980, 1, 6)
 
-#: Outside these a clock was not set: no MAVLink before 2009, and a clock fresh from its battery
-#: says 1970 or 1980, a receiver whose week count rolled over once, twenty years too early.
+#: Limits of plausible times; outside them the clock was not set. MAVLink did not exist before 2009;
+#: an unset clock shows 1970 or 1980, and a receiver after a week rollover is 20 years early.
 MIN_PLAUSIBLE_UTC_S = _utc_s(2009, 1, 1)
 MAX_PLAUSIBLE_UTC_S = _utc_s(2080, 1, 1)
 
 SECONDS_PER_WEEK = 604800.0
 DAY_S = 86400.0
-"""No time zone is so far from UTC: clocks that differ by more are of different days."""
+"""Length of a day [s]: clocks that differ by more than any time zone are of different days."""
 
-# IERS Bulletin C: the days from whose first moment GPS was one second further ahead of UTC. None
-# had been announced after that of 2017 when this was written (program version 0.1).
+# IERS Bulletin C: days at whose start GPS gained one more second on UTC. None had been announced
+# after that of 2017 when this was written (program version 0.1).
 _LEAP_DAYS = tuple(
     date.fromisoformat(day)
     for day in (
@@ -63,7 +63,7 @@ def utc_from_gps(week: ArrayLike, milliseconds: ArrayLike) -> Floats:
     -------
     (...)
         UTC seconds since the Unix epoch, with the leap seconds in force at that instant. A leap
-        second itself (23:59:60) takes the number of the second after it.
+        second itself (23:59:60) gets the number of the second after it.
     """
     gps_s = (
         GPS_EPOCH_UTC_S
@@ -75,12 +75,12 @@ def utc_from_gps(week: ArrayLike, milliseconds: ArrayLike) -> Floats:
 
 
 def utc_text(time_utc_s: float) -> str:
-    """An instant for people, such as ``2018-08-05 01:00:50 UTC``."""
+    """Format an instant for readers, such as ``2018-08-05 01:00:50 UTC``."""
     if not 0 <= time_utc_s < 1e11:
         return f"{time_utc_s:.0f} s since 1970"
     return datetime.fromtimestamp(time_utc_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S UTC")
 
 
 def span_text(span_s: float) -> str:
-    """A span of time for people: seconds, and from one day on days."""
+    """Format a span of time for readers: in seconds, from one day on in days."""
     return f"{span_s:.1f} s" if span_s < DAY_S else f"{span_s / DAY_S:.0f} days"

@@ -1,1 +1,1 @@
-"""The ground under the camera: where rays meet it, shapes on it, its top view."""
+"""Geometry on the ground: where rays meet it, shapes on it, its top view."""

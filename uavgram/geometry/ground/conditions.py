@@ -1,13 +1,13 @@
-"""What is known of ground points without a number: that they lie in line, in a plane, in a square.
+"""Geometric conditions between ground points: collinear, coplanar, level, square and others.
 
 Every function takes points (..., K, 3) in east, north, up [m] and returns residuals (..., m), zero
-where the condition holds, and their gradients (..., m, K, 3) by the points. Unlike distances and
-angles measured (`shapes`), residuals carry a sign or are components of a vector, so that they have
-derivatives at zero too. Where one has none (points that coincide, first three points of a plane on
-one line), residuals and gradients of that thing are NaN.
+where the condition holds, and their gradients (..., m, K, 3) by the points. Unlike measured
+distances and angles (`shapes`), residuals carry a sign or are components of a vector, so that they
+have derivatives at zero too. Where there is no derivative (points that coincide, first three points
+of a plane on one line), residuals and gradients of the condition are NaN.
 
-Of points on the ground nothing can be said across it that the ground does not say: `on_ground`
-leaves the components along the ground only.
+For points on the ground the components across the ground follow from the ground itself: `on_ground`
+keeps the components along the ground only.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Residuals(NamedTuple):
 
 
 def right_angle(points: Floats) -> Residuals:
-    """A right angle at the middle one of three points: 90 minus the angle there [deg].
+    """Compute 90 degrees minus the angle at the middle one of three points.
 
     Parameters
     ----------
@@ -44,27 +44,28 @@ def right_angle(points: Floats) -> Residuals:
     legs, length = unit_vectors(points[..., [0, 2], :] - points[..., [1], :])
     cosine = np.sum(legs[..., 0, :] * legs[..., 1, :], axis=-1)
     sine = np.linalg.norm(np.cross(legs[..., 0, :], legs[..., 1, :]), axis=-1)
+    # d angle / d end: unit vector square to the leg, over the leg's length.
     towards, _ = unit_vectors(legs[..., ::-1, :] - cosine[..., None, None] * legs)
-    ends = towards / length[..., None]  # the angle falls where an end moves towards the other leg
+    ends = towards / length[..., None]  # towards the other leg, where the angle decreases
     gradient = np.stack([ends[..., 0, :], -ends.sum(axis=-2), ends[..., 1, :]], axis=-2)
     return _defined(np.arctan2(cosine, sine)[..., None], gradient[..., None, :, :], np.degrees(1.0))
 
 
 def collinear(points: Floats, *, on_ground: bool = False) -> Residuals:
-    """Points on one straight line: offsets of those between from the line of first and last [m].
+    """Compute the offsets of points from the line through the first and the last of them [m].
 
     Parameters
     ----------
     points
-        (..., K, 3) [m], K >= 3; the first and the last best stand farthest apart.
+        (..., K, 3) [m], K >= 3; preferably the first and the last are farthest apart.
     on_ground
         Only offsets along the ground.
 
     Returns
     -------
     Residuals
-        Of each point between: its offset along the ground, to the left as seen from the first
-        point; and, unless `on_ground`, that upwards (square to both). Of a line steeper than
+        For each point between: its offset along the ground, to the left as seen from the first
+        point; and, unless `on_ground`, its upward offset (square to both). For a line steeper than
         `line_axes.STEEP`: east and north. NaN where first and last coincide.
     """
     points = _checked(points, 3)
@@ -73,10 +74,10 @@ def collinear(points: Floats, *, on_ground: bool = False) -> Residuals:
 
 
 def line_offset(points: Floats, *, on_ground: bool = False) -> Residuals:
-    """Offset of the first of three points from the line through the other two [m], signed.
+    """Compute the signed offset of the first of three points from the line through the others [m].
 
-    The distance of `shapes.line_distance` with a sign, or as a vector: where it is known to be
-    zero, or so small that it may be.
+    This is the distance of `shapes.line_distance` with a sign, or as a vector, for a distance that
+    is known to be zero or may be zero within its uncertainty.
 
     Parameters
     ----------
@@ -88,18 +89,18 @@ def line_offset(points: Floats, *, on_ground: bool = False) -> Residuals:
     Returns
     -------
     Residuals
-        As of `collinear`: to the left as seen from the line's first point, then upwards.
+        As in `collinear`: to the left as seen from the line's first point, then upwards.
     """
     return _offsets(_checked(points, 3, 3), [0], (1, 2), on_ground=on_ground)
 
 
 def parallel(points: Floats, *, on_ground: bool = False) -> Residuals:
-    """Two parallel lines: the angle from the first to the second [deg].
+    """Compute the angle from one line to another that is parallel to it [deg].
 
     Parameters
     ----------
     points
-        (..., 4, 3) [m]: two of the one line, two of the other; which way each runs is the same.
+        (..., 4, 3) [m]: two points of one line, two of the other; the order within a line is free.
     on_ground
         Only the angle along the ground.
 
@@ -107,7 +108,7 @@ def parallel(points: Floats, *, on_ground: bool = False) -> Residuals:
     -------
     Residuals
         The angle along the ground, anticlockwise from above, from -90 to 90; and, unless
-        `on_ground`, that upwards. Of a first line steeper than `line_axes.STEEP`: towards east
+        `on_ground`, the upward angle. For a first line steeper than `line_axes.STEEP`: towards east
         and north. NaN where a line has no length, and for lines square to each other.
     """
     points = _checked(points, 4, 4)
@@ -129,7 +130,7 @@ def parallel(points: Floats, *, on_ground: bool = False) -> Residuals:
 
 
 def coplanar(points: Floats) -> Residuals:
-    """Points in one plane: distances of the fourth and further from that of the first three [m].
+    """Compute the distances of the fourth and further points from the plane of the first three [m].
 
     Parameters
     ----------
@@ -139,8 +140,8 @@ def coplanar(points: Floats) -> Residuals:
     Returns
     -------
     Residuals
-        Of each further point, positive on the side from which the first three run anticlockwise.
-        NaN where the first three lie on one line.
+        For each further point, positive on the side from which the first three run anticlockwise.
+        NaN where the first three are on one line.
     """
     points = _checked(points, 4)
     first = points[..., 0, :]
@@ -162,7 +163,7 @@ def coplanar(points: Floats) -> Residuals:
 
 
 def level(points: Floats) -> Residuals:
-    """Points at one height: heights of the second and further above the first [m].
+    """Compute the heights of the second and further points above the first [m].
 
     Parameters
     ----------
@@ -172,7 +173,7 @@ def level(points: Floats) -> Residuals:
     Returns
     -------
     Residuals
-        Of the second and each further point.
+        For the second and each further point.
     """
     points = _checked(points, 2)
     further = points.shape[-2] - 1
@@ -184,12 +185,12 @@ def level(points: Floats) -> Residuals:
 
 
 def vertical(points: Floats) -> Residuals:
-    """Two points one above the other: how far the second stands east and north of the first [m].
+    """Compute the offsets east and north of the second of two points from the first [m].
 
     Parameters
     ----------
     points
-        (..., 2, 3) [m].
+        (..., 2, 3) [m], one above the other where the condition holds.
 
     Returns
     -------
@@ -204,7 +205,7 @@ def vertical(points: Floats) -> Residuals:
 
 
 def equal_lengths(points: Floats) -> Residuals:
-    """Lines of one length: lengths of the second and further lines less that of the first [m].
+    """Compute the lengths of the second and further lines, less the length of the first [m].
 
     Parameters
     ----------
@@ -214,7 +215,7 @@ def equal_lengths(points: Floats) -> Residuals:
     Returns
     -------
     Residuals
-        Of the second and each further line; NaN where a line has no length.
+        For the second and each further line; NaN where a line has no length.
     """
     points = _checked(points, 4)
     if points.shape[-2] % 2:
@@ -232,13 +233,14 @@ def equal_lengths(points: Floats) -> Residuals:
 def _offsets(
     points: Floats, rows: list[int], line: tuple[int, int], *, on_ground: bool
 ) -> Residuals:
-    """Offsets of some of the points from the line through two others: r x c of them."""
+    """Compute offsets of r points (`rows`) from the line through two others, c components each."""
     start, end = line
     axes, by_line = line_axes(points[..., end, :] - points[..., start, :]).components(
         on_ground=on_ground
     )
     offset = points[..., rows, :] - points[..., [start], :]
     value = offset @ axes.swapaxes(-1, -2)
+    # Product rule: the offset changes with the points, and the axes with the line.
     moved = np.einsum("...ri,...cij->...rcj", offset, by_line)
     gradient = np.zeros((*value.shape, points.shape[-2], 3))
     gradient[..., end, :] = moved
@@ -253,7 +255,7 @@ def _offsets(
 
 
 def _times(vector: Floats, by_line: Floats) -> Floats:
-    """(..., c, 3) of vectors (..., 3) and derivatives (..., c, 3, 3): v^T D of each."""
+    """Compute v^T D of vectors (..., 3) and derivatives (..., c, 3, 3); (..., c, 3)."""
     return np.asarray(np.einsum("...i,...cij->...cj", vector, by_line))
 
 
@@ -271,7 +273,7 @@ def _checked(points: Floats, least: int, most: int | None = None) -> Floats:
 
 
 def _defined(value: Floats, gradient: Floats, unit: float = 1.0) -> Residuals:
-    """All residuals of a thing and their gradients, or none; in another unit."""
+    """Scale residuals and gradients to another unit; all NaN where any of them is not finite."""
     known = np.isfinite(value).all(axis=-1) & np.isfinite(gradient).all(axis=(-3, -2, -1))
     scale = np.asarray(np.where(known, unit, np.nan))
     return Residuals(scale[..., None] * value, scale[..., None, None, None] * gradient)

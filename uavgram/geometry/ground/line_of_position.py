@@ -1,4 +1,4 @@
-"""Straight lines: their axes, and distances of points from a line of known position."""
+"""Axes of straight lines, and distances of points from a line of known position."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ import numpy as np
 from uavgram.model.arrays import Floats
 
 STEEP = 0.7
-"""Rise of a line of unit length from which on its components are taken east and north: along the
-ground and upwards mean nothing any more."""
+"""Rise of a unit vector above which components are taken east and north.
+
+On steeper lines the directions along the ground and upwards are ill-defined.
+"""
 
 
 class LineAxes(NamedTuple):
@@ -24,7 +26,7 @@ class LineAxes(NamedTuple):
     upward_by_line: Floats
 
     def components(self, *, on_ground: bool) -> tuple[Floats, Floats]:
-        """(..., c, 3) axes square to the line, and their derivatives (..., c, 3, 3)."""
+        """Return the (..., c, 3) axes square to the line, and their derivatives (..., c, 3, 3)."""
         if on_ground:
             return self.aside[..., None, :], self.aside_by_line[..., None, :, :]
         axes = np.stack([self.aside, self.upward], axis=-2)
@@ -32,12 +34,14 @@ class LineAxes(NamedTuple):
 
 
 def line_axes(line: Floats) -> LineAxes:
-    """Axes of lines (..., 3); NaN for one without length."""
+    """Compute the axes of lines (..., 3); NaN for a line of zero length."""
     along, length = unit_vectors(line)
     steep = np.abs(along[..., 2]) > STEEP
-    # up x along points to the left; of a steep line north x along, which is east of one upwards.
+    # up x along points to the left. For a steep line north x along is used, which is east of an
+    # upward line.
     reference = np.where(steep[..., None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
     aside, size = unit_vectors(np.cross(reference, along))
+    # Chain rule through the cross products and the normalisation.
     along_by_line = _square_to(along, length)
     across_by_line = np.cross(reference[..., None, :], along_by_line.swapaxes(-1, -2))
     aside_by_line = _square_to(aside, size) @ across_by_line.swapaxes(-1, -2)
@@ -48,25 +52,28 @@ def line_axes(line: Floats) -> LineAxes:
 
 
 def unit_vectors(vector: Floats) -> tuple[Floats, Floats]:
-    """Vectors (..., 3) at unit length, and their lengths (...); both NaN for the zero vector."""
+    """Normalise vectors (..., 3) and return their lengths (...); both NaN for the zero vector."""
     length = np.linalg.norm(vector, axis=-1)
     length = np.where(length > 0, length, np.nan)
     return vector / length[..., None], length
 
 
 def _square_to(unit: Floats, size: Floats) -> Floats:
-    """(..., 3, 3) derivatives of unit vectors (..., 3) by vectors of those sizes (...)."""
+    """Compute derivatives (..., 3, 3) of unit vectors by the vectors of given lengths (...)."""
     outer = unit[..., :, None] * unit[..., None, :]
     return np.asarray((np.eye(3) - outer) / size[..., None, None])
 
 
 FARTHEST = 2.0
-"""In lengths of the line from its start (and as far before it): what lies further out counts no
-less, or an adjustment could run away along a line to where its direction says nothing."""
+"""Largest distance from either end, in lengths of the line, that enters the end derivatives.
+
+Points farther out keep this lever: otherwise an adjustment could run away along a line to where its
+direction has no weight.
+"""
 
 
 class Beside(NamedTuple):
-    """Of k points by m axes: across the line in plan, to the left; then, if asked for, up.
+    """Offsets of k points in m axes: across the line in plan, to the left; then, if requested, up.
 
     Attributes
     ----------
@@ -84,7 +91,7 @@ class Beside(NamedTuple):
 
 
 def beside_line(points: Floats, ends: Floats, *, upwards: bool) -> Beside:
-    """Offsets of points from a line.
+    """Compute the offsets of points from a line.
 
     Parameters
     ----------
@@ -93,14 +100,14 @@ def beside_line(points: Floats, ends: Floats, *, upwards: bool) -> Beside:
     ends
         (2, 3) start and end of the line, apart in plan.
     upwards
-        Whether to tell how far points lie above it, too: straight up.
+        Whether to include the vertical offset above the line.
 
     Notes
     -----
-    With the plan direction d (a unit vector), n square to it and the share t of the way from start
-    A to end B at which P lies: across = n.(P - A), up = P_u - A_u - t (B_u - A_u). An error of A
-    turns the line about B, so it moves the line at P by 1 - t of it; one of B by t. These hold for
-    points on the line, to first order; so do the derivatives by the ends.
+    With the plan direction d (a unit vector), its normal n and the share t of the way from start A
+    to end B at which P projects: across = n.(P - A), up = P_u - A_u - t (B_u - A_u). An error of A
+    turns the line about B, so it moves the line at P by 1 - t of it; one of B by t. These relations
+    hold for points on the line, to first order; so do the derivatives by the ends.
     """
     start, ahead = ends[0], ends[1] - ends[0]
     length = float(np.hypot(*ahead[:2]))
@@ -119,26 +126,27 @@ def beside_line(points: Floats, ends: Floats, *, upwards: bool) -> Beside:
 
 
 def joint_covariance(by_ends: Floats, sigma_m: Floats, own_m: float) -> Floats:
-    """Covariance (k m, k m) of all offsets from one line, which share the errors of its ends.
+    """Compute the covariance (k m, k m) of all offsets from one line, which share its end errors.
 
     Parameters
     ----------
     by_ends
-        (k, m, 2, 3) as `beside_line` gives.
+        (k, m, 2, 3) from `beside_line`.
     sigma_m
-        (2, 3) of start and end: east, north, up.
+        (2, 3) sigmas of start and end: east, north, up.
     own_m
-        Sigma of each offset's own.
+        Sigma of the independent error of each offset.
     """
     rows = (by_ends * sigma_m).reshape(len(by_ends) * by_ends.shape[1], -1)
     return np.asarray(rows @ rows.T + own_m**2 * np.eye(len(rows)))
 
 
 def inverse_root(covariance: Floats) -> Floats:
-    """The symmetric W with W W = covariance^-1.
+    """Compute the symmetric matrix W with W W = covariance^-1.
 
-    Of all whitenings the one whose rows stay closest to what they are made of (Kessy, Lewin and
-    Strimmer 2018, "Optimal whitening and decorrelation"), so a row is still that of its point.
+    Among all whitening matrices it keeps each row closest to the original observation (Kessy, Lewin
+    and Strimmer 2018, "Optimal whitening and decorrelation"), so that a row can still be attributed
+    to its point.
     """
     values, vectors = np.linalg.eigh(covariance)
     return np.asarray((vectors / np.sqrt(values)) @ vectors.T)

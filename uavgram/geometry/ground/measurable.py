@@ -1,6 +1,6 @@
-"""Kinds of measurement that hang on nothing but places: values, gradients, and why there is none.
+"""Measurements that depend on positions only: values, gradients, and reasons for a missing value.
 
-What is measured here can also be known: the same functions serve as observations.
+The same functions serve as observation equations where such a quantity is known.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from uavgram.model.survey.observations import MeasurementKind
 
 
 class UnmeasurableError(ValueError):
-    """Why a measurement has no value."""
+    """Reason why a measurement has no value."""
 
 
 _SHAPES: dict[MeasurementKind, Callable[[Floats], shapes.Measured]] = {
@@ -46,16 +46,16 @@ _CROSSES = "its outline crosses itself: give the points in order around it"
 
 
 def refers_to_ground(kind: str, count: int, parameters: Mapping[str, float]) -> bool:
-    """Whether a kind with so many points is measured from the ground straight below them.
+    """Return whether a measurement is taken from the ground straight below its points.
 
     Parameters
     ----------
     kind
-        Of measurement.
+        Kind of measurement.
     count
         Number of points.
     parameters
-        By name.
+        Parameters by name.
     """
     if kind == "height":
         return count == 1
@@ -65,21 +65,21 @@ def refers_to_ground(kind: str, count: int, parameters: Mapping[str, float]) -> 
 def shape_of(
     kind: MeasurementKind, points: Floats, parameters: Mapping[str, float]
 ) -> tuple[float, Floats]:
-    """Value of a kind in its unit, and gradient by its points.
+    """Compute a measurement in its unit, and its gradient by the points.
 
     Parameters
     ----------
     kind
-        One that hangs on nothing but its points.
+        Kind that depends on its points only.
     points
         (k, 3) [m].
     parameters
-        By name.
+        Parameters by name.
 
     Returns
     -------
     value, gradient
-        In metres, square or cubic metres, or degrees, and (k, 3) in that by metre.
+        In metres, square or cubic metres, or degrees, and (k, 3) in this unit per metre.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def shape_of(
 
 
 class OverGround(NamedTuple):
-    """A value measured from the ground, and its gradients (k, 3) by points and feet."""
+    """Value measured from the ground, and its gradients (k, 3) by points and feet."""
 
     value: float
     by_points: Floats
@@ -109,16 +109,16 @@ class OverGround(NamedTuple):
 def over_ground(
     kind: MeasurementKind, points: Floats, feet: Floats, parameters: Mapping[str, float]
 ) -> OverGround:
-    """Height of one point over the ground, or volume over it.
+    """Compute the height of one point over the ground, or a volume over it.
 
     Parameters
     ----------
     kind
-        One that `refers_to_ground`.
+        Kind for which `refers_to_ground` holds.
     points, feet
         (k, 3), and the places on the ground straight below them [m].
     parameters
-        By name.
+        Parameters by name.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def over_ground(
 
 
 def _volume_over_plane(points: Floats, parameters: Mapping[str, float]) -> tuple[float, Floats]:
-    """Volume over a level plane, or over the plane through the last three points."""
+    """Compute the volume over a level plane, or over the plane through the last three points."""
     if "level" in parameters:
         level = np.full(len(points), parameters["level"])
         found = _volume(points, level, parameters)
@@ -145,6 +145,7 @@ def _volume_over_plane(points: Floats, parameters: Mapping[str, float]) -> tuple
             "the last three points lie in line, or their plane is upright: nothing is above it"
         )
     found = _volume(upper, base.height_m, parameters)
+    # Chain rule: the base height changes with the places and with the three points of the plane.
     gradient = np.zeros_like(points)
     gradient[:-3] = found.by_points
     gradient[:-3, :2] += found.by_base[:, None] * base.slope

@@ -1,8 +1,8 @@
-"""Ground surface: where rays meet its plane, its relief, and the plane of most points.
+"""Ground surface: its intersection with rays, its relief, and a robust plane through points.
 
 The plane is ``up = plane[0] + plane[1] (east - pivot[0]) + plane[2] (north - pivot[1])``: its
-height at the pivot [m] and its slopes to the east and to the north; a point may stand a known
-height above it.
+height at the pivot [m] and its slopes to the east and to the north. A point may have a known height
+above it.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ def intersect_ground(
     pivot: Floats,
     height_above: ArrayLike = 0.0,
 ) -> Floats:
-    """Points in which rays meet the ground plane.
+    """Intersect rays with the ground plane.
 
     Parameters
     ----------
     center_world
-        (..., 3) where the rays start [m, east north up].
+        (..., 3) starts of the rays [m, east north up].
     ray_world
         (..., 3) their directions, of any length.
     plane
@@ -47,7 +47,7 @@ def intersect_ground(
     Returns
     -------
     (..., 3)
-        World points [m]; NaN where the ray does not go down to the plane: level with it, upwards,
+        World points [m]; NaN where the ray does not go down to the plane: parallel to it, upwards,
         or starting below it.
     """
     return _meet(center_world, ray_world, plane, pivot, height_above).point
@@ -60,7 +60,7 @@ def intersect_ground_with_jacobian(
     pivot: Floats,
     height_above: ArrayLike = 0.0,
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Points in which rays meet the ground plane, and their derivatives.
+    """Intersect rays with the ground plane, with derivatives.
 
     Parameters
     ----------
@@ -71,11 +71,11 @@ def intersect_ground_with_jacobian(
     -------
     point : (..., 3)
     d_center : (..., 3, 3)
-        By the start of the ray.
+        Derivative with respect to the start of the ray.
     d_ray : (..., 3, 3)
-        By the direction of the ray.
+        Derivative with respect to the direction of the ray.
     d_plane : (..., 3, 3)
-        By (height, slope east, slope north). All NaN where the point is.
+        Derivative with respect to (height, slope east, slope north). All NaN where the point is.
     """
     point, distance, descent = _meet(center_world, ray_world, plane, pivot, height_above)
     # n . (X - Q) = 0 with X = C + s v: a shift d of the start moves X by (I - v n^T / (v . n)) d,
@@ -105,7 +105,9 @@ def _meet(
     descent = ray @ _normal(plane)
     clearance, descent = np.broadcast_arrays(clearance, descent)
     descent = np.where((descent < 0) & (clearance > 0), descent, np.nan)
-    with np.errstate(over="ignore"):  # a ray level but for its last digit meets at infinity
+    with np.errstate(
+        over="ignore"
+    ):  # a ray parallel to the plane but for rounding meets it at infinity
         distance = -clearance / descent
     descent = np.where(np.isfinite(distance), descent, np.nan)
     distance = np.where(np.isfinite(distance), distance, np.nan)
@@ -113,40 +115,46 @@ def _meet(
 
 
 def _normal(plane: Floats) -> Floats:
-    """Upward normal (not of unit length) of the plane."""
+    """Compute the upward normal (not of unit length) of the plane."""
     return np.array([-plane[1], -plane[2], 1.0])
 
 
 DRAWS = 400
-"""Planes through three points that are tried: where 40 % of the points lie on one plane, all draws
-miss it with a probability of 3e-12."""
+"""Number of random planes through three points.
+
+Where 40 % of the points are on one plane, all draws miss it with a probability of 3e-12.
+"""
 
 FAR = 3.0
-"""Sigmas beyond which a point does not lie on a plane: how far does not matter any more."""
+"""Distance [sigma] from the plane beyond which the cost of a point no longer grows."""
 
 STEEPEST = 0.5
-"""Slope that no ground has."""
+"""Largest slope accepted for the ground."""
 
 THIN = 0.02
-"""Twice the area of three points, over the square of the extent, below which they make no plane."""
+"""Least determinant of three points for a plane: twice their area over the squared extent."""
 
 REFINEMENTS = 10
 
 
 def plane_of_most(place_m: Floats, height_m: Floats, sigma_m: Floats) -> Floats | None:
-    """Heights (n,), at all points, of the plane that most points lie on; None where there is none.
+    """Fit the plane that most points are on (MLESAC); return its heights at all points.
 
     Parameters
     ----------
     place_m
         (n, 2) east and north.
     height_m, sigma_m
-        (n,) heights and by how much each may lie off the plane.
+        (n,) heights and the standard deviations of their distances from the plane.
+
+    Returns
+    -------
+    (n,) heights of the plane; None where there is no plane.
 
     References
     ----------
-    Torr and Zisserman 2000, "MLESAC: a new robust estimator", sec. 3 (the sum of squares, cut off,
-    as the measure of a draw).
+    Torr and Zisserman 2000, "MLESAC: a new robust estimator", sec. 3 (truncated sum of squares as
+    the cost of a draw).
     """
     extent = float(np.ptp(place_m, axis=0).max(initial=0.0))
     if len(place_m) < 4 or extent == 0.0:
@@ -156,8 +164,10 @@ def plane_of_most(place_m: Floats, height_m: Floats, sigma_m: Floats) -> Floats 
     drawn = drawn[np.abs(drawn[:, 1:]).max(axis=1, initial=0.0) < STEEPEST * extent]
     if not len(drawn):
         return None
+    # Choose the draw with the least truncated sum of squares.
     off = ((height_m - drawn @ design.T) / sigma_m) ** 2
     plane = drawn[np.minimum(off, FAR**2).sum(axis=1).argmin()]
+    # Refine by least squares over the points within FAR sigmas.
     for _ in range(REFINEMENTS):
         weight = (np.abs(height_m - design @ plane) < FAR * sigma_m) / sigma_m
         plane = np.linalg.lstsq(design * weight[:, None], height_m * weight, rcond=None)[0]
@@ -165,7 +175,7 @@ def plane_of_most(place_m: Floats, height_m: Floats, sigma_m: Floats) -> Floats 
 
 
 def _through_three(design: Floats, height_m: Floats) -> Floats:
-    """(m, 3) planes through three points drawn at random, always the same ones."""
+    """Compute the (m, 3) planes through three points drawn at random, with a fixed seed."""
     order = np.random.default_rng(0).random((DRAWS, len(design))).argpartition(2, axis=1)
     three = order[:, :3]
     three = three[np.abs(np.linalg.det(design[three])) > THIN]
@@ -173,13 +183,13 @@ def _through_three(design: Floats, height_m: Floats) -> Floats:
 
 
 JITTER = 1e-9
-"""Added to the knots' covariance, so that knots close together do no harm."""
+"""Variance added to the knots' covariance, so that it stays regular with knots close together."""
 
 
 class Basis(NamedTuple):
-    """B functions at n places: (n, B) values and (n, B, 2) derivatives to east and north [1/m].
+    """Values (n, B) of B functions at n places, and derivatives (n, B, 2) to east and north [1/m].
 
-    A function's coefficient is a height in metres.
+    The coefficient of a function is a height in metres.
     """
 
     value: Floats
@@ -187,14 +197,14 @@ class Basis(NamedTuple):
 
 
 def quadratic_basis(east_north_m: Floats, middle_m: Floats, scale_m: float) -> Basis:
-    """Squares and product of the distances east and north: a crown, a hollow, a saddle.
+    """Evaluate squares and product of the distances east and north: crown, hollow, saddle.
 
     Parameters
     ----------
     east_north_m
         (n, 2) places.
     middle_m
-        (2,) where all three are zero, and level.
+        (2,) place where all three are zero, with zero slope.
     scale_m
         Distance from the middle at which the squares are one.
     """
@@ -207,10 +217,10 @@ def quadratic_basis(east_north_m: Floats, middle_m: Floats, scale_m: float) -> B
 
 
 def correlated_basis(east_north_m: Floats, knots_m: Floats, range_m: float) -> Basis:
-    """Functions whose independent coefficients make heights that go together within a range.
+    """Evaluate functions whose independent coefficients give heights correlated within a range.
 
-    With coefficients of unit variance the heights at the knots have the covariance
-    exp(-d^2 / (2 range^2)) of their distances d; between knots, its interpolation.
+    With coefficients of unit variance the heights at the knots have the covariance exp(-d^2 / (2
+    range^2)) of their distances d; between knots it is interpolated.
 
     Parameters
     ----------
@@ -219,13 +229,15 @@ def correlated_basis(east_north_m: Floats, knots_m: Floats, range_m: float) -> B
     knots_m
         (B, 2) places of the knots.
     range_m
-        Distance over which heights go together.
+        Correlation distance of the heights.
 
     References
     ----------
     Quinonero-Candela and Rasmussen 2005, "A unifying view of sparse approximate Gaussian process
     regression", eq. 17: the subset of regressors k(x, Z) k(Z, Z)^-1 k(Z, x).
     """
+    # Whiten the kernel by the Cholesky factor of the knots' covariance; d k / dx = k (z - x) /
+    # range^2.
     lower = np.linalg.cholesky(_kernel(knots_m, knots_m, range_m) + JITTER * np.eye(len(knots_m)))
     kernel = _kernel(east_north_m, knots_m, range_m)
     apart = (knots_m[None] - east_north_m[:, None]) / range_m**2
@@ -237,18 +249,19 @@ def correlated_basis(east_north_m: Floats, knots_m: Floats, range_m: float) -> B
 
 
 def spread_knots(east_north_m: Floats, most: int) -> Floats:
-    """(B, 2) of the places, at most `most`, each as far as can be from those before it.
+    """Choose at most `most` of the places as knots (B, 2), each the farthest from those before it.
 
     Parameters
     ----------
     east_north_m
         (n, 2) places.
     most
-        Number of knots.
+        Largest number of knots.
 
     References
     ----------
-    Gonzalez 1985, "Clustering to minimize the maximum intercluster distance": the farthest next.
+    Gonzalez 1985, "Clustering to minimize the maximum intercluster distance": farthest-point
+    selection.
     """
     middle = east_north_m.mean(axis=0)
     first = int(np.argmin(np.sum((east_north_m - middle) ** 2, axis=1)))

@@ -1,10 +1,11 @@
-"""The ground plane seen by one camera: kernels of a pose from lengths alone.
+"""Lengths on the ground plane seen by one camera, for poses from known lengths alone.
 
 The plane is m . X = 1 in the camera frame, m = n / h with the unit normal n towards the ground and
-the height h above it. A ray v (z = 1) meets it at X = v / (m . v): three unknowns, no angles.
+the height h of the camera above it. A ray v (z = 1) meets it at X = v / (m . v): three unknowns, no
+angles.
 
-The three components stand along the first axis: whatever the shape of a problem behind it (lines;
-scenes x candidates x lines), the kernels broadcast over it.
+The three components are on the first axis. The kernels broadcast over all further axes, which
+belong to the problem (lines; scenes x candidates x lines).
 """
 
 from __future__ import annotations
@@ -16,20 +17,20 @@ import numpy as np
 from uavgram.model.arrays import Floats
 
 _HORIZON = 1e-12
-"""Smallest m . v over the length of m: nearer to the horizon a ray meets no ground."""
+"""Smallest m . v over the length of m: closer to the horizon a ray does not meet the ground."""
 
 
 class PlaneLengths(NamedTuple):
-    """Lengths on a plane, and what their derivatives are made of.
+    """Lengths on a plane, and the intermediate results for their derivatives.
 
     Attributes
     ----------
     length
-        NaN where an end lies behind the camera or at the horizon, or both on one ray.
+        NaN where an end is behind the camera or at the horizon, or where both ends are on one ray.
     plane
         m (3, ...).
     ground
-        (3, 2, ...) where the rays of start and end meet the plane, camera frame [m].
+        (3, 2, ...) points where the rays of start and end meet the plane, camera frame [m].
     inverse_depth
         (2, ...) 1 / (m . v) of either ray v.
     towards_start
@@ -44,17 +45,17 @@ class PlaneLengths(NamedTuple):
 
 
 def lengths_on_plane(plane: Floats, ends: Floats) -> PlaneLengths:
-    """Lengths of lines on planes.
+    """Compute the lengths of lines on planes.
 
     Parameters
     ----------
     plane
         (3, ...) m [1/m].
     ends
-        (3, 2, ...) undistorted rays of start and end, z = 1. The axes behind are broadcast.
+        (3, 2, ...) undistorted rays of start and end, z = 1. Further axes are broadcast.
     """
     depth = np.add.reduce(plane[:, None] * ends, axis=0)
-    # NaN where there is no length: it passes through all that follows.
+    # Mark undefined lengths by NaN, which propagates through the following steps.
     depth[depth <= _HORIZON * np.sqrt(np.add.reduce(plane * plane, axis=0))] = np.nan
     inverse_depth = 1.0 / depth
     ground = inverse_depth * ends
@@ -66,20 +67,24 @@ def lengths_on_plane(plane: Floats, ends: Floats) -> PlaneLengths:
 
 
 def reach_of(lengths: PlaneLengths) -> Floats:
-    """(2, ...) components of both ground points along their line [m]: of all derivatives."""
+    """Compute the (2, ...) components of both ground points along their line [m].
+
+    They are a factor of all derivatives of the length.
+    """
     return np.asarray(np.add.reduce(lengths.towards_start[:, None] * lengths.ground, axis=0))
 
 
 def by_plane(lengths: PlaneLengths, reach: Floats) -> Floats:
-    """(3, ...) derivatives of the lengths by m: a ground point X moves by -X (X . dm)."""
+    """Compute (3, ...) derivatives of the lengths by m: a ground point X moves by -X (X . dm)."""
     moved = reach * lengths.ground
     return np.asarray(moved[:, 1] - moved[:, 0])
 
 
 def by_ends(lengths: PlaneLengths, reach: Floats) -> Floats:
-    """(2, 2, ...) derivatives of the lengths by undistorted x and y (first axis) of both ends.
+    """Compute derivatives of the lengths by the undistorted coordinates of both ends.
 
-    A ground point X moves by (dv - X (m . dv)) / (m . v).
+    The result is (2, 2, ...), with x and y on the first axis. A ground point X moves by (dv - X (m
+    . dv)) / (m . v).
     """
     moved = lengths.towards_start[:2, None] - reach * lengths.plane[:2, None]
     moved *= lengths.inverse_depth
@@ -88,7 +93,7 @@ def by_ends(lengths: PlaneLengths, reach: Floats) -> Floats:
 
 
 def pose_above_plane(plane: Floats) -> tuple[Floats, Floats]:
-    """World pose of a camera over the plane z = 0, standing over x = y = 0, image up = north.
+    """Compute the world pose of a camera above x = y = 0 of the plane z = 0, image up to the north.
 
     Parameters
     ----------
@@ -99,12 +104,12 @@ def pose_above_plane(plane: Floats) -> tuple[Floats, Floats]:
     -------
     center_world : (3,)
     world_from_camera : (3, 3)
-        Rows are the world's east, north, up in camera axes.
+        Its rows are the world's east, north, up in camera axes.
 
     Notes
     -----
-    The horizontal part of the image's up direction (-y) points north; for a camera that looks
-    at the horizon it vanishes, and the optical axis takes its place.
+    The horizontal part of the image's up direction (-y) points north; for a camera that looks at
+    the horizon this part vanishes, and the optical axis is used instead.
     """
     height = 1.0 / np.linalg.norm(plane)
     up = -plane * height

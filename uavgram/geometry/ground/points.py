@@ -1,11 +1,11 @@
-"""Ground points of pixels with their full covariance: pose, lens, ground plane and pixel together.
+"""Ground points of pixels with their full covariance from pose, lens, ground plane and pixel.
 
-The point on the plane that a pixel shows moves with everything the camera's view depends on. All
-of it is collected at the pixel, S = G C G^T + S_pixel with G the derivatives of a ground point's
-pixel, and carried to the ground by the inverse of the 2x2 derivative H of that pixel by the
+The point on the plane that a pixel shows depends on all parameters of the camera's view. Their
+covariance is collected at the pixel, S = G C G^T + S_pixel with G the derivatives of a ground
+point's pixel, and carried to the ground by the inverse of the 2x2 derivative H of this pixel by the
 point's east and north (implicit function theorem): H^-1 S H^-T.
 
-Arrays hold one component each, over a block of points that stays in the processor's cache; 2x2
+Arrays hold one component each, over a block of points that fits into the processor's cache; 2x2
 matrices are inverted in closed form.
 """
 
@@ -23,7 +23,7 @@ from uavgram.model.arrays import Floats, freeze
 from uavgram.model.camera.calibration import LensModel
 
 BLOCK = 8192
-"""Points at a time: fewer, and calling numpy takes longer than its arithmetic."""
+"""Points per block; with fewer, the overhead of numpy calls exceeds the arithmetic."""
 
 POSE_SIZE = 6
 PLANE_SIZE = 3
@@ -31,19 +31,19 @@ PLANE_SIZE = 3
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera over its ground plane, and how well all of that is known together.
+    """Camera over its ground plane, with the joint covariance of both.
 
     Attributes
     ----------
     model, parameters
-        The lens; (P,).
+        Lens model; (P,) its parameters.
     center_world_m, world_from_camera
         (3,), (3, 3).
     plane, pivot_m
         (3,) height at the pivot [m], slopes east and north; (2,) east and north of the pivot.
     covariance
-        (6 + P, 6 + P) of (δcentre in world [m], δθ in camera [rad], parameters), or
-        (9 + P, 9 + P) with the plane's three at the end; correlations included.
+        (6 + P, 6 + P) of (δcentre in world [m], δθ in camera [rad], parameters), or (9 + P, 9 + P)
+        with the plane's three at the end; correlations included.
     """
 
     model: LensModel
@@ -80,20 +80,20 @@ def ground_points(
     *,
     threads: int = 1,
 ) -> GroundPoints:
-    """Where pixels of one image lie on the ground, and how well that is known.
+    """Compute the ground points of pixels of one image, with covariances.
 
     Parameters
     ----------
     view
-        The camera and the ground.
+        Camera and ground.
     pixel_px
         (N, 2) in the original, distorted image.
     pixel_covariance_px2
         (2, 2) of every pixel, or (N, 2, 2).
     height_above_m
-        Of the points above the plane: one for all, or (N,).
+        Height of the points above the plane: one for all, or (N,).
     threads
-        Blocks of points at a time; numpy works on them side by side.
+        Number of threads, each of which works on blocks of points.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def ground_points(
             point, covariance = result.point_world_m[rows], result.covariance_m2[rows]
             _fill(view, pixel[rows], own_noise, own_above, scratch, GroundPoints(point, covariance))
 
-    # No more spans than there are blocks to share out.
+    # At most as many threads as there are blocks.
     bounds = np.linspace(0, n, max(1, min(threads, -(-n // BLOCK))) + 1).astype(int).tolist()
     if len(bounds) == 2:
         work(0, n)
@@ -127,7 +127,7 @@ def ground_points(
 
 
 class _Scratch:
-    """Memory of one block, used again for the next: fresh pages cost more than the arithmetic."""
+    """Reused memory of one block: allocating new pages costs more than the arithmetic."""
 
     def __init__(self, size: int, points: int) -> None:
         self.derivatives = np.empty(2 * size * points)
@@ -135,7 +135,7 @@ class _Scratch:
         self.size = size
 
     def of(self, points: int) -> tuple[Floats, Floats]:
-        """(2, size, points) and (size, points)."""
+        """Return views of shapes (2, size, points) and (size, points)."""
         size = self.size * points
         return (
             self.derivatives[: 2 * size].reshape(2, self.size, points),
@@ -152,7 +152,7 @@ def _fill(
     scratch: _Scratch,
     out: GroundPoints,
 ) -> None:
-    """One block of points."""
+    """Compute the points and covariances of one block."""
     x, y, lens = rays_and_lens(view.model, view.parameters, pixel)
     rotation, plane = view.world_from_camera, view.plane
     east, north, up = (r[0] * x + r[1] * y + r[2] for r in rotation.tolist())
@@ -162,13 +162,15 @@ def _fill(
     level = height + slope_east * (center_east - pivot_east)
     clearance = center_up - level - slope_north * (center_north - pivot_north) - above
     descent = slope_east * east + slope_north * north - up
+    # Intersect the rays with the plane.
     distance = clearance / descent
     distance[~((descent > 0) & (distance > 0) & np.isfinite(distance))] = np.nan
     point = out.point_world_m
     np.add(distance * east, center_east, out=point[:, 0])
     np.add(distance * north, center_north, out=point[:, 1])
     np.add(distance * up, center_up, out=point[:, 2])
-    nearness = 1.0 / distance  # also of the depth: rays have z = 1
+    nearness = 1.0 / distance  # equal to the inverse depth, as rays have z = 1
+    # Covariance at the pixel, then on the ground.
     at_pixel = _PixelDerivatives(view, lens, (x, y, nearness))
     from_pivot = (point[:, 0] - pivot_east, point[:, 1] - pivot_north)
     spread = at_pixel.covariance(view.covariance, from_pivot, scratch)
@@ -192,7 +194,7 @@ class _PixelDerivatives:
         self.near_y = tuple(by * nearness for by in self.by_y)
 
     def by_shift(self, direction: Floats) -> tuple[Floats, Floats]:
-        """(u, v) by a shift of the point [m] in a direction given in the camera frame."""
+        """Compute derivatives of (u, v) by a shift [m] along a direction in the camera frame."""
         d0, d1, d2 = direction.tolist()
         shift_x, shift_y = d0 - d2 * self.x, d1 - d2 * self.y
         return (
@@ -201,14 +203,14 @@ class _PixelDerivatives:
         )
 
     def write(self, g: Floats, from_pivot: tuple[Floats, Floats]) -> None:
-        """Fill (2, size, N) of u and v by all that the view's covariance is about."""
+        """Fill (2, size, N) with derivatives of (u, v) by all parameters in the covariance."""
         view, x, y = self.view, self.x, self.y
         rotation = view.world_from_camera
         count = len(view.parameters)
-        for axis in range(3):  # the centre goes one way, the point the other
+        for axis in range(3):  # a shift of the centre acts as the opposite shift of the point
             g[0, axis], g[1, axis] = self.by_shift(-rotation[axis])
-        # By R exp(a) the point p in the camera frame moves by p x a, its ray by v x a, and (x, y)
-        # by that less (x, y) times its third part.
+        # Rotation R exp(a): the ray v changes by v x a, and its (x, y) by the first two components
+        # of this, less (x, y) times the third.
         xy, above_x, above_y = x * y, x * x + 1.0, y * y + 1.0
         for row in range(2):
             by_x, by_y = self.by_x[row], self.by_y[row]
@@ -218,6 +220,7 @@ class _PixelDerivatives:
             np.subtract(by_x * y, by_y * x, out=g[row, 5])
         lens_rows = g[:, POSE_SIZE : POSE_SIZE + count].transpose(2, 0, 1)
         write_parameter_derivative(lens_rows, view.model, view.parameters, self.lens, (x, y))
+        # Plane: its height and slopes lift the point along up.
         if g.shape[1] > POSE_SIZE + count:
             for row, rise in enumerate(self.by_shift(rotation[2])):
                 g[row, -3] = rise
@@ -227,7 +230,7 @@ class _PixelDerivatives:
     def covariance(
         self, covariance: Floats, from_pivot: tuple[Floats, Floats], scratch: _Scratch
     ) -> tuple[Floats, Floats, Floats]:
-        """(u u, u v, v v) variances at the pixel."""
+        """Compute the (u u, u v, v v) variances at the pixel."""
         g, along = scratch.of(len(self.x))
         self.write(g, from_pivot)
         np.matmul(covariance, g[0], out=along)
@@ -236,10 +239,11 @@ class _PixelDerivatives:
         return uu, uv, np.einsum("kn,kn->n", g[1], along)
 
     def to_ground(self, spread: tuple[Floats, Floats, Floats], out: Floats) -> None:
-        """Carry (u u, u v, v v) to (N, 2, 2) of east and north."""
+        """Propagate (u u, u v, v v) to covariances (N, 2, 2) of east and north."""
         rotation, (_, slope_east, slope_north) = self.view.world_from_camera, self.view.plane
         u_e, v_e = self.by_shift(rotation[0] + slope_east * rotation[2])
         u_n, v_n = self.by_shift(rotation[1] + slope_north * rotation[2])
+        # Inverse of the 2x2 derivative H of the pixel by east and north; then H^-1 S H^-T.
         over = 1.0 / (u_e * v_n - u_n * v_e)
         e_u, e_v, n_u, n_v = v_n * over, -u_n * over, -v_e * over, u_e * over
         uu, uv, vv = spread

@@ -1,4 +1,4 @@
-"""Polygons and squares on the ground: what lies in them, and what crosses them."""
+"""Polygons and squares on the ground: containment, crossings, area and main axis."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ _CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])
 
 
 def squares_on_plane(center_m: Floats, slope: Floats, turn_rad: Floats, side_m: float) -> Floats:
-    """(N, 4, 3) corners of squares, counterclockwise from above.
+    """Compute the (N, 4, 3) corners of squares, counterclockwise from above.
 
     Parameters
     ----------
     center_m
-        (N, 3) their middles.
+        (N, 3) their centres.
     slope
         (N, 2) or (2,) d up / d east and d up / d north of the ground there.
     turn_rad
-        (N,) of the first side from east, counterclockwise.
+        (N,) angle of the first side from east, counterclockwise.
     side_m
-        Of each.
+        Side length.
     """
     slope = np.broadcast_to(slope, (len(center_m), 2))
     flat = np.column_stack([np.cos(turn_rad), np.sin(turn_rad)])
@@ -34,23 +34,24 @@ def squares_on_plane(center_m: Floats, slope: Floats, turn_rad: Floats, side_m: 
 
 
 def signed_area(corner: Floats) -> float:
-    """Area of a polygon (V, 2), positive where it goes counterclockwise (shoelace formula)."""
+    """Compute the area of a polygon (V, 2), positive if counterclockwise (shoelace formula)."""
     x, y = corner.T
     return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
 
 def counterclockwise(corner: Floats) -> Floats:
-    """The polygon (V, 2) without a repeated last corner, counterclockwise."""
+    """Return the polygon (V, 2) in counterclockwise order, without a repeated last corner."""
     if len(corner) > 1 and np.array_equal(corner[0], corner[-1]):
         corner = corner[:-1]
     return corner[::-1] if signed_area(corner) < 0 else corner
 
 
 def contains(corner: Floats, point: Floats) -> Bools:
-    """(N,) which points (N, 2) lie in a polygon (V, 2): a ray to the right crosses it oddly often.
+    """Mark the points (N, 2) inside a polygon (V, 2).
 
-    Shimrat 1962, "Algorithm 112: position of point relative to polygon". Points on the outline
-    belong to one side or the other.
+    A point is inside if a ray to the right crosses the outline an odd number of times (Shimrat
+    1962, "Algorithm 112: position of point relative to polygon"). Points on the outline belong to
+    one side or the other.
     """
     start, end = corner, np.roll(corner, -1, axis=0)
     y = point[:, 1, None]
@@ -61,7 +62,7 @@ def contains(corner: Floats, point: Floats) -> Bools:
 
 
 def crosses(corner: Floats, start: Floats, end: Floats) -> Bools:
-    """(N,) which segments (N, 2) to (N, 2) lie in a polygon (V, 2), or cross its outline.
+    """Mark the segments (N, 2) to (N, 2) that are inside a polygon (V, 2) or cross its outline.
 
     Parameters
     ----------
@@ -78,16 +79,16 @@ def crosses(corner: Floats, start: Floats, end: Floats) -> Bools:
 
 
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Twice the signed area of triangles (..., 2)."""
+    """Compute twice the signed area of triangles (..., 2)."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
 def long_axis(corner: Floats) -> tuple[Floats, Floats, Floats]:
-    """The smallest rectangle around a polygon (V, 2), and which way it is long.
+    """Compute the smallest rectangle around a polygon (V, 2), and the direction of its longer side.
 
-    One side of it lies on a side of the convex hull (Freeman and Shapira 1975); here on a line
-    between any two corners, which is the same for the few corners of an area.
+    One side of the rectangle is on a side of the convex hull (Freeman and Shapira 1975). Here all
+    lines between two corners are tried, which gives the same result for the few corners of an area.
 
     Returns
     -------
@@ -95,13 +96,14 @@ def long_axis(corner: Floats) -> tuple[Floats, Floats, Floats]:
     axis : (2,)
         Unit vector along the longer side.
     size : (2,)
-        Along it, and across.
+        Length along the axis, and across.
     """
     first, second = np.triu_indices(len(corner), k=1)
     side = corner[second] - corner[first]
     length = np.linalg.norm(side, axis=1)
     side = side[length > 0] / length[length > 0, None]
     across = np.stack([-side[:, 1], side[:, 0]], axis=1)
+    # Extent of the corners along and across each candidate direction.
     along = np.stack([corner @ side.T, corner @ across.T])  # (2, V, n)
     low, high = along.min(axis=1), along.max(axis=1)
     best = int(np.argmin(np.prod(high - low, axis=0)))

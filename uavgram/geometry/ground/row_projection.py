@@ -1,4 +1,4 @@
-"""From the world to pixels and back, where every row of a photo has a pose of its own."""
+"""Projection between world and pixels for a rolling shutter: each row has a pose of its own."""
 
 from __future__ import annotations
 
@@ -15,12 +15,15 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.result.result import Result
 
 STEPS = 2
-"""From a point's row in a pinhole's middle pose to its own. Distortion of 50 pixels and a sweep of
-10 in a photo of 1800 rows leave 0.3 px after one step and 0.002 px after two."""
+"""Number of fixed-point steps from the row in a pinhole's middle pose to the exposed row.
+
+Distortion of 50 pixels and a sweep of 10 in a photo of 1800 rows leave 0.3 px after one step and
+0.002 px after two.
+"""
 
 
 class RowPoses(NamedTuple):
-    """Poses of middle rows, and how the camera moves while one photo is read.
+    """Poses of middle rows, and the motion of the camera while one photo is read.
 
     Attributes
     ----------
@@ -35,13 +38,13 @@ class RowPoses(NamedTuple):
     sweep: Floats
 
     def at(self, share: Floats) -> tuple[Floats, Floats]:
-        """Centres (..., 3), and turns (..., 3) in camera axes, of rows by their `row_share`."""
+        """Compute centres and turns in camera axes (..., 3) of rows by their `row_share`."""
         moved = share[..., None] * self.sweep
         return self.center + moved[..., :3], moved[..., 3:]
 
 
 def row_poses(result: Result, rows: Ints | int) -> RowPoses:
-    """Adjusted poses of frames of a result."""
+    """Return the adjusted poses of frames of a result."""
     frames = result.frames
     poses = frames.refined
     return RowPoses(poses.center_world_m[rows], poses.world_from_camera[rows], frames.sweep[rows])
@@ -50,25 +53,27 @@ def row_poses(result: Result, rows: Ints | int) -> RowPoses:
 def project_rows(
     camera: Calibration, parameters: Floats, poses: RowPoses, world_m: Floats, steps: int = STEPS
 ) -> Floats:
-    """(..., 2) pixels of points, each by the pose of its own row; NaN where there is none.
+    """Project points to (..., 2) pixels, each by the pose of its own row; NaN where impossible.
 
     Parameters
     ----------
     camera
         Lens model and height of the image.
     parameters
-        Of the lens, where they are better known than the calibration's.
+        Parameters of the lens, which may be better known than the calibration's.
     poses
         One for all points, or one for each.
     world_m
         (..., 3) points.
     steps
-        1 leaves what the lens's distortion does to the row: some 0.3 px, for pictures.
+        Number of fixed-point steps; 1 neglects the effect of distortion on the row: some 0.3 px,
+        good enough for pictures.
     """
     in_middle = _seen(poses.rotation, world_m - poses.center)
     if not np.any(poses.sweep):
         return project(camera.model, parameters, in_middle)
     with np.errstate(divide="ignore", invalid="ignore"):
+        # Start value: the row in the pinhole of the middle pose; then iterate row -> pose -> row.
         row = parameters[1] * in_middle[..., 1] / in_middle[..., 2] + parameters[3]
     for _ in range(steps):
         share = np.nan_to_num(row_share(row, camera.height_px)).clip(-1.0, 1.0)
@@ -78,15 +83,16 @@ def project_rows(
 
 
 def _moved_back(poses: RowPoses, in_middle: Floats, share: Floats) -> Floats:
-    """(..., 3) points in the camera of their row, from those in the camera of the middle row.
+    """Convert points (..., 3) from the camera of the middle row to the camera of their row.
 
-    exp(-a w) (y - a R^T v) by Rodrigues' formula, with one small product for each power of w:
-    there may be millions of points.
+    exp(-a w) (y - a R^T v) by Rodrigues' formula, with one small product for each power of w: there
+    may be millions of points.
     """
     turn = poses.sweep[..., 3:]
     angle = np.linalg.norm(turn, axis=-1) * share
     back = hat(turn)
     point = in_middle - share[..., None] * _seen(poses.rotation, poses.sweep[..., :3])
+    # First and second power of -w x, with Rodrigues' coefficients.
     once = _seen(back, point)  # -w x y
     twice = _seen(back, once)
     once *= (share * np.sinc(angle / np.pi))[..., None]
@@ -99,14 +105,14 @@ def _moved_back(poses: RowPoses, in_middle: Floats, share: Floats) -> Floats:
 def sight_lines(
     camera: Calibration, parameters: Floats, poses: RowPoses, pixel_px: Floats
 ) -> tuple[Floats, Floats]:
-    """Where the lines of sight of pixels begin, (..., 3), and their directions in the world.
+    """Compute origins (..., 3) and world directions of the lines of sight of pixels.
 
     Parameters
     ----------
     camera
         Lens model and height of the image.
     parameters
-        Of the lens, where they are better known than the calibration's.
+        Parameters of the lens, which may be better known than the calibration's.
     poses
         One for all pixels, or one for each.
     pixel_px
@@ -119,7 +125,7 @@ def sight_lines(
 
 
 def _seen(rotation: Floats, from_center: Floats) -> Floats:
-    """(..., 3) in camera axes."""
+    """Rotate vectors (..., 3) from the centre into camera axes."""
     if rotation.ndim == 2:
         return np.asarray(from_center @ rotation)
     return np.asarray((np.swapaxes(rotation, -1, -2) @ from_center[..., None])[..., 0])

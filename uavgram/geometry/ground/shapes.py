@@ -2,7 +2,8 @@
 
 Every function takes (K, 3) points [m] and returns the value and its gradient (K, 3) by the points.
 Where the value has no derivative (coincident points, a flat angle, a point on the line), both are
-NaN: no standard deviation could be given for it. What tells up from sideways is in `heights`.
+NaN, as no standard deviation could be given. Quantities that depend on the vertical direction are
+in `heights`.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from uavgram.model.arrays import Bools, Floats
 Measured = tuple[float, Floats]
 
 IN_LINE = 1e-12
-"""Sine between two directions, or width over length, below which it is rounding."""
+"""Sine between two directions, or width over length, below which the value is rounding error."""
 
 
 def distance(points: Floats) -> Measured:
@@ -58,8 +59,8 @@ def polyline(points: Floats) -> Measured:
 def area(points: Floats) -> Measured:
     """Measure the area [m2] that a closed polygon encloses, in 3-D.
 
-    The length of its vector area ``1/2 sum p_i x p_(i+1)``: the area as seen along the polygon's
-    own normal. Where the outline crosses itself (`polygon_self_intersects`) parts cancel.
+    It is the length of the vector area ``1/2 sum p_i x p_(i+1)``: the area as seen along the
+    polygon's own normal. Where the outline crosses itself (`polygon_self_intersects`) parts cancel.
 
     Parameters
     ----------
@@ -69,10 +70,10 @@ def area(points: Floats) -> Measured:
     Returns
     -------
     value, gradient
-        Square metres, and (K, 3) in metres; NaN where the points lie on one line.
+        Square metres, and (K, 3) in metres; NaN where the points are on one line.
     """
     points = checked(points, at_least=3)
-    local = points - points.mean(axis=0)  # far from the origin the products would cancel
+    local = points - points.mean(axis=0)  # avoids cancellation far from the origin
     after, before = np.roll(local, -1, axis=0), np.roll(local, 1, axis=0)
     normal, size = _unit(0.5 * np.cross(local, after).sum(axis=0))
     return defined(float(size), 0.5 * np.cross(after - before, normal))
@@ -95,7 +96,7 @@ def angle(points: Floats) -> Measured:
     points = checked(points, exactly=3)
     legs, lengths = _unit(points[[0, 2]] - points[1])
     cosine = float(legs[0] @ legs[1])
-    # Kahan: atan2 keeps its digits where the arc cosine loses them.
+    # Kahan: atan2 is accurate where the arc cosine loses digits.
     value = float(np.arctan2(np.linalg.norm(np.cross(legs[0], legs[1])), cosine))
     across, _ = _unit(legs[::-1] - cosine * legs)  # from each leg towards the other
     ends = -across / lengths[:, None]
@@ -113,8 +114,8 @@ def line_distance(points: Floats) -> Measured:
     Returns
     -------
     value, gradient
-        Metres, and (3, 3) without unit; NaN where the two points coincide, or the first lies on
-        the line.
+        Metres, and (3, 3) without unit; NaN where the two points coincide, or the first is on the
+        line.
     """
     points = checked(points, exactly=3)
     along, length = _unit(points[2] - points[1])
@@ -126,7 +127,7 @@ def line_distance(points: Floats) -> Measured:
 
 
 def plane_distance(points: Floats) -> Measured:
-    """Measure the perpendicular distance [m] of a point from a plane, with its side.
+    """Measure the perpendicular distance [m] of a point from a plane, signed by its side.
 
     Parameters
     ----------
@@ -136,8 +137,8 @@ def plane_distance(points: Floats) -> Measured:
     Returns
     -------
     value, gradient
-        Metres, positive on the side from which the three are seen to go round against the clock,
-        and (4, 3) without unit; NaN where the three lie in line.
+        Metres, positive on the side from which the three run anticlockwise, and (4, 3) without
+        unit; NaN where the three are in line.
     """
     points = checked(points, exactly=4)
     legs = points[2:] - points[1]
@@ -146,7 +147,7 @@ def plane_distance(points: Floats) -> Measured:
     if not size > IN_LINE * np.linalg.norm(legs, axis=1).prod():
         return defined(np.nan, np.zeros_like(points))
     offset = points[0] - points[1]
-    # The foot of the point on the plane: its shares of the two legs (Cramer's rule).
+    # Foot of the point on the plane: its coefficients along the two legs (Cramer's rule).
     second = float(np.cross(offset, legs[1]) @ normal / size)
     third = float(np.cross(legs[0], offset) @ normal / size)
     weight = np.array([1.0, second + third - 1.0, -second, -third])
@@ -154,9 +155,9 @@ def plane_distance(points: Floats) -> Measured:
 
 
 def outline_crosses_itself(outline: Floats) -> bool:
-    """Whether an outline (K, 3) does, seen at right angles to the plane that fits it best.
+    """Return whether an outline (K, 3) crosses itself in the plane that fits it best.
 
-    Points in line make no outline that could.
+    Points in line count as no crossing.
     """
     local = outline - outline.mean(axis=0)
     _, size, axes = np.linalg.svd(local, full_matrices=False)
@@ -165,7 +166,7 @@ def outline_crosses_itself(outline: Floats) -> bool:
 
 
 def polygon_self_intersects(points_2d: Floats) -> bool:
-    """Tell whether the outline of a polygon crosses or touches itself.
+    """Return whether the outline of a polygon crosses or touches itself.
 
     Parameters
     ----------
@@ -176,16 +177,17 @@ def polygon_self_intersects(points_2d: Floats) -> bool:
     points = points[(points != np.roll(points, 1, axis=0)).any(axis=1)]
     k = len(points)
     if k < 3:
-        return k > 0  # there and back again
+        return k > 0  # a line there and back
     end = np.roll(points, -1, axis=0)
     i, j = np.triu_indices(k, 1)
+    # All pairs of edges that are not neighbours.
     apart = (j - i > 1) & (j - i < k - 1)
     i, j = i[apart], j[apart]
     return _folds_back(points) or bool(_share_a_point(points[i], end[i], points[j], end[j]).any())
 
 
 def _folds_back(points: Floats) -> bool:
-    """Whether an edge runs back over the one before it."""
+    """Return whether an edge runs back over the one before it."""
     edge = np.roll(points, -1, axis=0) - points
     before = np.roll(edge, 1, axis=0)
     straight = edge[:, 0] * before[:, 1] == edge[:, 1] * before[:, 0]
@@ -193,28 +195,28 @@ def _folds_back(points: Floats) -> bool:
 
 
 def _share_a_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Bools:
-    """(N,) whether segments ab and cd have a point in common; (N, 2) each."""
+    """Mark the pairs of segments ab and cd that have a point in common; (N, 2) each."""
 
     def side(p: Floats, q: Floats, r: Floats) -> Floats:
         u, v = q - p, r - p
         return np.sign(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
 
     straddle = (side(a, b, c) * side(a, b, d) <= 0) & (side(c, d, a) * side(c, d, b) <= 0)
-    # Segments of one line pass the test above wherever they lie: their boxes must meet as well.
+    # Segments on one line always pass the test above: their bounding boxes must overlap as well.
     low = np.maximum(np.minimum(a, b), np.minimum(c, d))
     high = np.minimum(np.maximum(a, b), np.maximum(c, d))
     return np.asarray(straddle & (low <= high).all(axis=1))
 
 
 def checked(points: Floats, *, exactly: int | None = None, at_least: int = 2) -> Floats:
-    """The points as an array, in the number that is needed.
+    """Return the points as an array, after a check of their number.
 
     Parameters
     ----------
     points
         (K, 3) [m].
     exactly, at_least
-        How many are needed.
+        Required number of points.
     """
     points = np.asarray(points, np.float64)
     wanted = exactly if exactly is not None else max(at_least, len(points))
@@ -225,14 +227,14 @@ def checked(points: Floats, *, exactly: int | None = None, at_least: int = 2) ->
 
 
 def _unit(vector: Floats) -> tuple[Floats, Floats]:
-    """Vectors (..., 3) at unit length, and their lengths (...); both NaN for the zero vector."""
+    """Normalise vectors (..., 3) and return their lengths (...); both NaN for the zero vector."""
     length = lengths_of(vector)
     length = np.where(length > 0, length, np.nan)
     return vector / length[..., None], length
 
 
 def defined(value: float, gradient: Floats) -> Measured:
-    """Both or neither."""
+    """Return value and gradient; both NaN where either is not finite."""
     if np.isfinite(value) and np.isfinite(gradient).all():
         return value, gradient
     return float("nan"), np.full_like(gradient, np.nan)

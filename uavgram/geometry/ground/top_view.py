@@ -1,4 +1,4 @@
-"""A top view of the ground: where its pixels lie in the photos, and how well they are placed."""
+"""Top view of the ground: positions of its pixels in the photos, and their uncertainty."""
 
 from __future__ import annotations
 
@@ -20,23 +20,25 @@ from uavgram.model.result.result import Result
 Numbers = NDArray[np.floating]
 
 LEAST_SINE = 0.17
-"""Of the angle between a ray and the ground (10 degrees): flatter ones smear a photo's pixel over
-many metres, so the ground there stays empty."""
+"""Least sine of the angle between a ray and the ground (10 degrees).
+
+Flatter rays smear a photo's pixel over many metres, so the ground there stays empty.
+"""
 
 MOST_OFF_NADIR = float(np.sqrt(1.0 - LEAST_SINE**2) / LEAST_SINE)
-"""The same as a tangent from the vertical."""
+"""Same limit as a tangent from the vertical."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The photos that a top view is made of, and the ground they look at.
+    """Photos that a top view is made of, and the ground they show.
 
     Attributes
     ----------
     result
         Lens, plane, world.
     rows
-        (N,) of the result's frames.
+        (N,) rows of the photos among the result's frames.
     """
 
     result: Result
@@ -54,24 +56,26 @@ class View:
 
     @property
     def origin(self) -> Origin | None:
-        """Latitude, longitude and height of the local zero; None where there is no such place."""
+        """Latitude, longitude and height of the local zero; None where it is unknown."""
         return self.result.world.origin
 
     @property
     def least_height_m(self) -> float:
-        """Of the cameras above the plane, whichever is lowest."""
+        """Height of the lowest camera above the plane."""
         center = self.result.frames.refined.center_world_m[self.rows]
         surface = self.surface
         below = surface[0] + (center[:, :2] - self.result.plane.pivot_m) @ surface[1:]
         return float(np.abs(center[:, 2] - below).min())
 
     def ground(self, raster: GroundRaster, columns: Floats, rows: Floats) -> Floats:
-        """(len(rows), len(columns), 3) world positions of the raster's pixels, on the plane.
+        """Compute world positions of the raster's pixels on the plane.
+
+        The result has the shape (len(rows), len(columns), 3).
 
         Parameters
         ----------
         raster
-            Where pixels lie.
+            Raster that gives the positions of pixels.
         columns, rows
             Pixels; fractions are allowed.
         """
@@ -83,18 +87,18 @@ class View:
             return np.concatenate([place, up[..., None]], axis=-1)
         longitude, latitude = geographic_from_projected(place.reshape(-1, 2), raster.crs)
         up = np.full(len(latitude), surface[0])
-        for _ in range(2):  # east and north depend on the height by parts in ten thousand
+        for _ in range(2):  # east and north change with the height by parts in ten thousand
             enu = enu_from_geodetic(latitude, longitude, up + origin[2], origin)
             up = surface[0] + (enu[:, :2] - pivot) @ surface[1:]
         return np.concatenate([enu[:, :2], up[:, None]], axis=1).reshape(*place.shape[:2], 3)
 
     def look(self, index: int, world_m: Floats) -> tuple[Floats, Floats]:
-        """Where ground positions lie as a photo would see them if it had no border.
+        """Project ground positions into a photo, also beyond its border.
 
         Parameters
         ----------
         index
-            Into `rows`.
+            Index into `rows`.
         world_m
             (..., 3).
 
@@ -114,7 +118,7 @@ class View:
         return pixel, aside / np.where(down > 0, down, np.nan)
 
     def shows(self, u_px: Numbers, v_px: Numbers, off_nadir: Numbers) -> Bools:
-        """(...) whether a photo shows a place at such a pixel, and not too flat.
+        """Mark the places (...) that a photo shows, and not at too flat an angle.
 
         Parameters
         ----------
@@ -131,7 +135,7 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class FrameKnowledge:
-    """Joint covariance of what places a photo's pixels on the ground.
+    """Joint covariance of all parameters that place a photo's pixels on the ground.
 
     Attributes
     ----------
@@ -140,9 +144,9 @@ class FrameKnowledge:
         interior orientation (P), and the plane (height, slopes); with `motion`, one more for the
         readout time.
     pixel_sigma_px
-        Of a pixel that someone points at in the top view.
+        Sigma of a pixel picked in the top view.
     roughness_sigma_m
-        By which the ground there departs from the plane.
+        Sigma of the ground's departure from the plane.
     motion
         (N, 6) velocity in the world [m/s] and angular rate in camera axes [rad/s], where the
         readout time is uncertain.
@@ -155,14 +159,14 @@ class FrameKnowledge:
 
 
 def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) -> Floats:
-    """Standard deviation of places on the ground that a photo shows.
+    """Compute the standard deviation of ground places that a photo shows.
 
     Parameters
     ----------
     view, index
-        The photo.
+        Photo: the view and the photo's index in it.
     pixel
-        (n, 2) in it.
+        (n, 2) in the photo.
     known
         Covariances.
 
@@ -170,7 +174,7 @@ def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) ->
     -------
     (n,)
         Semi-major axis of the standard ellipse in east and north [m]; NaN where the pixel is, or
-        meets no ground.
+        where it does not meet the ground.
     """
     result, row = view.result, view.rows[index]
     lens = result.shared.intrinsics.value
@@ -186,7 +190,7 @@ def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) ->
         result.plane.pivot_m,
     )
     turned = d_ray @ rotation
-    # world ray of R exp(d) is R (v + d x v), so -R [v]x d; the row's own turn comes after d
+    # The world ray of R exp(d) is R (v + d x v), hence -R [v]x d; the row's own turn comes after d.
     by_turn = -d_ray @ poses.rotation @ hat(turned_vector(turn, ray))
     parts = [d_center, by_turn, turned @ by_lens, d_plane]
     if known.motion is not None:
@@ -195,11 +199,13 @@ def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) ->
         parts.append((share[:, None] * by_time)[..., None])
     jacobian = np.concatenate(parts, axis=2)
     planar = jacobian[:, :2]
+    # Variance propagation: correlated parameters, the pixel, and the roughness of the ground.
     spread = planar @ known.covariance[index] @ np.swapaxes(planar, 1, 2)
     pointed = (turned @ by_pixel)[:, :2] * known.pixel_sigma_px
     spread += pointed @ np.swapaxes(pointed, 1, 2)
-    raised = d_plane[:, :2, :1] * known.roughness_sigma_m  # as if the plane lay higher there
+    raised = d_plane[:, :2, :1] * known.roughness_sigma_m  # acts like a higher plane
     spread += raised @ np.swapaxes(raised, 1, 2)
+    # Larger eigenvalue of the symmetric 2x2 matrix.
     half = (spread[:, 0, 0] + spread[:, 1, 1]) / 2
     apart = np.hypot((spread[:, 0, 0] - spread[:, 1, 1]) / 2, spread[:, 0, 1])
     return np.asarray(np.sqrt(half + apart))

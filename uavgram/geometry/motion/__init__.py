@@ -1,1 +1,1 @@
-"""Rotations, and where a vehicle was and how it was turned between samples of its log."""
+"""Rotations, and position and attitude of a vehicle between the samples of its log."""

@@ -1,8 +1,8 @@
-"""Motion of a camera at its exposures, while it reads its rows, and its angle to the nadir.
+"""Motion of a camera during the readout of its rows, and conversion of its angles.
 
-Row v of a photo of height h is exposed at time + readout * share(v), with share(v) =
-(v - (h - 1) / 2) / h: the stated instant is that of the middle row. Within one photo the camera is
-taken to move steadily (Hedborg et al. 2012, "Rolling shutter bundle adjustment")::
+Row v of a photo of height h is exposed at time + readout * share(v), with share(v) = (v - (h - 1) /
+2) / h: the stated instant is that of the middle row. Within one photo the camera is assumed to move
+steadily (Hedborg et al. 2012, "Rolling shutter bundle adjustment")::
 
     centre(v)            = centre + share sweep[:3]
     world_from_camera(v) = world_from_camera exp(share sweep[3:])
@@ -32,12 +32,15 @@ from uavgram.model.flight.pose import TelemetryPrior
 
 
 def row_share(row_px: Floats, height_px: int) -> Floats:
-    """(...) when rows are exposed, from the middle row, in readout times: about -1/2 to 1/2."""
+    """Compute exposure times (...) of rows since the middle row, in units of the readout time.
+
+    They are about -1/2 to 1/2.
+    """
     return np.asarray((row_px - (height_px - 1) / 2) / height_px)
 
 
 def turned_vector(turn: Floats, vector: Floats) -> Floats:
-    """(..., 3) exp(turn) vector, without a matrix for each (Rodrigues' formula)."""
+    """Compute exp(turn) vector (..., 3) by Rodrigues' formula, without a matrix for each."""
     angle = np.linalg.norm(turn, axis=-1)[..., None]
     across = np.cross(turn, vector)
     once = np.sinc(angle / np.pi)
@@ -46,17 +49,17 @@ def turned_vector(turn: Floats, vector: Floats) -> Floats:
 
 
 BODY_FROM_GIMBAL: Floats = matrix_from_ypr(0.0, -np.pi / 2, 0.0)
-"""A gimbal that looks down from a level body, image up to its front."""
+"""Rotation of a gimbal that looks down from a level body, image up to its front."""
 
 
 def gimbal_from_nadir(ypr_rad: Floats) -> Floats:
-    """Turn nadir angles (N, 3) into gimbal angles (N, 3), yaw-pitch-roll [rad]; NaN stays."""
+    """Convert nadir angles (N, 3) to gimbal angles (N, 3), yaw-pitch-roll [rad]; NaN stays."""
     ned_from_body = matrix_from_ypr(*np.asarray(ypr_rad, np.float64).T)
     return _angles(ned_from_body @ BODY_FROM_GIMBAL, ypr_rad)
 
 
 def nadir_from_gimbal(ypr_rad: Floats) -> Floats:
-    """Turn gimbal angles (N, 3) into nadir angles (N, 3), yaw-pitch-roll [rad]; NaN stays."""
+    """Convert gimbal angles (N, 3) to nadir angles (N, 3), yaw-pitch-roll [rad]; NaN stays."""
     ned_from_gimbal = matrix_from_ypr(*np.asarray(ypr_rad, np.float64).T)
     return _angles(ned_from_gimbal @ BODY_FROM_GIMBAL.T, ypr_rad)
 
@@ -68,23 +71,26 @@ def _angles(rotation: Floats, given: Floats) -> Floats:
 
 
 HALF_SPAN_S = 0.015
-"""Between the poses that are compared: a usual readout of 30 ms, over which rates are means."""
+"""Half the time between the two poses that are differenced.
+
+The span is a usual readout of 30 ms, over which the rates are means.
+"""
 
 
 def camera_motion(
     track: Track, prior: TelemetryPrior, frame_id: Sequence[str], shared: Floats
 ) -> Floats:
-    """(N, 6) velocity in the world [m/s] and angular rate in camera axes [rad/s].
+    """Compute velocity in the world [m/s] and angular rate in camera axes [rad/s]; (N, 6).
 
-    Central differences of the camera's own poses, so a gimbal's turns count and the body's do not.
-    None (0) of a frame that a corrected clock puts outside the track.
+    Central differences of the camera's own poses, so that turns of the gimbal are included. Zero
+    for a frame that a corrected clock puts outside the track.
 
     Parameters
     ----------
     track
-        The flight.
+        Flight log.
     prior
-        Of N frames: their instants, and how the camera sits in its mount.
+        Instants of N frames, and the rotation of the camera in its mount.
     frame_id
         (N,) their names.
     shared
@@ -94,6 +100,7 @@ def camera_motion(
     times = [track.position_time_s, track.attitude_time_s]
     times += [track.gimbal_time_s] if len(track.gimbal_time_s) else []
     first, last = max(one[0] for one in times), min(one[-1] for one in times)
+    # Poses a little before and after each exposure, within the span of the track.
     before, after = (np.clip(at_s + side, first, last) for side in (-HALF_SPAN_S, HALF_SPAN_S))
     poses = exposures_by_time(track, frame_id)
     since_middle = prior.time_s - prior.middle_s
@@ -101,6 +108,7 @@ def camera_motion(
         poses(before), prior.gimbal_from_camera, shared, since_middle
     )
     end, from_end, _ = predict_pose(poses(after), prior.gimbal_from_camera, shared, since_middle)
+    # Rotation vector between the two poses, in camera axes.
     turn = log_so3(np.swapaxes(from_start, 1, 2) @ from_end)
     span_s = (after - before)[:, None]
     known = span_s > 0

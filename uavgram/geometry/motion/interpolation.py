@@ -1,4 +1,4 @@
-"""Positions and rotations between the samples of a log, with their rates and running values."""
+"""Interpolation of positions and rotations between log samples, with rates; running ranks."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from uavgram.geometry.motion.rotation import (
 )
 from uavgram.model.arrays import Floats, Ints
 
-_BLOCK = 4096  # so many windows are copied at a time: they stay in the processor's cache
+_BLOCK = 4096  # windows copied at a time: they fit into the processor's cache
 
 
 def windows(values: NDArray[Any], size: int) -> NDArray[Any]:
-    """Each value and those about it, the ends repeated; (N, ...) to (N, ..., size), N >= 1.
+    """Return the window about each value, the ends repeated; (N, ...) to (N, ..., size), N >= 1.
 
-    Of an even size one more stands before the value than behind it.
+    A window of even size has one more value before the centre than after it.
     """
     beside = [(size // 2, size - 1 - size // 2)] + [(0, 0)] * (values.ndim - 1)
     return sliding_window_view(np.pad(values, beside, "edge"), size, axis=0)
 
 
 def running_rank(values: NDArray[np.floating[Any]], size: int, rank: int) -> Floats:
-    """The value of this rank, from 0, in the window about each value.
+    """Compute the value of the given rank in the window about each value.
 
     Parameters
     ----------
     values
         (N, ...), N >= 1.
     size
-        Of the windows, as `windows` has it.
+        Size of the windows, see `windows`.
     rank
-        Less than `size`; half of it is the median of an odd size.
+        Rank from 0, less than `size`; half the size is the median of an odd size.
 
     Returns
     -------
@@ -53,16 +53,19 @@ def running_rank(values: NDArray[np.floating[Any]], size: int, rank: int) -> Flo
 
 
 def running_median(values: NDArray[np.floating[Any]], size: int) -> Floats:
-    """The median of the window about each value, of an even size the upper one of its two."""
+    """Compute the median of the window about each value; the upper median of an even size."""
     return running_rank(values, size, size // 2)
 
 
 MANY = 100
-"""Instants from which on many lie in the same pieces: those of many states at once."""
+"""Number of instants from which repeated pieces are computed only once.
+
+With so many instants, usually those of many states at once, many are in the same pieces.
+"""
 
 
 class _Pieces(NamedTuple):
-    """M pieces of a smooth path: origin, and the cubic from there in the place s from 0 to 1.
+    """M pieces of a smooth path: origin, and the cubic from there in s from 0 to 1.
 
     Attributes
     ----------
@@ -84,13 +87,13 @@ class _Pieces(NamedTuple):
     def hermite(
         cls, origin: Floats, change: Floats, rates: tuple[Floats, Floats], width: Floats
     ) -> _Pieces:
-        """Pieces (M,) by their change (M, 3) from end to end, and the rates (M, 3) there."""
+        """Create pieces (M,) from their change (M, 3) and the rates (M, 3) at both ends."""
         start, end = rates[0] * width, rates[1] * width
         square, cube = 3.0 * change - 2.0 * start - end, start + end - 2.0 * change
         return cls(origin, start, square, cube, width)
 
     def at(self, fraction: Floats) -> tuple[Floats, Floats]:
-        """Change (M, 3) since the origin at places (M,), and its rate [1/s]."""
+        """Compute the change (M, 3) since the origin at fractions (M,), and its rate [1/s]."""
         s = fraction[:, None]
         moved = s * (self.linear + s * (self.square + s * self.cube))
         slope = self.linear + s * (2.0 * self.square + 3.0 * s * self.cube)
@@ -98,16 +101,16 @@ class _Pieces(NamedTuple):
 
 
 class _SmoothPath:
-    """Samples and the pieces between them, which a kind of path makes of their numbers."""
+    """Samples, and the pieces between them, which each kind of path computes in its own way."""
 
     def __init__(self, time_s: Floats, sample: Floats) -> None:
         self._time = _checked(time_s)
         self._sample = np.asarray(sample, np.float64)
-        # An adjustment asks for nearly the same instants again and again.
+        # An adjustment evaluates nearly the same instants repeatedly.
         self._pieces = lru_cache(maxsize=2)(self._of)
 
     def _of(self, index: bytes) -> _Pieces:
-        """Pieces (M,) by the bytes of their indices, of which many may be the same."""
+        """Return the pieces (M,) of the indices given as bytes; indices may repeat."""
         piece = np.frombuffer(index, np.int64)
         if len(piece) < MANY:
             return self._make(piece)
@@ -115,18 +118,18 @@ class _SmoothPath:
         return _Pieces(*(one[place] for one in self._make(piece)))
 
     def _make(self, index: Ints) -> _Pieces:
-        """Make the pieces (M,) of some indices."""
+        """Compute the pieces (M,) of some indices."""
         raise NotImplementedError
 
     def _since_origin(self, at_s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Origins of the pieces (M,) in which instants lie, the change since, and its rate."""
+        """Compute the origins (M,) of the pieces of instants, the change since, and its rate."""
         index, fraction = _locate(self._time, at_s)
         pieces = self._pieces(index.tobytes())
         return pieces.origin, *pieces.at(fraction)
 
 
 class SmoothPositions(_SmoothPath):
-    """Positions by cubic Hermite pieces: through the samples, with steady velocity.
+    """Positions by cubic Hermite pieces through the samples, with continuous velocity.
 
     Parameters
     ----------
@@ -142,13 +145,13 @@ class SmoothPositions(_SmoothPath):
 
     Notes
     -----
-    Velocities at the samples are those of the parabola through each and its neighbours
-    (Catmull and Rom 1974, for uneven spacing). Piecewise linear interpolation has kinks at the
-    samples, on which an adjustment of the clock cannot come to rest.
+    Velocities at the samples are those of the parabola through each and its neighbours (Catmull and
+    Rom 1974, for uneven spacing). Piecewise linear interpolation has kinks at the samples, which
+    prevent an adjustment of the clock from converging.
     """
 
     def at(self, at_s: Floats) -> tuple[Floats, Floats]:
-        """Positions and velocities at instants within the span.
+        """Compute positions and velocities at instants within the span.
 
         Parameters
         ----------
@@ -164,7 +167,7 @@ class SmoothPositions(_SmoothPath):
         Raises
         ------
         ValueError
-            An instant lies outside the span.
+            An instant is outside the span.
         """
         origin, moved, velocity = self._since_origin(at_s)
         return origin + moved, velocity
@@ -194,12 +197,13 @@ class SmoothRotations(_SmoothPath):
 
     Notes
     -----
-    Within a piece R = R0 exp(phi), the rate is Jr(phi) dphi/dt (Sola et al. 2018, eq. 67); the
-    rates at the samples are those of `SmoothPositions`, so they are steady from piece to piece.
+    Within a piece R = R0 exp(phi), the rate is Jr(phi) dphi/dt (Sola et al. 2018, eq. 67). The
+    rates at the samples are computed as in `SmoothPositions`, so that they are continuous from
+    piece to piece.
     """
 
     def at(self, at_s: Floats) -> tuple[Floats, Floats]:
-        """Rotations and their rates at instants within the span.
+        """Compute rotations and their rates at instants within the span.
 
         Parameters
         ----------
@@ -210,13 +214,13 @@ class SmoothRotations(_SmoothPath):
         -------
         world_from_body : (M, 3, 3)
         rate_body : (M, 3)
-            Angular velocity in body axes [rad/s], the exact derivative:
-            R(t + dt) = R(t) exp(rate dt).
+            Angular velocity in body axes [rad/s], the exact derivative: R(t + dt) = R(t) exp(rate
+            dt).
 
         Raises
         ------
         ValueError
-            An instant lies outside the span.
+            An instant is outside the span.
         """
         origin, phi, slope = self._since_origin(at_s)
         turn, jacobian = exp_with_right_jacobian(phi)
@@ -227,29 +231,30 @@ class SmoothRotations(_SmoothPath):
         rotation = matrix_from_xyzw(self._sample[around])
         turn = log_so3(np.swapaxes(rotation[:, :-1], -1, -2) @ rotation[:, 1:])
         start, end = _end_rates(turn, width)
-        # dphi/dt at the far end, where phi is the whole turn.
+        # Convert the angular rate at the far end, where phi is the whole turn, to dphi/dt.
         end = np.einsum("nij,nj->ni", right_jacobian_inverse(turn[:, 1]), end)
         return _Pieces.hermite(rotation[:, 1], turn[:, 1], (start, end), width[:, 1:2])
 
 
 def _around(time: Floats, piece: Ints) -> tuple[Ints, Floats]:
-    """Samples before, at both ends of, and after each of M pieces, by their indices.
+    """Find the samples before, at both ends of, and after each of M pieces.
 
     Returns
     -------
     around : (M, 4)
         Their indices; at the ends of the span the outer ones are repeated.
     width : (M, 3)
-        Of the three pieces between them [s]; 0 where there is none.
+        Widths of the three pieces between them [s]; 0 where there is none.
     """
     around = np.clip(piece[:, None] + np.arange(-1, 3), 0, len(time) - 1)
     return around, np.diff(time[around], axis=1)
 
 
 def _end_rates(change: Floats, width: Floats) -> tuple[Floats, Floats]:
-    """Rates (M, 3) at both ends of the middle piece from the changes (M, 3, 3) over all three.
+    """Compute rates (M, 3) at both ends of the middle one of three pieces.
 
-    The slope of the parabola through three samples; the piece's own where a neighbour is missing.
+    They follow from the changes (M, 3, 3) over all three: a rate is the slope of the parabola
+    through three samples, or that of the piece itself where a neighbour is missing.
     """
     before, middle, after = (width[:, i : i + 1] for i in range(3))
     slope = change / np.where(width > 0, width, 1.0)[:, :, None]
@@ -275,23 +280,25 @@ def interpolate_rotation(time_s: Floats, xyzw: Floats, at_s: Floats) -> tuple[Fl
     world_from_body : (M, 3, 3)
     rate_body : (M, 3)
         Angular velocity in body axes [rad/s]: ``R(t + dt) = R(t) exp(rate dt)``; on a sample, that
-        of the interval which starts there (at the end: which ends).
+        of the interval which starts there (at the end of the span: which ends there).
 
     Raises
     ------
     ValueError
-        An instant lies outside the span, or the times do not increase.
+        An instant is outside the span, or the times do not increase.
     """
     time, xyzw = _checked(time_s), np.asarray(xyzw, np.float64)
     index, fraction = _locate(time, at_s)
     width = time[index + 1] - time[index]
     start, end = matrix_from_xyzw(xyzw[index]), matrix_from_xyzw(xyzw[index + 1])
-    turn = log_so3(np.swapaxes(start, -1, -2) @ end)  # at most pi: the shortest way, any signs
+    turn = log_so3(
+        np.swapaxes(start, -1, -2) @ end
+    )  # at most pi: the shortest arc for any signs of q
     return start @ exp_so3(fraction[:, None] * turn), turn / width[:, None]
 
 
 def _checked(time_s: Floats) -> Floats:
-    """Times of samples (N,), if they are two and in order."""
+    """Return the times of samples (N,) if there are at least two and they increase."""
     time = np.asarray(time_s, np.float64)
     if len(time) < 2:
         raise ValueError(f"interpolation needs at least two samples, got {len(time)}")
@@ -301,7 +308,7 @@ def _checked(time_s: Floats) -> Floats:
 
 
 def _locate(time: Floats, at_s: Floats) -> tuple[Ints, Floats]:
-    """(M,) each: interval, and place in it (0 to 1)."""
+    """Find the interval (M,) of each instant, and its fraction (M,) within it (0 to 1)."""
     at = np.asarray(at_s, np.float64)
     outside = ~((at >= time[0]) & (at <= time[-1]))
     if outside.any():

@@ -1,6 +1,6 @@
 """Rotations: vectors, quaternions (x, y, z, w), yaw-pitch-roll and matrices, all batched.
 
-A rotation matrix ``a_from_b`` turns coordinates in b into coordinates in a. A rotation vector is
+A rotation matrix ``a_from_b`` converts coordinates in b to coordinates in a. A rotation vector is
 axis times angle [rad].
 """
 
@@ -29,10 +29,10 @@ GIMBAL_FROM_CAMERA: Floats = _constant([[0, 0, 1], [1, 0, 0], [0, 1, 0.0]])
 
 _IDENTITY = _constant([[1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
 
-# Where x, y and z stand among the nine entries of a matrix less its transpose.
+# Indices of x, y and z in a flattened matrix less its transpose.
 _SKEW = np.array([5, 6, 1])
 
-# Below this squared angle the series are more accurate than the closed forms, which cancel.
+# Squared angle below which the series are more accurate than the closed forms, which cancel.
 _SMALL_ANGLE_SQUARED = 0.09
 # Sola's Jacobian (t - sin t) / t^3 = sum (-1)^k t^2k / (2k + 3)!
 _RIGHT_SERIES = (1 / 6, -1 / 120, 1 / 5040, -1 / 362880, 1 / 39916800, -1 / 6227020800)
@@ -45,12 +45,12 @@ _INVERSE_SERIES = (
     1 / 47900160,
     691 / 1307674368000,
 )
-# Cosine of pitch below which yaw and roll turn about one axis and only their sum means something.
+# Cosine of pitch below which yaw and roll turn about one axis and only their sum is defined.
 _LOCKED_COSINE = 1e-9
 
 
 def hat(v: Floats) -> Floats:
-    """Cross-product matrices: ``hat(v) @ w == cross(v, w)``; (..., 3) to (..., 3, 3)."""
+    """Compute cross-product matrices: ``hat(v) @ w == cross(v, w)``; (..., 3) to (..., 3, 3)."""
     v = np.asarray(v, np.float64)
     matrix = np.zeros((*v.shape, 3))
     matrix[..., 2, 1] = v[..., 0]
@@ -63,30 +63,30 @@ def hat(v: Floats) -> Floats:
 
 
 def exp_so3(v: Floats) -> Floats:
-    """Rotation matrices of rotation vectors [rad] (Rodrigues); (..., 3) to (..., 3, 3)."""
+    """Compute rotation matrices of rotation vectors [rad] (Rodrigues); (..., 3) to (..., 3, 3)."""
     v = np.asarray(v, np.float64)
     half = 0.5 * lengths_of(v)
-    # sin(t / 2) / (t / 2): neither sin t / t nor (1 - cos t) / t^2 loses digits near zero by it.
+    # With sin(t / 2) / (t / 2) neither sin t / t nor (1 - cos t) / t^2 loses digits near zero.
     ratio = _sinc(half)
     return _combine(v, ratio * np.cos(half), 0.5 * ratio * ratio)
 
 
 def log_so3(rotation: Floats) -> Floats:
-    """Rotation vectors [rad] of rotation matrices, angle at most pi; (..., 3, 3) to (..., 3).
+    """Compute rotation vectors [rad] of matrices, angle at most pi; (..., 3, 3) to (..., 3).
 
-    By way of the quaternion, which is accurate near zero and near pi alike.
+    The computation goes through the quaternion, which is accurate near zero and near pi alike.
     """
     q = xyzw_from_matrix(rotation)
     vector, w = q[..., :3], q[..., 3]
     size = lengths_of(vector)
     tiny = size < 1e-12
-    # angle / sin(angle / 2); its limit at zero is 2, and w is 1 to the last digit there
+    # angle / sin(angle / 2); its limit at zero is 2, where w is 1 to the last digit
     factor = np.where(tiny, 2.0, 2 * np.arctan2(size, w) / np.where(tiny, 1.0, size))
     return np.asarray(factor[..., None] * vector)
 
 
 def right_jacobian(v: Floats) -> Floats:
-    """Right Jacobians of SO(3): ``exp(v + d) = exp(v) exp(J d)`` to first order.
+    """Compute right Jacobians of SO(3): ``exp(v + d) = exp(v) exp(J d)`` to first order.
 
     Parameters
     ----------
@@ -105,9 +105,9 @@ def right_jacobian(v: Floats) -> Floats:
 
 
 def exp_with_right_jacobian(v: Floats) -> tuple[Floats, Floats]:
-    """`exp_so3` and `right_jacobian` of the same vectors, which have most of their work in common.
+    """Compute `exp_so3` and `right_jacobian` of the same vectors with shared steps.
 
-    (..., 3) to (..., 3, 3) each, equal to theirs to the last digit.
+    (..., 3) to (..., 3, 3) each, equal to the separate results to the last digit.
     """
     v = np.asarray(v, np.float64)
     squared = np.add.reduce(v * v, axis=-1)
@@ -122,7 +122,7 @@ def exp_with_right_jacobian(v: Floats) -> tuple[Floats, Floats]:
 
 
 def right_jacobian_inverse(v: Floats) -> Floats:
-    """Inverses of the right Jacobians: ``log(exp(v) exp(d)) = v + J^-1 d`` to first order.
+    """Compute inverse right Jacobians: ``log(exp(v) exp(d)) = v + J^-1 d`` to first order.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def right_jacobian_inverse(v: Floats) -> Floats:
 
 
 def matrix_from_xyzw(xyzw: Floats) -> Floats:
-    """Rotation matrices of quaternions (x, y, z, w) of any length; NaN for the zero quaternion.
+    """Convert quaternions (x, y, z, w) of any length to matrices; NaN for the zero quaternion.
 
     (..., 4) to (..., 3, 3).
     """
@@ -155,7 +155,7 @@ def matrix_from_xyzw(xyzw: Floats) -> Floats:
 def xyzw_from_matrix(rotation: Floats) -> Floats:
     """Convert rotation matrices (..., 3, 3) to unit quaternions (x, y, z, w), w >= 0; (..., 4)."""
     r = np.asarray(rotation, np.float64)
-    # 4 q q^T is linear in R (Shepperd 1978); its longest row has no cancellation.
+    # 4 q q^T is linear in R (Shepperd 1978); its row with the largest diagonal has no cancellation.
     outer = np.empty((*r.shape[:-2], 4, 4))
     trace = r[..., 0, 0] + r[..., 1, 1] + r[..., 2, 2]
     outer[..., :3, :3] = r + np.swapaxes(r, -1, -2)
@@ -174,9 +174,9 @@ def xyzw_from_matrix(rotation: Floats) -> Floats:
 
 
 def matrix_from_ypr(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> Floats:
-    """Rotation matrices Rz(yaw) Ry(pitch) Rx(roll) of angles [rad].
+    """Compute rotation matrices Rz(yaw) Ry(pitch) Rx(roll) of angles [rad].
 
-    As ArduPilot and PX4 define attitude: intrinsic Z-Y-X, ``ned_from_body``.
+    This is the attitude of ArduPilot and PX4: intrinsic Z-Y-X, ``ned_from_body``.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def matrix_from_ypr(yaw: ArrayLike, pitch: ArrayLike, roll: ArrayLike) -> Floats
 
 
 def ypr_from_matrix(rotation: Floats) -> tuple[Floats, Floats, Floats]:
-    """Yaw, pitch, roll [rad] of rotation matrices ``Rz(yaw) Ry(pitch) Rx(roll)``.
+    """Compute yaw, pitch, roll [rad] of rotation matrices ``Rz(yaw) Ry(pitch) Rx(roll)``.
 
     Parameters
     ----------
@@ -209,8 +209,8 @@ def ypr_from_matrix(rotation: Floats) -> tuple[Floats, Floats, Floats]:
     Returns
     -------
     yaw, pitch, roll : (...)
-        Pitch within +-pi/2. Looking straight up or down (pitch +-pi/2) yaw and roll turn about
-        the same axis: roll is zero there, and yaw has it all.
+        Pitch within +-pi/2. Looking straight up or down (pitch +-pi/2) yaw and roll turn about the
+        same axis: roll is zero there, and yaw takes the whole turn.
     """
     r = np.asarray(rotation, np.float64)
     cosine = np.hypot(r[..., 0, 0], r[..., 1, 0])
@@ -221,7 +221,7 @@ def ypr_from_matrix(rotation: Floats) -> tuple[Floats, Floats, Floats]:
         np.arctan2(-r[..., 0, 1], r[..., 1, 1]),
         np.arctan2(r[..., 1, 0], r[..., 0, 0]),
     )
-    # Roll is what is left after taking that yaw away, so the three always belong together.
+    # Roll is the rotation that remains after removing this yaw, so the three are consistent.
     sin_yaw, cos_yaw = np.sin(yaw), np.cos(yaw)
     roll = np.arctan2(
         sin_yaw * r[..., 0, 2] - cos_yaw * r[..., 1, 2],
@@ -231,10 +231,10 @@ def ypr_from_matrix(rotation: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def nearest_rotation(matrix: Floats) -> Floats:
-    """Rotations with the largest trace of ``R^T M``: the nearest to matrices (..., 3, 3) M.
+    """Compute the rotations nearest to matrices M (..., 3, 3): largest trace of ``R^T M``.
 
-    Also what turns vectors b onto a best, with M = sum of a b^T (Kabsch 1976, "A solution for the
-    best rotation to relate two sets of vectors"; Umeyama 1991 for the sign).
+    With M = sum of a b^T it is also the rotation that best turns the vectors b onto a (Kabsch 1976,
+    "A solution for the best rotation to relate two sets of vectors"; Umeyama 1991 for the sign).
     """
     left, _, right = np.linalg.svd(matrix)
     left[..., 2] *= np.linalg.det(left @ right)[..., None]
@@ -242,25 +242,25 @@ def nearest_rotation(matrix: Floats) -> Floats:
 
 
 def _combine(v: Floats, first: Floats, second: Floats) -> Floats:
-    """``I + first hat(v) + second hat(v)^2``."""
+    """Compute ``I + first hat(v) + second hat(v)^2``."""
     cross = hat(v)
     return _sum(cross, cross @ cross, first, second)
 
 
 def _sum(cross: Floats, square: Floats, first: Floats, second: Floats) -> Floats:
-    """``I + first cross + second square``."""
+    """Compute ``I + first cross + second square``."""
     return np.asarray(_IDENTITY + first[..., None, None] * cross + second[..., None, None] * square)
 
 
 def _sinc(angle: Floats) -> Floats:
-    """sin(t) / t, 1 at zero."""
+    """Compute sin(t) / t, 1 at zero."""
     return np.divide(np.sin(angle), angle, out=np.ones_like(angle), where=angle != 0)
 
 
 def _near_or_far(
     squared: Floats, series: tuple[float, ...], closed: Callable[[Floats], Floats]
 ) -> Floats:
-    """A function of the squared angle: by its series for small ones, else by its closed form."""
+    """Evaluate a function of the squared angle: series for small angles, else closed form."""
     small = squared < _SMALL_ANGLE_SQUARED
     near = _horner(series, squared)
     if small.all():

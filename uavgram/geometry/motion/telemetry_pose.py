@@ -1,4 +1,4 @@
-"""Where the telemetry puts a camera, as a function of what the whole flight has in common.
+"""Camera pose predicted from telemetry, as a function of unknowns shared by the whole flight.
 
 With the vehicle at p (world), its attitude Rb (world from body), the mount's attitude Rm (world
 from gimbal, or Rb again for a camera fixed to the body) and the nominal C (mount from camera)::
@@ -8,11 +8,11 @@ from gimbal, or Rb again for a camera fixed to the body) and the nominal C (moun
 
     Rz = rotation by +heading_bias about up,   t = s - clock correction - clock drift (s - middle)
 
-with s the stated instant and the middle one of the survey's exposures, where a drift leaves the
-clock correction alone.
+with s the stated instant and the middle instant of the survey's exposures, at which a drift does
+not change the clock correction.
 
-Biases are log minus truth. Headings run clockwise, rotations about up counterclockwise: taking a
-heading bias away turns the vehicle by plus that angle about up.
+Biases are log minus truth. Headings run clockwise, rotations about up counterclockwise: removing a
+heading bias turns the vehicle by plus this angle about up.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ SHARED_SIZE = 12
 
 
 class Exposures(NamedTuple):
-    """N interpolated instants of a flight.
+    """Flight interpolated at N instants.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ class Exposures(NamedTuple):
     body_rate
         (N, 3) angular velocity in body axes [rad/s].
     world_from_mount
-        (N, 3, 3) rotations of what the camera is fixed to.
+        (N, 3, 3) rotations of the gimbal or body that the camera is fixed to.
     mount_rate
         (N, 3) its angular velocity in its own axes [rad/s].
     """
@@ -66,15 +66,15 @@ class Exposures(NamedTuple):
 
 
 class FlightPath:
-    """A flight between the samples of its log.
+    """Flight between the samples of its log.
 
     Parameters
     ----------
     position_track
         (times [s], (n, 3) positions in the world [m]).
     attitude_track, gimbal_track
-        (times [s], (n, 4) unit quaternions xyzw to the world); an empty gimbal track stands for a
-        camera fixed to the body.
+        (times [s], (n, 4) unit quaternions xyzw to the world); an empty gimbal track means a camera
+        fixed to the body.
 
     Raises
     ------
@@ -98,7 +98,7 @@ class FlightPath:
         Raises
         ------
         ValueError
-            An instant lies outside a track.
+            An instant is outside a track.
         """
         flat = at_s.ravel()
         position, velocity = self._position.at(flat)
@@ -109,10 +109,10 @@ class FlightPath:
 
 
 def exposures_by_time(flight: Flight, frame_id: Sequence[str]) -> Callable[[Floats], Exposures]:
-    """Exposures of N frames as a function of their instants (N,) on the flight's clock.
+    """Return the exposures of N frames as a function of instants (N,) on the flight's clock.
 
-    They are interpolated in a track, or those that came with the photos, which stand still: no
-    time moves them. The function raises ValueError where an instant lies outside the track.
+    They are interpolated in a track. Exposures that came with the photos are constant: the instants
+    do not change them. The function raises ValueError where an instant is outside the track.
     """
     if not isinstance(flight, PhotoExposures):
         path = FlightPath(
@@ -136,7 +136,9 @@ def exposures_by_time(flight: Flight, frame_id: Sequence[str]) -> Callable[[Floa
 
 
 def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
-    """(..., N) instants on the flight's clock [s] of stated ones, after clock correction and drift.
+    """Apply clock correction and drift to stated instants.
+
+    The result is (..., N) on the flight's clock [s].
 
     Parameters
     ----------
@@ -145,7 +147,7 @@ def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
     time_s
         (N,) stated instants.
     middle_s
-        Of the survey's exposures, where a drift leaves the correction alone.
+        Middle of the survey's exposures, at which a drift does not change the correction.
     """
     since_middle = time_s - middle_s
     return np.asarray(time_s - shared[..., CLOCK] - shared[..., CLOCK_DRIFT] * since_middle)
@@ -154,7 +156,7 @@ def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
 def predict_pose(
     exposures: Exposures, mount_from_camera: Floats, shared: Floats, since_middle_s: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Camera poses from the telemetry, with their derivatives by the shared unknowns.
+    """Predict camera poses from the telemetry, with derivatives by the shared unknowns.
 
     Parameters
     ----------
@@ -165,7 +167,7 @@ def predict_pose(
     shared
         (..., 12) boresight [rad], lever arm [m], position bias [m], heading bias [rad], clock
         correction [s], clock drift [s/s]; see the slices of this module. The clock acts through
-        `exposures` and is not read here.
+        `exposures` and is not used here.
     since_middle_s
         (N,) stated instants less the middle of the survey's exposures.
 
@@ -174,9 +176,9 @@ def predict_pose(
     center_world : (..., N, 3)
     world_from_camera : (..., N, 3, 3)
     jacobian : (..., N, 6, 12)
-        Of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
+        Derivative of (δcentre in world, δθ in camera with R exp(δθ)) by the shared unknowns.
     """
-    # Of heading and boresight at once.
+    # Rotations of heading and boresight in one call.
     vectors = np.stack([shared[..., HEADING_BIAS] * UP, shared[..., BORESIGHT]], axis=-2)
     turns, by_vector = exp_with_right_jacobian(vectors)
     turn = turns[..., :1, :, :]
@@ -191,7 +193,7 @@ def predict_pose(
     jacobian[..., :3, LEVER_ARM] = arm
     jacobian[..., :3, POSITION_BIAS] = -np.eye(3)
     jacobian[..., 0, 9], jacobian[..., 1, 9] = -offset[..., 1], offset[..., 0]  # up x offset
-    # d/dclock of exp(...) at t - clock: the vehicle was further back on its way and in its turn.
+    # Clock: at t - clock the vehicle was further back on its path and in its rotation.
     spin = (hat(exposures.body_rate) @ lever)[..., 0]
     jacobian[..., :3, 10] = -exposures.velocity - np.einsum("...ij,...j->...i", arm, spin)
     jacobian[..., 3:, BORESIGHT] = by_vector[..., 1:, :, :]

@@ -1,1 +1,1 @@
-"""A point of one photo found in another: pure pixels, by least-squares matching of patches."""
+"""Matching of a point of one photo in another, by least squares on image patches."""

@@ -1,10 +1,10 @@
-"""Least-squares matching: the affine map that makes one patch look like another.
+"""Least-squares matching: the affine map between two patches.
 
 Gruen 1985, "Adaptive least squares correlation", with brightness and contrast free; solved by the
-inverse compositional algorithm (Baker and Matthews 2004, "Lucas-Kanade 20 years on"): gradients
-are those of the fixed patch, so the normal equations are made once. How sure the place is:
-`sureness.py`. The poses say how patches are
-turned and stretched to some per cent, which matters where the picture says little.
+inverse compositional algorithm (Baker and Matthews 2004, "Lucas-Kanade 20 years on"): gradients are
+those of the fixed patch, so the normal equations are formed once. The covariance of the place is in
+`sureness.py`. The poses predict rotation and stretch of the patches to some per cent; this prior
+matters where the picture has little texture.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from uavgram.imaging.patches import Grey, grid, sample, slopes
 from uavgram.model.arrays import Bools, Floats, Ints
 
 CHANGE_SIGMA = 0.05
-"""Of each element of the affine map: what errors of poses and slopes of the ground leave."""
+"""Prior sigma of each element of the affine map, from errors of poses and ground slopes."""
 
 OF_MAP = np.diag([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
-"""Those of the six parameters that are known beforehand."""
+"""Selects the parameters with a prior: four of the six, the elements of the affine map."""
 
 _ROUNDING = 0.4  # standard deviation of the difference of two rounded grey values
 _CONVERGED = 2e-3  # steps
@@ -30,7 +30,7 @@ _MOST_ROWS = 30000  # of an image that OpenCV can resample
 
 
 class System(NamedTuple):
-    """The fixed patches: grid, weights, normalised values and how the map changes them."""
+    """Fixed patches: grid, weights, normalised values and their derivatives by the map."""
 
     grid: Floats  # (k, 2)
     weight: Floats  # (k,)
@@ -40,7 +40,7 @@ class System(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """Of m patches.
+    """Matches of m patches.
 
     Attributes
     ----------
@@ -53,9 +53,9 @@ class Fitted(NamedTuple):
     gain
         (m,) contrast of the moving patch over that of the fixed one.
     fixed
-        The fixed patches.
+        Fixed patches.
     value
-        (m, k) those of the moving patches where they match, normalised as the fixed ones'.
+        (m, k) values of the moving patches at the match, normalised like the fixed ones.
     """
 
     place: Floats
@@ -71,7 +71,7 @@ class Fitted(NamedTuple):
         return self.fixed.contrast
 
     def some(self, chosen: Bools) -> Fitted:
-        """Those of the patches (m,) that are chosen."""
+        """Select patches by a mask (m,)."""
         fixed = self.fixed._replace(
             value=self.fixed.value[chosen],
             contrast=self.fixed.contrast[chosen],
@@ -103,21 +103,22 @@ def fitted(
     fixed, moving
         (m, s, s) windows.
     start
-        (m, 2) first places.
+        (m, 2) start values of the places.
     linear
-        (m, 2, 2) first maps.
+        (m, 2, 2) start values of the maps.
     half
-        Of the patch's side.
+        Half the patch's side.
     steps
-        At most so many.
+        Largest number of iterations.
     bell
-        Middle (2,) of the weights in the patch, and how far from it they have fallen to 0.14; left
-        out, the patch's own middle and half.
+        Middle (2,) of the weights in the patch, and the distance from it at which they have fallen
+        to 0.14; by default the patch's own middle and half side.
     """
     system = _system(fixed, half, *(bell or (np.zeros(2), float(half))))
     everyone = np.arange(len(start))
     place, linear = start.copy(), linear.copy()
     value, _ = _sampled(moving, everyone, place, linear, system)
+    # Normal equations of the fixed patch, formed once; pull is the weight of the prior on the map.
     inverse, pull = _inverse(system, remaining(system, value, 2))
     gain = inverse @ (system.by * system.weight)
     active = everyone
@@ -127,7 +128,8 @@ def fitted(
         changed = (linear[active] - np.eye(2)).reshape(-1, 4)
         delta = (gain[active] @ (value - system.value[active])[..., None])[..., 0]
         delta += pull[active, None] * (inverse[active][..., 2:] @ changed[..., None])[..., 0]
-        # The patch is moved by the inverse of what would move the fixed one.
+        # Inverse composition: the update of the fixed patch is inverted and applied to the moving
+        # one.
         back = np.linalg.inv(np.eye(2) + delta[:, 2:].reshape(-1, 2, 2))
         linear[active] = linear[active] @ back
         move = (linear[active] @ delta[:, :2, None])[..., 0]
@@ -149,27 +151,28 @@ def fitted(
 
 
 def remaining(system: System, value: Floats, unknowns: int) -> Floats:
-    """(m,) variance of what remains between the fixed patches' values and others (m, k).
+    """Compute the variance (m,) of the residuals between the fixed patches and others (m, k).
 
-    At least that of rounding to whole grey values.
+    It is at least that of rounding to whole grey values.
 
     Parameters
     ----------
     system
-        The fixed patches.
+        Fixed patches.
     value
-        The others' values, normalised alike.
+        Values of the other patches, normalised alike.
     unknowns
-        That were fitted to both.
+        Number of parameters fitted to both.
     """
     weight = system.weight
+    # Effective number of pixels of the weighted sum.
     number = weight.sum() ** 2 / (weight**2).sum()
     rest = (value - system.value) ** 2 @ weight / weight.sum() * number / (number - unknowns)
     return np.asarray(np.maximum(rest, (_ROUNDING / system.contrast) ** 2))
 
 
 def _inverse(system: System, noise: Floats) -> tuple[Floats, Floats]:
-    """Inverse normal equations (m, 6, 6) with what is known of the map, and its weight (m,)."""
+    """Compute inverse normal equations (m, 6, 6) with the prior of the map, and its weight (m,)."""
     normal = (system.by * system.weight) @ np.swapaxes(system.by, 1, 2)
     normal += (1e-9 * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
     pull = noise / CHANGE_SIGMA**2
@@ -187,7 +190,7 @@ def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> System:
     value, contrast = _normalised(patch[:, 1:-1, 1:-1].reshape(len(fixed), -1), weight)
     slope /= contrast[:, None, None]
     by = np.concatenate([slope, *(slope[:, [i]] * steps.T for i in range(2))], axis=1)
-    # What brightness and contrast explain says nothing of the place.
+    # Eliminate brightness and contrast: project their effects out of the derivatives.
     by -= (by @ weight / weight.sum())[..., None]
     by -= (by @ (weight * value)[..., None] / weight.sum()) * value[:, None]
     return System(steps, weight, value, contrast, by)
@@ -196,7 +199,7 @@ def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> System:
 def _sampled(
     moving: Grey, index: Ints, place: Floats, linear: Floats, system: System
 ) -> tuple[Floats, Floats]:
-    """Normalised values of moving windows at mapped grids, and their contrasts."""
+    """Resample moving windows at mapped grids; return normalised values and contrasts."""
     side = moving.shape[1]
     at = system.grid @ np.swapaxes(linear[index], 1, 2) + place[index][:, None] + side // 2
     at = np.clip(at, 0.0, side - 1.0)
@@ -211,7 +214,7 @@ def _sampled(
 
 
 def _normalised(value: Floats, weight: Floats) -> tuple[Floats, Floats]:
-    """Values (m, k) with weighted mean 0 and variance 1, and their deviations (m,)."""
+    """Normalise values (m, k) to weighted mean 0 and variance 1; return also (m,) deviations."""
     total = weight.sum()
     centred: Floats = value - (value @ weight / total)[:, None]
     deviation: Floats = np.sqrt(centred**2 @ weight / total) + 1e-6

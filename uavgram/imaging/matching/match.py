@@ -1,4 +1,4 @@
-"""Each sought point found in the target photo to hundredths of a pixel, or refused."""
+"""Matching of points in a target photo to hundredths of a pixel, refusing doubtful matches."""
 
 from __future__ import annotations
 
@@ -18,14 +18,16 @@ from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 
 REGION = float(chdtri(2, 0.001))
-"""Squared distance, in sigmas, of the edge of what is searched: 99.9 % of predictions."""
+"""Squared distance [sigma] of the edge of the search region, which holds 99.9 % of predictions."""
 
-_LARGE = 40.0  # steps: regions that reach farther are searched at every other step first
-_MOST_OUTSIDE = 0.15  # of the probability: more, and something alike within could be taken for it
-_ALIKE = 0.005  # in correlation: no difference
-_BETWEEN = 1.5  # steps: a place between steps is about so far from the best of them
-_ABOUT = 4.0  # steps about a place found so
-_MARGIN = 8  # steps about a patch in its window, for the patch to move and for interpolation
+_LARGE = 40.0  # steps: larger regions are searched at every other step first
+_MOST_OUTSIDE = (
+    0.15  # of the probability: with more, a similar place within could be taken for the point
+)
+_ALIKE = 0.005  # in correlation: an insignificant difference
+_BETWEEN = 1.5  # steps: a true place between steps is about this far from the best step
+_ABOUT = 4.0  # steps: half the region of the second search
+_MARGIN = 8  # steps about a patch in its window, for its motion and for interpolation
 
 
 _DEFAULT = MatchOptions()
@@ -34,16 +36,16 @@ _DEFAULT = MatchOptions()
 def matched(
     source: Image, target: Image, sought: Sought, options: MatchOptions = _DEFAULT
 ) -> Matched:
-    """Where sought points lie in the target.
+    """Find points of a source photo in a target photo.
 
     Parameters
     ----------
     source, target
         (height, width) grey photos, uint8.
     sought
-        Of n points.
+        n points.
     options
-        What is asked of a match.
+        Requirements on a match.
     """
     n = len(sought)
     found = Matched(
@@ -59,7 +61,7 @@ def matched(
             break
         part = replace(sought, **rows_of(sought, index))
         again = _Search(source, target, part, options, patch).result()
-        # The first patch's reason stands where no other finds the point.
+        # Keep the first patch's reason where no other patch finds the point.
         use = (again.refused == Refused.NONE) | (number == 0)
         found = _with_rows(found, index[use], replace(again, **rows_of(again, np.flatnonzero(use))))
     return found
@@ -75,7 +77,7 @@ def _with_rows(found: Matched, index: Ints, rows: Matched) -> Matched:
 
 
 class _Search:
-    """One call: what is left of the points after each check."""
+    """Matching of points with one patch size; points are rejected by one check after the other."""
 
     def __init__(
         self,
@@ -94,7 +96,7 @@ class _Search:
         self._score: Floats = np.zeros(n)
 
     def result(self) -> Matched:
-        """What was found."""
+        """Search and refine the points; return the matches."""
         n = len(self._sought)
         pixel, covariance = np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
         at = self._searched()
@@ -116,12 +118,12 @@ class _Search:
         return np.flatnonzero(self._refused == Refused.NONE)
 
     def _refuse(self, index: Ints, bad: Bools, why: Refused) -> None:
-        """Refuse those of some points that are bad and not refused yet."""
+        """Refuse those of the indexed points that are bad and not refused yet."""
         bad = bad & (self._refused[index] == Refused.NONE)
         self._refused[index[bad]] = why
 
     def _searched(self) -> Floats:
-        """(n, 2) pixels in the target that look most like the points, to some tenths."""
+        """Find the pixels (n, 2) in the target that look most like the points, to some tenths."""
         n, options = len(self._sought), self._options
         half = self._patch.search_half
         inside = within(self._source, self._sought.source_px, self._frames.source, half)
@@ -136,7 +138,7 @@ class _Search:
         return at
 
     def _search_one(self, i: int, covariance: Floats, far: float) -> Floats:
-        """Look in a large region at every other step first, then about what was found."""
+        """Search one point; in a large region at every other step first."""
         at: Floats = self._sought.target_px[i]
         if far > _LARGE:
             at = self._best(i, at, covariance, 2.0, alone=True)
@@ -148,18 +150,18 @@ class _Search:
     def _best(
         self, i: int, center: Floats, covariance: Floats, coarse: float, *, alone: bool
     ) -> Floats:
-        """Pixel in the target of the best place about a centre, to some tenths.
+        """Find the pixel in the target with the best correlation about a centre, to some tenths.
 
         Parameters
         ----------
         i
-            Of the point.
+            Index of the point.
         center, covariance
-            (2,), (2, 2) of where it may be.
+            (2,), (2, 2) of its predicted place.
         coarse
-            How many steps are one.
+            Sampling interval in steps.
         alone
-            Whether it must be the only one, and searched for in the middle of the region.
+            Whether the place must be unique, and most of its region inside the photo.
         """
         options, half = self._options, self._patch.search_half
         near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse
@@ -169,6 +171,7 @@ class _Search:
             return center
         into = np.linalg.inv(frame)
         spread = into @ covariance @ into.T
+        # Allowed places: inside the photo and inside the 99.9 % region.
         distance = _squared_distance(spread)
         reach = len(distance) // 2
         inside = self._in_photo(self._target, center, frame, reach)
@@ -194,28 +197,29 @@ class _Search:
     def _is_like_others(
         self, i: int, coarse: float, patch: Grey, found: tuple[Floats, Floats, Peak]
     ) -> bool:
-        """Whether another place is about as like, in the target or in the source.
+        """Return whether another place is about as similar, in the target or in the source.
 
-        The target may hide the true one of two places, the source shows both: if the true one is q
-        and p was found, what lies there is p - q from the point. That is the region about p.
-        Places that may be the same thing are compared where they match best: beside it by half a
-        step, sharp edges are less alike than those of the neighbour that happens to lie on a step.
+        The target may hide the true one of two places; the source shows both. If the true place is
+        q and p was found, the object at p is p - q from the point in the source. That is the region
+        about p. Places that may be the same object are compared where they match best: half a step
+        away from it, sharp edges correlate less than those of a neighbour that happens to fall on a
+        step.
 
         Parameters
         ----------
         i
-            Of the point.
+            Index of the point.
         coarse
-            How many steps are one.
+            Sampling interval in steps.
         patch
-            What is looked for.
+            Patch about the point.
         found
-            The region's middle (2,), squared distances in sigmas by steps, and what is best there.
+            Middle (2,) of the region, squared distances in sigmas by steps, and the best place.
         """
         center, distance, peak = found
         options, half = self._options, self._patch.search_half
         near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse
-        # The point is on the grid.
+        # Round to whole steps, so that the point itself is on the grid.
         behind = self._sought.source_px[i] + near @ np.round(peak.place)
         reach = len(distance) // 2
         allowed = self._in_photo(self._source, behind, near, reach) & (distance <= REGION)
@@ -226,6 +230,7 @@ class _Search:
         alike = _as_like(peak.likeness, second, most)
         if alike or second < options.search_likeness:
             return alike
+        # Compare the candidates after least-squares matching, to the subpixel.
         wide = half + _MARGIN
         place = center + frame @ peak.place, center + frame @ peak.next_place
         moving = [window(self._target, pixel, frame, wide) for pixel in place]
@@ -233,12 +238,12 @@ class _Search:
         fixed = np.stack(3 * [window(self._source, self._sought.source_px[i], near, wide)])
         square = np.tile(np.eye(2), (3, 1, 1))
         there = fitted(fixed, np.stack(moving), np.zeros((3, 2)), square, half, 12)
-        stayed = np.hypot(*there.place.T) < _BETWEEN  # else it is the slope of another place
+        stayed = np.hypot(*there.place.T) < _BETWEEN  # otherwise it is the slope of another peak
         like = np.where(stayed, there.likeness, -1.0)
         return _as_like(max(like[0], peak.likeness), max(*like[1:], second), most)
 
     def _in_photo(self, photo: Image, center: Floats, frame: Floats, reach: int) -> Bools:
-        """(2 reach + 1, 2 reach + 1) whether a patch there is within a photo."""
+        """Mark the steps (2 reach + 1, 2 reach + 1) at which a patch is within a photo."""
         step = np.arange(-reach, reach + 1.0, dtype=np.float32)
         far = np.abs(frame).sum(axis=1) * self._patch.search_half + 1.0
         inside: Bools = np.ones((len(step), len(step)), bool)
@@ -261,13 +266,14 @@ class _Search:
         return first, second
 
     def _refined(self, index: Ints, at: Floats) -> tuple[Floats, Floats]:
-        """Pixels (m, 2) and covariances of the points that are left."""
+        """Refine the remaining points by least squares: pixels (m, 2) and covariances."""
         options, patch = self._options, self._patch
         near, far = self._windows(index, at)
         square = np.broadcast_to(np.eye(2), (len(index), 2, 2))
         there = fitted(near, far, np.zeros((len(index), 2)), square, patch.half, 12)
         self._score[index] = there.likeness
         self._judge_fit(index, there)
+        # Match back from the target, and with patches of other sizes.
         back_map = np.linalg.inv(there.linear)
         back_start = -(back_map @ there.place[..., None])[..., 0]
         back = fitted(far, near, np.zeros_like(back_start), square, patch.half, 12)
@@ -275,6 +281,7 @@ class _Search:
             fitted(near, far, there.place, there.linear, half, 5) for half in patch.other_halves
         ]
         self._judge_back(index, there, back, others)
+        # Test the surroundings along the line of sight, then the covariance.
         into = self._frames.target[index]
         rise = np.where(self._refused[index, None] == Refused.NONE, self._sought.rise[index], 0.0)
         along = np.linalg.solve(into, rise[..., None])[..., 0].astype(np.float64)
@@ -305,14 +312,14 @@ class _Search:
 
 
 def _as_like(best: float, other: float, most: float) -> bool:
-    """Whether another place may be the right one as well as the best is."""
+    """Return whether another place is about as likely as the best one."""
     return 1 - best + _ALIKE > most * (1 - other)
 
 
 def _squared_distance(covariance: Floats) -> Floats:
-    """(2 r + 1, 2 r + 1) squared distances in sigmas of places by steps, up to the region's edge.
+    """Compute squared distances [sigma] of places by steps, (2 r + 1, 2 r + 1).
 
-    A sure prediction still has a step about it.
+    They reach to the region's edge, which is at least one step away, also for a sure prediction.
     """
     spread = covariance + np.eye(2) / REGION
     reach = int(np.ceil(np.sqrt(REGION * np.diagonal(spread).max()))) + 1

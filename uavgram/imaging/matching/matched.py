@@ -1,4 +1,4 @@
-"""What is sought in another photo, what was found there, and why not where it was not."""
+"""Points to be matched in another photo, their matches, and reasons for refusal."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays, Ints
 
 
 class Refused(IntEnum):
-    """Why a point was not found; NONE where it was."""
+    """Reason why a point was not found; NONE where it was."""
 
     NONE = 0
     OUTSIDE = 1
-    """The patch, or all of the region it may lie in, is not within both photos."""
+    """The patch, or the whole search region, is not within both photos."""
     WEAK = 2
-    """The picture around the point is too even to tell a place."""
+    """The picture around the point has too little texture."""
     NOT_LIKE = 3
-    """Nothing in the region looks like it: hidden, moved, or in another light."""
+    """Nothing in the region resembles it: hidden, moved, or in another light."""
     NOT_UNIQUE = 4
-    """Two places or more look like it: a repeated marking, or an edge along itself."""
+    """Two or more places resemble it: a repeated marking, or an edge along itself."""
     NOT_BACK = 5
-    """From what was found one does not come back to the point."""
+    """Matching back from the target does not return to the point."""
     UNSTABLE = 6
     """Patches of different sizes find different places: not one flat piece of ground."""
     DISTORTED = 7
-    """The patch fits only after it was turned or stretched more than the poses allow."""
+    """The patch fits only with more rotation or stretch than the poses allow."""
     TOO_FAR = 8
-    """The region that it may lie in is too large to be searched: better poses first."""
+    """The search region is too large: better poses are needed first."""
     OFF_GROUND = 9
-    """What is on one side of it is there, or may be, at another height than the rest."""
+    """One side of it is, or may be, at another height than the rest."""
 
 
 REASON: dict[Refused, str] = {
@@ -45,12 +45,12 @@ REASON: dict[Refused, str] = {
     Refused.TOO_FAR: "its place is known too poorly to search for it",
     Refused.OFF_GROUND: "it may be off the ground",
 }
-"""Each reason in words for people, to stand behind "not found: "."""
+"""Text of each reason, to follow "not found: "."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sought(FrozenArrays):
-    """n points of one photo (the source) that are sought in another (the target).
+    """n points of one photo (the source) to be found in another (the target).
 
     Attributes
     ----------
@@ -59,12 +59,11 @@ class Sought(FrozenArrays):
     target_px
         (n, 2) predicted pixels in the target.
     covariance_px2
-        (n, 2, 2) of the predictions, (u, v); what is searched is its 99.9 % region.
+        (n, 2, 2) of the predictions, (u, v); their 99.9 % region is searched.
     affine
         (n, 2, 2) d target pixel / d source pixel, through poses and ground.
     rise
-        (n, 2) d target pixel / d height [px/m] of what the source's pixel shows; 0: its height is
-        known.
+        (n, 2) d target pixel / d height [px/m] of the point; 0 where its height is known.
     """
 
     source_px: Annotated[Floats, "n", 2]
@@ -79,20 +78,20 @@ class Sought(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Matched(FrozenArrays):
-    """Where n points lie in the target.
+    """Matches of n points in the target.
 
     Attributes
     ----------
     pixel_px
         (n, 2) pixels (u, v) in the target; NaN where refused.
     covariance_px2
-        (n, 2, 2) of the matching alone, (u, v): not of what was clicked in the source; NaN where
-        refused.
+        (n, 2, 2) of the matching alone, (u, v), without the error of the pick in the source; NaN
+        where refused.
     sigma_px
         (n,) root of the mean variance of u and v; NaN where refused.
     score
-        (n,) likeness of the patches after matching, a correlation of 0 to 1; where refused the
-        best that was seen, 0 where nothing was compared.
+        (n,) correlation of the patches after matching, 0 to 1; where refused the best one found, 0
+        where nothing was compared.
     refused
         (n,) a `Refused`, as a number.
     """

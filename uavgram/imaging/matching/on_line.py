@@ -1,9 +1,10 @@
-"""A corner that stands off the ground, found along its line of sight in several photos at once.
+"""Matching of a corner off the ground along its line of sight, in several photos at once.
 
-What is seen beside such a corner is another thing in each photo, so a patch about it is nowhere
-alike. But its edges are, and its place has one unknown: how far along the line it is. So the place
-is the one where most photos share the corner (`shared_corner`). There, small windows, the corner
-within or at their edges (`beside`), are matched in each photo that shows the same in one of them.
+The background beside such a corner differs from photo to photo, so no patch about it matches. But
+its edges do match, and its place has one unknown: the distance along the line. The place is
+therefore the one where most photos share the corner (`shared_corner`). There, small windows with
+the corner inside or at their edges (`beside`) are matched in each photo that shows the same in one
+of them.
 """
 
 from __future__ import annotations
@@ -25,35 +26,37 @@ from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 
 ASIDE = 4
-"""How far the middles of windows lie from the corner in either direction [px of the source]."""
+"""Distance of the windows' centres from the corner in either direction [px of the source]."""
 
 ALIKE = 0.8
-"""Correlation from which a photo shows the same in a window."""
+"""Correlation from which a window shows the same in a photo."""
 
 NEXT_BEST = 0.95
-"""Most strength of a corner at another place, in that of the best."""
+"""Largest strength of a corner at another place, relative to the best."""
 
 ANOTHER_PX = 10.0
-"""From which distance in some photo a place is another one."""
+"""Distance in some photo from which a place counts as another one."""
 
 FITTED_HALF, FITTED_STEPS = 9, 12
 FARTHEST_PX = 1.5
-"""How far the place in one photo may be from where all together have it: errors of poses."""
+"""Largest distance in one photo from the common place: errors of poses."""
 
 POSE_SIGMA_PX, BY_CHANCE = 0.5, 0.01
-"""Standard deviation of a coordinate of such a step, and least probability of those of all photos
-together: less likely ones lead to another corner that the line of sight passes, such as that of a
-roof's edge before a wall."""
+"""Standard deviation of a coordinate of this distance, and least probability over all photos.
+
+Less likely distances mean that the line of sight passes another corner, such as that of a roof's
+edge before a wall.
+"""
 
 FITTED_SIGMA_PX = 0.5
-"""Most of the matching in one photo: what is beside an edge says little, but all photos agree."""
+"""Largest sigma of the matching in one photo: single photos are weak at an edge, but all agree."""
 
 _REACH = SUPPORT + ASIDE
 _WINDOWS = windows_beside(ASIDE)
 
 
 class OnLine(NamedTuple):
-    """Where a corner is.
+    """Matches of a corner.
 
     Attributes
     ----------
@@ -62,7 +65,7 @@ class OnLine(NamedTuple):
     pixel_px, covariance_px2
         (t, 2), (t, 2, 2) of the matching in each photo; NaN where refused.
     score
-        (t,) likeness in the window that is most alike.
+        (t,) correlation in the most similar window.
     """
 
     refused: Ints
@@ -74,7 +77,7 @@ class OnLine(NamedTuple):
 def found_on_line(
     source: Image, targets: Sequence[Image], line: Line, options: MatchOptions | None = None
 ) -> OnLine:
-    """The corner in each photo.
+    """Find the corner in each photo.
 
     Parameters
     ----------
@@ -83,9 +86,9 @@ def found_on_line(
     targets
         t others.
     line
-        Where it may be.
+        Line of sight of the corner.
     options
-        What is asked of a match.
+        Requirements on a match.
     """
     t = len(targets)
     refused = np.full(t, int(Refused.NOT_LIKE))
@@ -95,13 +98,15 @@ def found_on_line(
     if not len(own):
         refused[:] = Refused.OUTSIDE
         return OnLine(refused, pixel, covariance, score)
+    # Find the place on the line where most photos share the corner.
     place, why = best_of(corner_along(source, targets, line), line)
     if why != Refused.NONE:
         refused[:] = why
         return OnLine(refused, pixel, covariance, score)
-    near = slice(place - 1, place + 2)  # poses err
+    near = slice(place - 1, place + 2)  # neighbours, too: poses have errors
     beside = line._replace(pixel_px=line.pixel_px[near], affine=line.affine[near])
     like = _likeness(own[0], targets, beside).max(axis=0)
+    # Choose the window with the most correlation in all photos; match it in each photo.
     support = int(np.clip(like - ALIKE, 0.0, None).sum(axis=0).argmax())
     score = like[:, support].clip(0.0, 1.0)
     for i in np.flatnonzero(score > ALIKE).tolist():
@@ -112,6 +117,7 @@ def found_on_line(
             refused[i] = Refused.NONE
             pixel[i], covariance[i] = one
     some = refused == Refused.NONE
+    # Chi-square test of the distances from the common place.
     moved = pixel[some] - line.pixel_px[place, some]
     passed = upper_tail(float(np.sum(moved**2)) / POSE_SIGMA_PX**2, moved.size) < BY_CHANCE
     if np.count_nonzero(some) < PHOTOS or passed:
@@ -121,7 +127,7 @@ def found_on_line(
 
 
 def _likeness(own: Grey, targets: Sequence[Image], line: Line) -> Floats:
-    """(k, t, windows) correlation of each window at each place; -1 where it says nothing."""
+    """Correlate each window at each place, (k, t, windows); -1 where it has too little texture."""
     like = np.full((*line.pixel_px.shape[:2], len(_WINDOWS.middle)), -1.0)
     for i, photo in enumerate(targets):
         rows, there = windows(photo, line.pixel_px[:, i], line.affine[:, i], _REACH)
@@ -131,14 +137,15 @@ def _likeness(own: Grey, targets: Sequence[Image], line: Line) -> Floats:
 
 
 def best_of(strength: Floats, line: Line) -> tuple[int, Refused]:
-    """Number of the place where the corner is, or why there is none.
+    """Choose the place of the corner on the line, or give the reason why there is none.
 
     Parameters
     ----------
     strength
-        (k,) of the corner that photos share at each place of the line; from 1 on it is one.
+        (k,) strength of the corner that photos share at each place of the line; 1 or more is a
+        corner.
     line
-        The line.
+        Line of sight.
     """
     place = int(strength.argmax())
     gap = np.linalg.norm(line.pixel_px - line.pixel_px[place], axis=2)
@@ -159,24 +166,25 @@ def _fitted(
     which: tuple[int, int, int],
     options: MatchOptions,
 ) -> tuple[Floats, Floats] | None:
-    """Pixel and covariance in one photo, by least squares in the window that is most alike.
+    """Match one photo by least squares in the most similar window: pixel and covariance.
 
     Parameters
     ----------
     source, target
         Grey photos.
     line
-        Where the corner may be.
+        Line of sight of the corner.
     which
         Place, photo and window.
     options
-        What is asked of a match.
+        Requirements on a match.
     """
     place, photo, support = which
     start = line.pixel_px[place, photo]
     frames = common_frames(line.affine[place, photo][None])
     near = window(source, line.source_px, frames.source[0], FITTED_HALF + 4)
     far = window(target, start, frames.target[0], FITTED_HALF + 4)
+    # Match with the weights centred on the chosen window.
     middle = np.linalg.solve(frames.source[0], _WINDOWS.middle[support])
     found = fitted(
         near[None],
@@ -191,6 +199,7 @@ def _fitted(
     moved = into @ found.place[0]
     spread = into @ covariance_of(found, options)[0] @ into.T
     change = np.linalg.norm(found.linear[0] - np.eye(2), ord=2)
+    # Accept only near the common place, well correlated, undistorted and precise.
     right = (
         np.hypot(*moved) < FARTHEST_PX
         and found.likeness[0] > ALIKE

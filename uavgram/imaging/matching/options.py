@@ -1,4 +1,4 @@
-"""How much of the picture is compared, and what is asked of a match.
+"""Patch sizes, and requirements on a match.
 
 Tuned on rendered streets (tests/benchmarks/study_matching_kernel.py).
 """
@@ -12,20 +12,20 @@ from uavgram.imaging.matching.matched import Refused
 
 @dataclass(frozen=True, kw_only=True)
 class Patch:
-    """How much of the picture about a point is compared.
+    """Size of the patch about a point that is compared.
 
     Attributes
     ----------
     half, other_halves
-        Of the sides of the patch that is matched, and of those that must agree with it [steps].
+        Half sides of the matched patch, and of the patches that must agree with it [steps].
     search_half
-        Of the side of the patch that is searched [steps].
+        Half side of the patch in the search [steps].
     likeness
         Least correlation after matching: a small patch alone must fit better.
     step
-        Of the common window, in pixels of the coarser photo.
+        Step of the common window, in pixels of the coarser photo.
     after
-        Why a point was refused before, to be tried with this one.
+        Reasons of an earlier refusal after which this patch is tried.
     """
 
     half: int
@@ -38,7 +38,7 @@ class Patch:
 
 PATCHES = (
     Patch(half=10, other_halves=(7, 15), search_half=12, likeness=0.8),
-    # Where something hides part of the patch, or ends the photo, a smaller one may see it all.
+    # A smaller patch may be complete where part of the larger one is hidden or outside the photo.
     Patch(
         half=7,
         other_halves=(5, 9),
@@ -52,7 +52,7 @@ PATCHES = (
             Refused.DISTORTED,
         ),
     ),
-    # What drowns in noise pixel by pixel may stand out of it in twos.
+    # Averages over two pixels may show texture that is hidden in noise.
     Patch(
         half=14,
         other_halves=(10, 18),
@@ -62,41 +62,42 @@ PATCHES = (
         after=(Refused.WEAK,),
     ),
 )
-"""One after the other is tried for what was not found before."""
+"""Patches, tried in this order for points not found before."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MatchOptions:
-    """What is asked of a match.
+    """Requirements on a match.
 
     Attributes
     ----------
     patches
-        Tried one after the other.
+        Patches, tried in this order.
     search_likeness
         Least correlation after the search.
     second_peak, second_peak_far
-        Most that 1 - correlation may be of that of the next best place; in large regions, where
-        every other pixel is compared, and chance alone makes one of two alike the better.
+        Largest ratio of 1 - correlation to that of the next best place; the second in large
+        regions, where every other pixel is compared, and chance alone makes one of two equal places
+        the better.
     back, agree
-        Most distance from the point after matching back, and between sizes [steps].
+        Largest distance from the point after matching back, and between sizes [steps].
     change, shift, gain
-        Most change of the map, most way from the search's place [steps], most change of contrast
-        either way.
+        Largest change of the map, largest distance from the search's place [steps], largest factor
+        of the contrast either way.
     contrast, noisy_contrast
-        Least standard deviation of a patch [grey values] whose steps are pixels, and that below
-        which the noise may be why nothing looks like it.
+        Least standard deviation of a patch [grey values] whose steps are pixels; and that below
+        which noise may explain a missing match.
     sigma_px
-        Most standard deviation in the worse direction.
+        Largest standard deviation in the worse direction.
     noise_share
-        Of what remains between two patches, that which moves a place: the rest is light and blur.
+        Share of the residuals between two patches that moves a place: the rest is light and blur.
     bend
-        How far places depart from the affine map at one pixel from the middle, half the second
+        Departure of places from the affine map at one pixel from the middle, half the second
         derivative [1/px]: crowns, gutters and undulation of roads, and the photos' perspective.
     floor
-        What sharpening and interpolation leave at best [steps].
+        Least error left by sharpening and interpolation [steps].
     farthest
-        Most steps from the prediction that are searched.
+        Largest distance from the prediction that is searched [steps].
     """
 
     patches: tuple[Patch, ...] = PATCHES

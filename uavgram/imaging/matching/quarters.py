@@ -1,7 +1,7 @@
-"""Compare all that surrounds a match with what surrounds its pick, quarter by quarter.
+"""Comparison of the surroundings of a match and its pick, quarter by quarter.
 
 The corner of a car hides other ground in each photo: the ground behind it may match on its own, as
-if the corner were there. Then one quarter of what is compared is alike, and another one is not.
+if the corner were there. Then one quarter of the patch matches, and another does not.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 
 HALF = 15
-"""Of the side of the square that is compared [steps]: the largest that is matched at first."""
+"""Half side of the compared square [steps]: the largest that is matched at first."""
 
 EVEN = 4.0
-"""Deviation of grey values below which a quarter is too even to be compared."""
+"""Deviation of grey values below which a quarter has too little texture to be compared."""
 
 
 def least_likeness(
     source: Image, target: Image, source_px: Floats, target_px: Floats, affine: Floats
 ) -> float:
-    """Correlate the quarter that is least alike, -1 to 1; -1 where all are too even.
+    """Compute the correlation of the least similar quarter, -1 to 1; -1 where all lack texture.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The likeliest place of a patch in the region it may lie in, and how unlikely the next one is."""
+"""Search for a patch in a region: its best place, and the next best one."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from uavgram.imaging.patches import Grey
 from uavgram.model.arrays import Bools, Floats
 
 SAME_PEAK = 4
-"""Steps about the best place within which other places are the same one."""
+"""Steps about the best place within which other places belong to the same peak."""
 
 
 class Peak(NamedTuple):
-    """The best place (x, y) from the middle of what was searched, in steps.
+    """Best place (x, y) from the middle of the searched region, in steps.
 
     Attributes
     ----------
@@ -24,9 +24,9 @@ class Peak(NamedTuple):
     likeness
         Normalised correlation there.
     next_place, second
-        (2,) the best place elsewhere in the region, to a step, and its likeness; -1: none.
+        (2,) the best place elsewhere in the region, to a step, and its correlation; -1: none.
     at_edge
-        Whether it lies on the edge of the region: the true place may be outside.
+        Whether the place is on the edge of the region: the true place may be outside.
     """
 
     place: Floats
@@ -37,7 +37,7 @@ class Peak(NamedTuple):
 
 
 def best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
-    """The place of a patch within a larger window.
+    """Find the place of a patch within a larger window.
 
     Parameters
     ----------
@@ -46,10 +46,10 @@ def best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
     searched
         (p + 2 r, p + 2 r).
     allowed
-        (2 r + 1, 2 r + 1) where its middle may lie.
+        (2 r + 1, 2 r + 1) mask of places allowed for its middle.
     """
     like = cv2.matchTemplate(searched, patch, cv2.TM_CCOEFF_NORMED)
-    like[~(np.abs(like) < 1.01)] = -1.0  # of even places: not finite
+    like[~(np.abs(like) < 1.01)] = -1.0  # not finite where there is no texture
     inside = np.where(allowed, like, np.float32(-1.0))
     y, x = np.unravel_index(int(inside.argmax()), inside.shape)
     reach = like.shape[0] // 2
@@ -68,6 +68,6 @@ def best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
 
 
 def _top(three: Floats) -> float:
-    """Where the parabola through three values, the middle one largest, is highest."""
+    """Find the maximum of the parabola through three values, the middle one largest."""
     bend = 2 * three[1] - three[0] - three[2]
     return float(np.clip(0.5 * (three[2] - three[0]) / bend, -0.5, 0.5)) if bend > 0 else 0.0

@@ -1,9 +1,9 @@
-"""How much of a pick's corner several photos share, at each place of its line of sight.
+"""Strength of a pick's corner shared by several photos, at each place of its line of sight.
 
-At the height of the corner the edges that meet in it have one direction in all photos that show it,
-whatever lies beyond them; at another height one edge may still fall on itself, but hardly two. So
-of each pixel about the pick it is asked how well the direction of the edge there agrees with that
-in the other photos, and what most photos agree on must be a corner, and in the pick itself.
+At the height of the corner, the edges that meet in it have the same directions in all photos that
+show it, for any background; at another height one edge may still coincide with itself, but hardly
+two. For each pixel about the pick the direction of the edge is therefore compared with that in the
+other photos; edges shared by most photos must form a corner, and it must be at the pick itself.
 Weak edges count nearly as much as strong ones: the second edge of a corner is often a weak one.
 """
 
@@ -19,38 +19,41 @@ from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 
 STRETCH = 0.25, 4.0
-"""Of a photo against the source, beyond which it is not compared."""
+"""Least and largest scale of a photo against the source for a comparison."""
 
 ABOUT_PX = 2.5
-"""Standard deviation of the bell about the pick in which edges are compared [px of the source]."""
+"""Sigma of the Gaussian weights about the pick for edges [px of the source]."""
 
 EDGE_STEP = 2.0
-"""Slope [grey values a pixel] from which an edge counts at least 0.7: that of noise is below."""
+"""Slope [grey values a pixel] from which an edge counts at least 0.7; noise is below."""
 
 CHANCE = 0.2
-"""Likeness of edges that places which have nothing in common reach."""
+"""Similarity of edges that unrelated places reach."""
 
 LOOKED_AT = 0.4
-"""Likeness of edges in all photos together, in that of the best place, from which a place is
-looked at for the corner itself."""
+"""Similarity in all photos together, relative to the best place, from which corners are tested."""
 
 MOST = 0.7
-"""Share of the photos in view that must agree on a pixel's edge: others may hide the corner, and
-one always may, where there are enough."""
+"""Share of the photos in view that must agree on a pixel's edge.
+
+Others may hide the corner; one always may, where there are enough photos.
+"""
 
 PHOTOS = 2
-"""That must agree at least, besides the source: any one agrees with it somewhere on the line."""
+"""Least number of agreeing photos besides the source: a single one agrees somewhere on the line."""
 
 OFF_PX = 1.2
-"""Standard deviation of a corner about the pick that is made of it [px]."""
+"""Standard deviation of a corner's place about its pick [px]."""
 
 STRONG = 0.05, 0.125
-"""Least strength of a corner, and what is added over the square of the number of photos that must
-agree but for one: the fewer they are, the more often they agree by chance. Measured on rendered
-streets."""
+"""Least strength of a corner, and an addition to it for few photos.
+
+The addition is divided by (n - 1)^2 with the number n of photos that must agree: fewer photos agree
+more often by chance. Measured on rendered streets.
+"""
 
 _REACH = 6
-_SAMPLED = _REACH + 1  # slopes take one more on either side
+_SAMPLED = _REACH + 1  # slopes need one more on either side
 
 _INNER: Grey = grid(_REACH).astype(np.float32)
 _BELL: Grey = np.exp(-0.5 * (_INNER**2).sum(axis=1) / ABOUT_PX**2).astype(np.float32)
@@ -58,7 +61,7 @@ _BELL = np.asarray(_BELL / _BELL.sum())
 
 
 class Line(NamedTuple):
-    """A pixel's line of sight as t photos show it, from what lies lowest up.
+    """Line of sight of a pixel in t photos, from the lowest place upwards.
 
     Attributes
     ----------
@@ -67,9 +70,9 @@ class Line(NamedTuple):
     pixel_px
         (k, t, 2) places of the line; NaN where a photo does not show one.
     affine
-        (k, t, 2, 2) d pixel there / d pixel in the source, of what lies level.
+        (k, t, 2, 2) d pixel there / d pixel in the source, for a level surface.
     lowest
-        Number of the first place that may be the corner's; those before it are the ground.
+        Index of the first place that may be the corner's; those before it are the ground.
     """
 
     source_px: Floats
@@ -79,10 +82,11 @@ class Line(NamedTuple):
 
 
 def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
-    """(k,) how strong the corner is that most photos share with the source: from 1 on it is one.
+    """Compute the strength (k,) of the corner that most photos share with the source.
 
-    The smaller eigenvalue of the structure tensor of the shared edges (Foerstner and Guelch 1987),
-    less where the point in which they meet is not the pick, against what it must be.
+    It is the smaller eigenvalue of the structure tensor of the shared edges (Foerstner and Guelch
+    1987), reduced where the edges do not meet at the pick, relative to the required strength: 1 or
+    more is a corner.
 
     Parameters
     ----------
@@ -91,12 +95,12 @@ def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
     targets
         t others.
     line
-        Where the corner may be.
+        Line of sight of the corner.
     """
     slope, own = _edges(_sampled(source, line.source_px[None], np.eye(2)[None], _SAMPLED))
     like = _alike(targets, line, own[0])
     beside = np.pad(like, ((1, 1), (0, 0)), constant_values=-1.0)
-    steps = np.stack([beside[1:-1], beside[:-2], beside[2:]])  # poses err
+    steps = np.stack([beside[1:-1], beside[:-2], beside[2:]])  # neighbours, too: poses have errors
     together = np.clip(steps.max(axis=0) - CHANCE, 0.0, None).sum(axis=1)
     in_view = np.count_nonzero(like > -1.0, axis=1)
     together[in_view < PHOTOS] = 0.0
@@ -105,6 +109,7 @@ def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
     if rows.size:
         best = np.array([0, -1, 1])[steps.argmax(axis=0)] + np.arange(len(like))[:, None]
         agree = _agreement(targets, line, own[0], (best[rows], like[rows] > -1.0))
+        # For each pixel, the agreement that the required number of photos reach.
         need = np.minimum(np.ceil(MOST * in_view[rows]).astype(int), in_view[rows] - 1)
         need = np.maximum(need, PHOTOS)
         agree.sort(axis=1)
@@ -115,16 +120,20 @@ def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
 
 
 def windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> tuple[Ints, Grey]:
-    """Windows that a photo shows whole and about as large: their numbers (n,), and values (n, s).
+    """Resample the windows that a photo shows whole and at a similar scale.
 
     Parameters
     ----------
     photo
-        Grey.
+        Grey photo.
     pixel, affine
         (k, 2) their middles, and (k, 2, 2) d pixel there / d pixel in the source.
     reach
         Half their side [px of the source].
+
+    Returns
+    -------
+    Their indices (n,), and grey values (n, s).
     """
     far = np.abs(affine).sum(axis=2) * reach + 2.0
     with np.errstate(invalid="ignore"):
@@ -136,16 +145,16 @@ def windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> tuple[In
 
 
 def _sampled(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Grey:
-    """(n, s) grey values about pixels, as of `windows`."""
+    """Resample grey values (n, s) about pixels, as in `windows`."""
     u, v = np.moveaxis(pixel[:, None] + grid(reach) @ np.swapaxes(affine, 1, 2), -1, 0)
     return sample(photo, u, v)
 
 
 def _edges(grey: Grey) -> tuple[Grey, Grey]:
-    """Slopes (n, 2, s) of grey values, and the direction of the edges there.
+    """Compute slopes (n, 2, s) of grey values, and the direction of the edges there.
 
     A direction is that of twice the angle, so that an edge from dark to light and one from light to
-    dark are one; its length is 0 of even ground to 1 of a clear edge.
+    dark agree; its length is 0 on even ground to 1 at a clear edge.
     """
     side = 2 * _REACH + 3
     field = grey.reshape(-1, side, side)
@@ -156,7 +165,10 @@ def _edges(grey: Grey) -> tuple[Grey, Grey]:
 
 
 def _alike(targets: Sequence[Image], line: Line, own: Grey) -> Grey:
-    """(k, t) likeness of edges about each place and the pick, (2, s); -1 where not shown."""
+    """Correlate edges about each place with those at the pick (2, s); -1 where not shown.
+
+    The result is (k, t).
+    """
     like = np.full(line.pixel_px.shape[:2], -1.0, np.float32)
     weighted = (own * _BELL).ravel()
     size = float(weighted @ own.ravel())
@@ -170,16 +182,16 @@ def _alike(targets: Sequence[Image], line: Line, own: Grey) -> Grey:
 
 
 def _agreement(targets: Sequence[Image], line: Line, own: Grey, places: tuple[Ints, Bools]) -> Grey:
-    """(n, t, s) how well the edges of each photo agree with those about the pick, at most 1.
+    """Compute the agreement (n, t, s) of each photo's edges with those about the pick, at most 1.
 
     Parameters
     ----------
     targets, line
-        As of `corner_along`.
+        As for `corner_along`.
     own
         (2, s) directions about the pick.
     places
-        (n, t) numbers of places, and whether photos show them; -1 where they do not.
+        (n, t) indices of places, and flags whether photos show them; the agreement is -1 where not.
     """
     place, seen = places
     agree = np.full((*place.shape, len(_BELL)), -1.0, np.float32)
@@ -192,13 +204,17 @@ def _agreement(targets: Sequence[Image], line: Line, own: Grey, places: tuple[In
 
 
 def _cornered(agreed: Grey, slope: Grey) -> Floats:
-    """(n,) strength of the corner that shared edges (n, s) make at slopes (2, s) of the source."""
+    """Compute the strength (n,) of the corner that shared edges (n, s) form.
+
+    `slope` is (2, s) of the source.
+    """
     ahead = slope / np.maximum(np.hypot(*slope), 1e-6)
     weight = agreed * _BELL
     along = (ahead.T * _INNER).sum(axis=1)
     uu, uv, vv = weight @ ahead[0] ** 2, weight @ (ahead[0] * ahead[1]), weight @ ahead[1] ** 2
     u, v = weight @ (ahead[0] * along), weight @ (ahead[1] * along)
+    # Smaller eigenvalue of the weighted structure tensor.
     weaker = 0.5 * (uu + vv) - np.hypot(0.5 * (uu - vv), uv)
     size = uu * vv - uv**2 + 1e-7
-    off = np.stack([vv * u - uv * v, uu * v - uv * u]) / size  # where the edges meet
+    off = np.stack([vv * u - uv * v, uu * v - uv * u]) / size  # intersection of the edges
     return np.asarray(weaker * np.exp(-0.5 * (off**2).sum(axis=0) / OFF_PX**2), np.float64)

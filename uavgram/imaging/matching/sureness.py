@@ -1,15 +1,15 @@
-"""How sure a place is that least-squares matching found: the covariance of its error.
+"""Covariance of the error of a place found by least-squares matching.
 
-The normal equations of the matching alone take too much for granted where a picture says little:
+The normal equations of the matching alone are too optimistic where a picture has little texture:
 
-- Noise has slopes, too. A step of the patch is told by the slopes that both photos show; those of
-  the fixed patch alone hold the slopes of its noise besides, and so promise more than there is.
-- Noise of neighbouring pixels is alike: JPEG and resampling made it so. There are fewer pixels
-  than are counted.
-- Ground is not flat: where the place hangs on an edge far from it, it errs as the ground bends.
+- Noise has slopes, too. A shift of the patch is determined by the slopes that both photos show;
+  those of the fixed patch alone include the slopes of its noise, and so promise too much.
+- Noise of neighbouring pixels is correlated by JPEG and resampling. The effective number of pixels
+  is smaller than their count.
+- Ground is not flat: where the place depends on a distant edge, it errs as the ground bends.
 
 So the covariance is that of an M-estimator (Huber 1967, "The behavior of maximum likelihood
-estimates under nonstandard conditions"), with all three.
+estimates under nonstandard conditions"), with all three effects.
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ from uavgram.model.arrays import Bools, Floats
 
 
 def covariance_of(found: Fitted, options: MatchOptions, step: float = 1.0) -> Floats:
-    """(m, 2, 2) of places [steps].
+    """Compute covariances (m, 2, 2) of places [steps].
 
     Parameters
     ----------
     found
         m places.
     options
-        What is known of noise, ground and photos.
+        Noise share, bend of the ground, and floor.
     step
-        Of the patches [px].
+        Step of the patches [px].
     """
     noise, bent = _of_noise_and_bend(found)
     return (
@@ -43,28 +43,31 @@ def covariance_of(found: Fitted, options: MatchOptions, step: float = 1.0) -> Fl
 
 
 def is_sure(covariance: Floats, sigma: float) -> Bools:
-    """(m,) whether covariances (m, 2, 2) are positive, and below a sigma in every direction.
+    """Mark covariances (m, 2, 2) that are positive, and below a sigma in every direction.
 
-    That of an estimator whose noise is correlated is not positive by its form alone.
+    The covariance of an estimator with correlated noise is not positive by construction.
     """
     least, largest = np.linalg.eigvalsh(covariance).T
     return np.asarray((least > 0.0) & (largest < sigma**2))
 
 
 def _of_noise_and_bend(found: Fitted) -> tuple[Floats, Floats]:
-    """Covariances (m, 2, 2) by what remains between the patches, and by a bend of one per step."""
+    """Compute covariances (m, 2, 2) of the residual noise, and of a bend of one per step."""
     fixed = found.fixed
     side = round(len(fixed.grid) ** 0.5)
     noise = remaining(fixed, found.value, 8)
     own = fixed.by * fixed.weight
     other = _slopes(found.value.reshape(-1, side, side), fixed.grid)
     pull = noise / CHANGE_SIGMA**2
+    # Sensitivity of the M-estimator: products of the slopes of both photos, and the prior of the
+    # map.
     answer = own @ np.swapaxes(other, 1, 2) + pull[:, None, None] * OF_MAP
     solved = found.linear @ np.linalg.inv(answer + 1e-12 * np.eye(6))[:, :2]
     gain = solved @ own
-    # Noise of the fixed patch does not pull along its own slopes: sums of n (n+ - n-) vanish.
+    # Noise of the fixed patch has no effect along its own slopes: sums of n (n+ - n-) vanish.
     both = 0.5 * (gain + solved @ (other * fixed.weight))
     of_noise = noise[:, None, None] * (gain @ np.swapaxes(_spread(both, found), 1, 2))
+    # Effect of the prior, and of a bend with unit second derivatives.
     known = solved[:, :, 2:] * (pull * CHANGE_SIGMA)[:, None, None]
     u, v = fixed.grid.T
     second = np.stack([u * u, u * v, v * v])
@@ -76,17 +79,17 @@ def _of_noise_and_bend(found: Fitted) -> tuple[Floats, Floats]:
 
 
 def _slopes(value: Floats, grid: Floats) -> Floats:
-    """(m, 6, k) change of the moving patches' values (m, s, s) by the map's parameters."""
+    """Compute derivatives (m, 6, k) of the moving patches' values (m, s, s) by the map."""
     down, across = np.gradient(value, axis=(1, 2))
     slope = np.stack([across, down], axis=1).reshape(len(value), 2, len(grid))
     return np.concatenate([slope, *(slope[:, [i]] * grid.T for i in range(2))], axis=1)
 
 
 def _spread(gain: Floats, found: Fitted) -> Floats:
-    """Gains (m, 2, k) times the correlations of what remains in the pixels.
+    """Multiply gains (m, 2, k) by the correlations of the residuals in the pixels.
 
-    These fall with each step along rows and columns by what neighbours have in common: a process
-    of first order is all that one patch can tell.
+    These decay with each step along rows and columns by the neighbours' correlation: a first-order
+    process is all that one patch can determine.
     """
     side = round(gain.shape[2] ** 0.5)
     root = np.sqrt(found.fixed.weight).reshape(side, side)

@@ -1,1 +1,1 @@
-"""Photos to look at: reduced, in tiles, kept while they are used."""
+"""Photos for display: reduced, cut into tiles, cached."""

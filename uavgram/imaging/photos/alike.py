@@ -1,4 +1,4 @@
-"""Compare two photos that may show one exposure, however they were saved."""
+"""Comparison of two photo files that may show the same exposure."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from uavgram.imaging.photos.decode import read_reduced
 
 _REDUCTION = 8
 _ROUNDING = 1.0
-"""Grey levels by which pictures that show nothing may differ, by compression alone."""
+"""Grey levels by which pictures without content may differ through compression alone."""
 
 
 def shows_the_same(one: str, other: str) -> bool:
-    """Tell whether two photos of one size differ less than by a shift of a few pixels.
+    """Return whether two photos of one size differ by less than a shift of a few pixels does.
 
     Parameters
     ----------
@@ -23,10 +23,10 @@ def shows_the_same(one: str, other: str) -> bool:
     Raises
     ------
     InputError
-        One cannot be read, or is no photo.
+        A file cannot be read, or is not a photo.
     """
     first, second = (read_reduced(path, lambda _: _REDUCTION)[0] for path in (one, other))
-    size = min(first.shape[1::-1], second.shape[1::-1])  # of what is no JPEG nothing is reduced
+    size = min(first.shape[1::-1], second.shape[1::-1])  # only JPEGs are reduced
     first, second = (
         cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.float64).mean(axis=2)
         for pixels in (first, second)

@@ -1,4 +1,4 @@
-"""Values that are made once and kept as long as they fit."""
+"""Cache of values within a memory limit, safe for threads."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ def _unforeseen(_: object) -> int:
 
 
 class LruCache(Generic[Key, Value]):
-    """Values kept as long as they fit: made once each, the longest unused go first.
+    """Cache of values, each made once; the least recently used are removed first.
 
-    Threads that ask for the same value at the same time share the making of it. What is asked for
-    is kept even where it is larger than the bound by itself.
+    Threads that request the same value at the same time share its making. A requested value is kept
+    even if it alone exceeds the limit.
 
     Parameters
     ----------
     make
         Makes a value.
     size_bytes
-        Of a value.
+        Size of a value.
     most_bytes
-        That all kept values may take together.
+        Limit of the size of all kept values.
     expected_bytes
-        Of a value that is not made yet: as much room is made before it is, so that the new and the
-        old never take memory at the same time. 0 where it is not known.
+        Expected size of a value before it is made: this much room is made first, so that the new
+        and the old never take memory at the same time. 0 where it is not known.
     """
 
     def __init__(
@@ -55,28 +55,28 @@ class LruCache(Generic[Key, Value]):
         self._held: frozenset[Key] = frozenset()
 
     def get(self, key: Key) -> Value:
-        """The value of a key, made now if it must be; errors of its making are raised anew."""
+        """Return the value of a key, made now if necessary; an error of its making is raised."""
         future, mine = self._asked(key)
         if mine:
             self._fill(key, future)
         return future.result()
 
     def has(self, key: Key) -> bool:
-        """Whether the value of a key is made."""
+        """Return whether the value of a key is made."""
         with self._lock:
             future = self._kept.get(key)
         return future is not None and future.done()
 
     def prefetch(self, key: Key) -> None:
-        """Begin to make a value that will be asked for."""
+        """Start to make a value that will be requested."""
         future, mine = self._asked(key)
         if mine:
             threading.Thread(target=self._prefetch, args=(key, future), daemon=True).start()
 
     def hold(self, keys: Collection[Key]) -> None:
-        """Let none of these go, whatever they take, until others are held.
+        """Keep these values, regardless of the limit, until others are held.
 
-        What is needed side by side would else be made in turn, again and again.
+        Otherwise values that are needed side by side would be made in turn, again and again.
         """
         held = frozenset(keys)
         with self._lock:
@@ -85,7 +85,7 @@ class LruCache(Generic[Key, Value]):
                 self._trim()
 
     def _asked(self, key: Key) -> tuple[Future[Value], bool]:
-        """What a key's value will be in, and whether the caller is to make it."""
+        """Return the future of a key's value, and whether the caller has to make it."""
         with self._lock:
             future = self._kept.get(key)
             mine = future is None
@@ -109,17 +109,17 @@ class LruCache(Generic[Key, Value]):
             self._trim()
 
     def _prefetch(self, key: Key, future: Future[Value]) -> None:
-        with suppress(UavgramError):  # it is made again when it is asked for, and raised then
+        with suppress(UavgramError):  # it is made again, and the error raised, on request
             self._fill(key, future)
 
     def _trim(self) -> None:
-        """Let go of what does not fit, but not of what was asked for last; the lock is held."""
+        """Remove values beyond the limit, except the last requested one; the lock must be held."""
         sizes = {
             key: self._size_bytes(future.result()) if future.done() else self._expected_bytes(key)
             for key, future in self._kept.items()
         }
         total = sum(sizes.values())
-        for key, future in list(self._kept.items())[:-1]:  # the longest unused first
+        for key, future in list(self._kept.items())[:-1]:  # the least recently used first
             if total <= self._most_bytes:
                 return
             if future.done() and key not in self._held:

@@ -1,4 +1,4 @@
-"""Parts of a photo as small pictures, for a report."""
+"""Parts of a photo as small pictures for a report."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ LONGEST_PX = {"overview": 1400, "measurement": 900, "point": 360}
 
 
 def cut_out(halves: Sequence[Pixels], tone: Tone, regions: Sequence[Region]) -> tuple[Picture, ...]:
-    """Cut parts out of a photo. Pixels are those of the photo, or means of what they cover.
+    """Cut parts out of a photo; pixels are those of the photo, or means over several of them.
 
     Parameters
     ----------
     halves
-        (height, width, 3) BGR of the whole photo; then, if they are there already, its halves.
+        (height, width, 3) BGR of the whole photo; then, where they exist already, its halves.
     tone
-        By which all of them are brightened, where the photo is too dark or flat to be seen.
+        Curve that brightens all of them, where the photo is too dark or flat to be seen.
     regions
         Parts of it.
     """
-    # Many parts of a photo overlap: what all are reduced by is done to the photo, once.
+    # Parts of a photo often overlap: halve the photo once for all of them.
     levels = list(halves[:2])
     stretch = None if tone.is_identity else (tone.black, tone.white, tone.gamma)
     shown: dict[tuple[int, ...], tuple[bytes, int]] = {}  # some measurements have the same points
@@ -50,7 +50,7 @@ def cut_out(halves: Sequence[Pixels], tone: Tone, regions: Sequence[Region]) -> 
 
 
 def _is_halved(region: Region, longest_px: int) -> bool:
-    """Whether a part is shown at half its size or less, and its edges are edges of 2 x 2 pixels."""
+    """Return whether a part is shown at half its size or less, with edges on 2 x 2 pixel blocks."""
     size = region.width_px, region.height_px
     return max(size) >= 2 * longest_px and not any(
         edge % 2 for edge in (region.left_px, region.top_px, *size)
@@ -58,7 +58,7 @@ def _is_halved(region: Region, longest_px: int) -> bool:
 
 
 def _part(pixels: Pixels, region: Region, step: int) -> Pixels:
-    """A part of a photo whose pixels are `step` wide."""
+    """Cut a part of a photo whose pixels are `step` wide."""
     left, top = region.left_px // step, region.top_px // step
     height, width = region.height_px // step, region.width_px // step
     return pixels[top : top + height, left : left + width]

@@ -1,4 +1,4 @@
-"""Pixels of a photo file, whole or at a fraction of its size: never turned, as they are stored."""
+"""Decoding of photo files, whole or at a fraction of their size, without EXIF rotation."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ REDUCED = {
     4: cv2.IMREAD_REDUCED_COLOR_4,
     8: cv2.IMREAD_REDUCED_COLOR_8,
 }
-"""By original pixels per pixel: decoding a JPEG at a fraction of its size costs a fraction."""
+"""OpenCV flags by original pixels per pixel; reduced decoding of a JPEG is much faster."""
 
 _UNTURNED = cv2.IMREAD_IGNORE_ORIENTATION
 _END_OF_JPEG = b"\xff\xd9"
@@ -30,18 +30,17 @@ def read_pixels(
     size_px: tuple[int, int] | None = None,
     room: Pixels | None = None,
 ) -> Pixels:
-    """Decode a photo, all of it.
+    """Decode a whole photo.
 
     Parameters
     ----------
     path
         Any format that OpenCV reads. EXIF rotation is not applied.
     size_px
-        Its width and height as stored, where they are known: what is no JPEG takes half the memory
-        then.
+        Its width and height as stored, if known: formats other than JPEG then take half the memory.
     room
-        Pixels that are no longer needed: where they are as many, these take their place. Memory
-        that was used before is there at once.
+        Pixels that are no longer needed: if they have the same shape, they are overwritten, as
+        memory in use is available at once.
 
     Returns
     -------
@@ -50,20 +49,21 @@ def read_pixels(
     Raises
     ------
     InputError
-        The file cannot be read, or is no photo.
+        The file cannot be read, or is not a photo.
     """
     return _read(path, lambda _: 1, size_px, room)[0]
 
 
 def read_reduced(path: str | os.PathLike[str], choose: Callable[[int], int]) -> tuple[Pixels, int]:
-    """Decode a photo, a JPEG at a fraction of its size, which costs a fraction.
+    """Decode a photo; a JPEG at a fraction of its size, for a fraction of the time.
 
     Parameters
     ----------
     path
         Any format that OpenCV reads. EXIF rotation is not applied.
     choose
-        Original pixels per pixel (1, 2, 4 or 8) of a JPEG of a width; others are not reduced.
+        Function that gives the original pixels per pixel (1, 2, 4 or 8) from the width of a JPEG;
+        other formats are not reduced.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def read_reduced(path: str | os.PathLike[str], choose: Callable[[int], int]) -> 
     Raises
     ------
     InputError
-        The file cannot be read, or is no photo.
+        The file cannot be read, or is not a photo.
     """
     return _read(path, choose)
 
@@ -91,7 +91,7 @@ def _read(
     if frame is not None:
         size_px, at = frame
         reduction = choose(size_px[0])
-        if encoded.rfind(_END_OF_JPEG, at) < 0:  # cut off: OpenCV would make up the rest of a file
+        if encoded.rfind(_END_OF_JPEG, at) < 0:  # cut off: OpenCV would fill in the missing part
             size_px = None
     pixels = None if size_px is None else _decoded_into(path, size_px, reduction, room)
     if pixels is None:
@@ -102,12 +102,12 @@ def _read(
 def _decoded_into(
     path: str | os.PathLike[str], size_px: tuple[int, int], reduction: int, room: Pixels | None
 ) -> Pixels | None:
-    """Decode a photo of a width and height into an array; None where that does not work.
+    """Decode a photo of known size into an array; None where this fails.
 
-    OpenCV alone fills an array of its own and copies it: twice the memory, and up to half as much
-    time again.
-    A file that cannot be read, as one with an umlaut in its name on Windows, leaves the array as it
-    was, without a word: so its last row shows whether it was filled.
+    Without an array OpenCV fills one of its own and copies it: twice the memory, and up to half as
+    much time again. If a file cannot be read, for example with an umlaut in its name on Windows,
+    the array stays unchanged without an error. Its last row, set to random values before, shows
+    whether it was filled.
     """
     width, height = (-(-side // reduction) for side in size_px)
     shape = height, width, 3
@@ -124,21 +124,21 @@ def _decoded_into(
 
 
 def decoded(path: str | os.PathLike[str], encoded: bytes, flags: int) -> Pixels:
-    """Pixels of a photo's content as stored; EXIF rotation is not applied.
+    """Decode a photo's content as stored; EXIF rotation is not applied.
 
     Parameters
     ----------
     path
-        Names the photo in the error.
+        Name of the photo in the error.
     encoded
         Content of the file.
     flags
-        Of OpenCV: grey or colour, and by how much it is reduced.
+        OpenCV's flags: grey or colour, and the reduction.
 
     Raises
     ------
     InputError
-        It is no photo.
+        It is not a photo.
     """
     pixels = _decode(encoded, flags | _UNTURNED)
     if pixels is None:
@@ -147,16 +147,16 @@ def decoded(path: str | os.PathLike[str], encoded: bytes, flags: int) -> Pixels:
 
 
 def jpeg_size(encoded: bytes) -> tuple[int, int] | None:
-    """Width and height of the stored pixels from the header of a JPEG; None for other formats."""
+    """Read width and height of the stored pixels from a JPEG's header; None for other formats."""
     frame = _jpeg_frame(encoded)
     return None if frame is None else frame[0]
 
 
 def _jpeg_frame(encoded: bytes) -> tuple[tuple[int, int], int] | None:
-    """Width and height of a JPEG, and where its frame header is.
+    """Read width and height of a JPEG, and the position of its frame header.
 
-    ISO/IEC 10918-1, B.2.2: the frame header is the first marker SOF0 to SOF15 that is none of DHT
-    (C4), JPG (C8) and DAC (CC).
+    ISO/IEC 10918-1, B.2.2: the frame header is the first marker from SOF0 to SOF15 except DHT (C4),
+    JPG (C8) and DAC (CC).
     """
     if encoded[:2] != b"\xff\xd8":
         return None
@@ -178,5 +178,5 @@ def _decode(encoded: bytes, flags: int) -> Pixels | None:
         pixels = cv2.imdecode(np.frombuffer(encoded, np.uint8), flags)
     except cv2.error:  # an empty buffer, or a header with absurd sizes
         return None
-    # OpenCV's stubs promise an array; it returns None for what is no picture
+    # OpenCV's stubs declare an array; it returns None if the data is not a picture
     return None if pixels is None else np.asarray(pixels, dtype=np.uint8)

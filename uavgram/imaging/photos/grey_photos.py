@@ -1,4 +1,4 @@
-"""Grey pixels of photos in which something is sought: decoded beforehand, in the background."""
+"""Grey pixels of photos for matching, decoded in the background before they are needed."""
 
 from __future__ import annotations
 
@@ -13,11 +13,14 @@ from uavgram.imaging.raster import Image
 log = logging.getLogger(__name__)
 
 GREY_BYTES = 140_000_000
-"""Of decoded photos: eleven of 12 megapixels, two of 48."""
+"""Memory limit of decoded photos: eleven of 12 megapixels, two of 48."""
 
 LEAST_AHEAD = 4
-"""Photos of which fewer have room are decoded when they are looked at, not before: two of them
-beside those that are shown in colour would take more memory than the page may."""
+"""Least number of photos that must fit into the limit for decoding ahead.
+
+Larger photos are decoded when they are needed: two of them beside those shown in colour would take
+more memory than the page may use.
+"""
 
 
 class GreyPhotos:
@@ -26,11 +29,11 @@ class GreyPhotos:
     Parameters
     ----------
     size_bytes
-        Of each photo: its number of pixels.
+        Number of pixels of each photo.
     read
         Decodes one, as it is stored.
     most_bytes
-        That all decoded ones may take together.
+        Memory limit of all decoded photos.
     """
 
     def __init__(
@@ -53,7 +56,7 @@ class GreyPhotos:
         self._thread.start()
 
     def read_ahead(self, names: Sequence[str]) -> None:
-        """Decode photos in this order, as many as have room; those asked for before are left."""
+        """Decode photos in this order, as many as fit; the order replaces an earlier one."""
         room, wanted = self._most_bytes, []
         for name in names:
             room -= self._size_bytes[name]
@@ -65,7 +68,7 @@ class GreyPhotos:
             self._changed.notify()
 
     def stop(self) -> None:
-        """Decode nothing more ahead; waits for the photo under way."""
+        """Stop decoding ahead, after the photo in progress."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
@@ -81,5 +84,5 @@ class GreyPhotos:
                 self._wanted = tuple(rest)
             try:
                 self.photos.get(name)
-            except UavgramError as why:  # told where it is asked for
+            except UavgramError as why:  # reported where the photo is requested
                 log.info("not decoded ahead: %s", why)

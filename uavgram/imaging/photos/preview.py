@@ -1,4 +1,4 @@
-"""A photo reduced for looking at: unrotated, and with its scale to the original."""
+"""Reduced photos for display: unrotated, with their scale to the original."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ Pixels = NDArray[np.uint8]
 MAX_WIDTH_PX = 1600
 JPEG_QUALITY = 75
 
-# A reduced photo may be this much narrower than asked for: sooner that than decode four times as
+# Least width relative to the requested one: a smaller photo is preferred to decoding four times as
 # many pixels.
 _NARROWER = 0.8
 
 
 @dataclass(frozen=True, eq=False)
 class Preview:
-    """A reduced photo in the orientation of the stored pixels.
+    """Reduced photo in the orientation of the stored pixels.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Preview:
         Original pixels per preview pixel, along u and v. With (0, 0) the centre of the top-left
         pixel in both: original = (preview + 0.5) * scale - 0.5.
     tone
-        By which it is brightened, to be seen.
+        Curve by which it is brightened.
     """
 
     jpeg: bytes
@@ -66,7 +66,7 @@ def read_preview(
     Raises
     ------
     InputError
-        The file cannot be read, or is no photo.
+        The file cannot be read, or is not a photo.
     """
     pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
     if reduction == 1:
@@ -77,7 +77,7 @@ def read_preview(
 def preview_of_whole(
     pixels: Pixels, max_width_px: int = MAX_WIDTH_PX
 ) -> tuple[Preview, Pixels, list[Pixels]]:
-    """Reduce a photo of which all is decoded, as far as `read_preview` does.
+    """Reduce a completely decoded photo, to the size that `read_preview` gives.
 
     Parameters
     ----------
@@ -88,7 +88,7 @@ def preview_of_whole(
 
     Returns
     -------
-    The preview, its pixels, and the photo with its halves as far as it was halved.
+    The preview, its pixels, and the photo with the halves that were made.
     """
     halves, reduction = [pixels], _reduction(pixels.shape[1], max_width_px)
     while len(halves) < reduction.bit_length():
@@ -97,9 +97,9 @@ def preview_of_whole(
 
 
 def _shown(pixels: Pixels, reduction: int, max_width_px: int) -> tuple[Preview, Pixels]:
-    """Preview and pixels of a photo whose pixels are `reduction` wide."""
+    """Make preview and pixels of a photo whose pixels are `reduction` wide."""
     height, width = pixels.shape[:2]
-    # the last column may stand for a part of a pixel: it is `reduction` wide all the same
+    # the last column may cover only a part of a pixel, but counts as `reduction` wide
     covered = np.array([width, height], dtype=np.float64) * reduction
     pixels = shrunk(pixels, max_width_px, across_only=True)
     tone = automatic_tone(pixels)
@@ -108,13 +108,13 @@ def _shown(pixels: Pixels, reduction: int, max_width_px: int) -> tuple[Preview, 
 
 
 def preview_of(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
-    """Reduce a photo that is decoded already: (height, width) grey, or (height, width, 3) BGR."""
+    """Reduce a decoded photo: (height, width) grey, or (height, width, 3) BGR."""
     height, width = pixels.shape[:2]
     return _encoded(shrunk(pixels, max_width_px, across_only=True), (float(width), float(height)))
 
 
 def _encoded(pixels: Pixels, covered_px: tuple[float, float]) -> Preview:
-    """Encode a picture that stands for so many original pixels."""
+    """Encode a picture that covers the given number of original pixels."""
     height, width = pixels.shape[:2]
     encoded_preview = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1]
     return Preview(
@@ -126,18 +126,18 @@ def _encoded(pixels: Pixels, covered_px: tuple[float, float]) -> Preview:
 
 
 def jpeg_preview_scale(width_px: int, max_width_px: int = MAX_WIDTH_PX) -> float:
-    """Original pixels per preview pixel of a JPEG of this width, before it is read."""
+    """Compute the original pixels per preview pixel of a JPEG of this width, before it is read."""
     reduction = _reduction(width_px, max_width_px)
     return max(float(reduction), width_px / max_width_px)
 
 
 def decode_preview(preview: Preview) -> Pixels:
-    """(height, width, 3) RGB of a preview."""
+    """Decode a preview to (height, width, 3) RGB."""
     return np.ascontiguousarray(_decode_own(preview.jpeg)[:, :, ::-1])
 
 
 def jpeg_of_width(jpeg: bytes, width_px: int) -> bytes:
-    """A smaller copy of a JPEG of ours, at most this wide."""
+    """Reduce a JPEG made by this module to at most this width."""
     return preview_of(_decode_own(jpeg), width_px).jpeg
 
 
@@ -149,5 +149,5 @@ def _decode_own(jpeg: bytes) -> Pixels:
 
 
 def _reduction(width_px: int, max_width_px: int) -> int:
-    """The strongest reduction that leaves (nearly) enough pixels."""
+    """Choose the strongest reduction that leaves (nearly) enough pixels."""
     return max((r for r in REDUCED if width_px / r >= _NARROWER * max_width_px), default=1)

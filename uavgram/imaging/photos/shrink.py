@@ -1,4 +1,4 @@
-"""Smaller copies of pictures: each pixel a mean of what it covers."""
+"""Reduction of pictures: each pixel is a mean of the pixels it covers."""
 
 from __future__ import annotations
 
@@ -12,23 +12,25 @@ Pixels = NDArray[np.uint8]
 
 
 def shrunk(pixels: Pixels, longest_px: int, *, across_only: bool = False) -> Pixels:
-    """A picture whose longer side is at most so long; the same array where it is already.
+    """Reduce a picture so that its longer side is at most `longest_px`.
+
+    The same array is returned where it already is.
 
     Parameters
     ----------
     pixels
         (height, width) or (height, width, channels).
     longest_px
-        Of the longer side.
+        Limit of the longer side.
     across_only
-        Of the width alone.
+        Whether the limit applies to the width alone.
 
     Notes
     -----
-    OpenCV's mean over areas takes four times as long as its bilinear mean, and twenty times as
-    long as that of exactly 2 x 2 pixels. So a picture is halved as often as that leaves enough of
-    it; what is left to do, by less than one half, is bilinear: of each pixel that is made, all that
-    it covers counts, if not by the area alone.
+    OpenCV's mean over areas takes four times as long as its bilinear mean, and twenty times as long
+    as that of exactly 2 x 2 pixels. So a picture is halved as often as possible; the remaining
+    reduction, by less than one half, is bilinear: all covered pixels contribute to each new pixel,
+    though not by their area alone.
     """
     height, width = pixels.shape[:2]
     share = longest_px / (width if across_only else max(height, width, 1))
@@ -46,12 +48,12 @@ def shrunk(pixels: Pixels, longest_px: int, *, across_only: bool = False) -> Pix
 
 
 def _reduction(pixels: Pixels, size: tuple[int, int]) -> float:
-    """How many pixels become one, along the side where they are fewer."""
+    """Compute how many pixels become one, along the side where they are fewer."""
     return float(min(pixels.shape[1] / size[0], pixels.shape[0] / size[1]))
 
 
 def half(pixels: Pixels) -> Pixels:
-    """Means of 2 x 2 pixels, odd edges repeated."""
+    """Compute means of 2 x 2 pixels, odd edges repeated."""
     rows, columns = pixels.shape[0] // 2, pixels.shape[1] // 2
     halved = np.empty(
         (-(-pixels.shape[0] // 2), -(-pixels.shape[1] // 2), *pixels.shape[2:]), np.uint8
@@ -67,12 +69,12 @@ def half(pixels: Pixels) -> Pixels:
 def _halve(even: Pixels, halved: Pixels) -> None:
     """Fill a picture with means of 2 x 2 pixels of another one."""
     if halved.size:
-        # INTER_AREA at exactly one half is that mean, rounded.
+        # INTER_AREA at exactly one half gives this mean, rounded.
         cv2.resize(even, halved.shape[1::-1], dst=halved, interpolation=cv2.INTER_AREA)
 
 
 def evened(pixels: Pixels) -> Pixels:
-    """With the last row and column once more where the height or the width is odd."""
+    """Repeat the last row or column where the height or the width is odd."""
     down, right = pixels.shape[0] % 2, pixels.shape[1] % 2
     if not (down or right):
         return pixels

@@ -1,7 +1,7 @@
-"""Tiles of many photos, of which few are decoded at a time.
+"""Tiles of many photos, few of which are decoded at a time.
 
-The overview of a photo that was looked at stays: it shows the whole of it at once, and fills the
-time until its pixels are decoded again, where those had to make room for another photo's.
+The overview of a viewed photo is kept: it shows the whole photo at once, and bridges the time until
+its pixels are decoded again after another photo replaced them.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from uavgram.imaging.photos.tiles import FIRST_COARSE, Overview, fine_tile, over
 from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, stretched_tone
 
 PIXELS_BYTES = 200_000_000
-"""Of decoded photos: one of 48 megapixels takes 144 MB, one of 12 takes 36."""
+"""Memory limit of decoded photos: one of 48 megapixels takes 144 MB, one of 12 takes 36."""
 
 OVERVIEWS_BYTES = 64_000_000
-"""Of overviews: one of a photo of 48 megapixels takes 12 MB."""
+"""Memory limit of overviews: that of a photo of 48 megapixels takes 12 MB."""
 
 IN_USE_S = 10.0
-"""Between two requests of a page that is worked with, if at the same time as with others."""
+"""Longest time between two requests of a page in use, while other pages are in use, too."""
 
 _CHANNELS = 3
 
 
 @dataclass(frozen=True)
 class PhotoFile:
-    """A photo to cut tiles from: where it is, and its size as stored."""
+    """Photo to cut tiles from: its file, and its size as stored."""
 
     path: str
     width_px: int
@@ -44,7 +44,7 @@ class TiledPhotos:
     Parameters
     ----------
     files
-        The photos.
+        Photos.
     """
 
     def __init__(self, files: Sequence[PhotoFile]) -> None:
@@ -67,9 +67,10 @@ class TiledPhotos:
         self._lock = threading.Lock()
 
     def show(self, page: str, photos: Collection[int]) -> None:
-        """Know what a page shows side by side: that stays decoded, whatever it takes.
+        """Register the photos that a page shows side by side, to keep them decoded.
 
-        Pages that sent nothing for `IN_USE_S` are taken to be closed.
+        The limit does not apply to them. Pages without a request for `IN_USE_S` are taken to be
+        closed.
         """
         now = time.monotonic()
         with self._lock:
@@ -82,19 +83,19 @@ class TiledPhotos:
             self._overviews.hold(held)
 
     def pixels(self, photo: int) -> Pixels:
-        """(height, width, 3) BGR of a photo, decoded now if it must be.
+        """Return the pixels of a photo, (height, width, 3) BGR, decoded now if necessary.
 
         Raises
         ------
         InputError
-            The file cannot be read, or is no photo.
+            The file cannot be read, or is not a photo.
         """
         return self._pixels.get(photo)
 
     def tile(
         self, photo: int, level: int, column: int, row: int, tone: Tone | None = AS_IT_IS
     ) -> bytes | None:
-        """JPEG of one tile; None where there is none.
+        """Return one tile as JPEG; None where it does not exist.
 
         Parameters
         ----------
@@ -103,14 +104,14 @@ class TiledPhotos:
         level
             0: full size; each further one half of it.
         column, row
-            Of the tile at that level.
+            Position of the tile at that level.
         tone
-            How bright it is shown; None: as bright as it is seen well.
+            Curve of brightness; None for the automatic one.
 
         Raises
         ------
         InputError
-            The file cannot be read, or is no photo.
+            The file cannot be read, or is not a photo.
         """
         if not 0 <= photo < len(self._files):
             return None
@@ -118,23 +119,23 @@ class TiledPhotos:
         if level < FIRST_COARSE:
             return fine_tile(self._pixels.get(photo), level, column, row, tone)
         overview = self._overviews.get(photo)
-        self._pixels.prefetch(photo)  # who looks at the whole will look closer
+        self._pixels.prefetch(photo)  # a closer view is likely to follow
         return overview.tile(level, column, row, tone)
 
     def tones(self, photo: int) -> tuple[Tone, Tone] | None:
-        """How a photo is shown where nobody chose, and stretched; None where there is none.
+        """Return the automatic and the stretched tone of a photo; None where it does not exist.
 
         Raises
         ------
         InputError
-            The file cannot be read, or is no photo.
+            The file cannot be read, or is not a photo.
         """
         if not 0 <= photo < len(self._files):
             return None
         return self._tones.get(photo)
 
     def read_ahead(self, photo: int) -> None:
-        """Begin to decode and reduce a photo that will be looked at."""
+        """Start to decode and reduce a photo that will be viewed."""
         self._overviews.prefetch(photo)
 
     def _find_tones(self, photo: int) -> tuple[Tone, Tone]:

@@ -1,8 +1,8 @@
-"""Photos as tiles: never turned, reduced by exact halves, cut when asked for.
+"""Tiles of photos: not rotated, reduced by exact halves, cut on request.
 
-Level 0 is the photo; a pixel of level k is the mean of 2^k x 2^k pixels of the photo. Odd edges
-are repeated, so that pixel (i, j) of every level covers the same part of the photo everywhere:
-resizing to half of an odd width would stretch the picture by a pixel along its width.
+Level 0 is the photo; a pixel of level k is the mean of 2^k x 2^k pixels of the photo. Odd edges are
+repeated, so that pixel (i, j) of every level covers the same part of the photo everywhere: resizing
+to half of an odd width would stretch the picture by a pixel along its width.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from uavgram.imaging.photos.tone import AS_IT_IS, Tone, toned
 TILE_PX = 512
 TILE_QUALITY = 95
 SMALLEST_LEVEL_PX = 256
-"""A level whose longer side is at most this needs no further reduction."""
+"""Longer side of a level up to which no further reduction is needed."""
 
 FIRST_COARSE = 2
-"""The first level of an overview; finer ones are made of the photo when they are asked for."""
+"""First level of an overview; finer ones are made from the photo on request."""
 
 _STRIP_PX = 512  # a multiple of 2**FIRST_COARSE
 
-# 4:4:4: colour at full resolution, or thin coloured marks smear over their neighbours.
+# 4:4:4: colour at full resolution; otherwise thin coloured marks smear over their neighbours.
 _TILE_CODING = [
     cv2.IMWRITE_JPEG_QUALITY,
     TILE_QUALITY,
@@ -37,37 +37,37 @@ _TILE_CODING = [
 
 @dataclass(frozen=True, eq=False)
 class Overview:
-    """The coarse levels of a photo: a twelfth of its memory, and all that a small window shows.
+    """Coarse levels of a photo: a twelfth of its memory, and sufficient for a small window.
 
     Attributes
     ----------
     levels
-        `FIRST_COARSE` and up; none of a photo that is too small to have them.
+        `FIRST_COARSE` and up; empty for a photo that is too small to have them.
     """
 
     levels: tuple[Pixels, ...]
 
     @property
     def coarsest(self) -> Pixels | None:
-        """The whole photo at its smallest; None of a photo that has no overview."""
+        """Whole photo at its smallest; None for a photo without overview."""
         return self.levels[-1] if self.levels else None
 
     @property
     def size_bytes(self) -> int:
-        """Memory it takes."""
+        """Memory of the levels."""
         return sum(level.nbytes for level in self.levels)
 
     def tile(self, level: int, column: int, row: int, tone: Tone = AS_IT_IS) -> bytes | None:
-        """JPEG of one tile; None where the overview has none. Edge tiles are smaller.
+        """Return one tile as JPEG, smaller at the edges; None where the overview has none.
 
         Parameters
         ----------
         level
             `FIRST_COARSE` or more.
         column, row
-            Of the tile at that level.
+            Position of the tile at that level.
         tone
-            How bright it is shown.
+            Curve of brightness.
         """
         if not 0 <= level - FIRST_COARSE < len(self.levels):
             return None
@@ -78,16 +78,16 @@ class Overview:
 def fine_tile(
     photo: Pixels, level: int, column: int, row: int, tone: Tone = AS_IT_IS
 ) -> bytes | None:
-    """JPEG of one tile of a level that is finer than an overview's; None where there is none.
+    """Return one tile of a level finer than an overview's as JPEG; None where there is none.
 
     Parameters
     ----------
     photo
         (height, width, 3) BGR: level 0.
     level, column, row
-        Of the tile.
+        Level and position of the tile.
     tone
-        How bright it is shown.
+        Curve of brightness.
     """
     height, width = photo.shape[:2]
     if not 0 <= level < min(FIRST_COARSE, level_count(width, height)):
@@ -98,7 +98,7 @@ def fine_tile(
 
 
 def _part(pixels: Pixels, left: int, top: int, side: int) -> Pixels | None:
-    """A square of pixels, smaller at the edges; None outside."""
+    """Cut a square of pixels, smaller at the edges; None outside."""
     height, width = pixels.shape[:2]
     if not (0 <= left < width and 0 <= top < height):
         return None
@@ -108,12 +108,12 @@ def _part(pixels: Pixels, left: int, top: int, side: int) -> Pixels | None:
 def _encoded(part: Pixels | None, tone: Tone) -> bytes | None:
     if part is None:
         return None
-    # Brightened before it is encoded: the steps of a JPEG would be brightened with it after.
+    # Brighten before encoding: otherwise the steps of the JPEG would be amplified, too.
     return cv2.imencode(".jpg", toned(part, tone), _TILE_CODING)[1].tobytes()
 
 
 def level_count(width_px: int, height_px: int) -> int:
-    """How many levels a photo of that size has."""
+    """Count the levels of a photo of this size."""
     count, longer = 1, max(width_px, height_px)
     while longer > SMALLEST_LEVEL_PX:
         count, longer = count + 1, (longer + 1) // 2
@@ -126,7 +126,7 @@ def overview_of(photo: Pixels) -> Overview:
     count = level_count(width, height)
     if count <= FIRST_COARSE:
         return Overview(())
-    # In strips, which need no room for the levels between.
+    # Work in strips, which need no memory for the levels in between.
     pixels_each = 1 << FIRST_COARSE
     first = np.empty((-(-height // pixels_each), -(-width // pixels_each), 3), np.uint8)
     for top in range(0, height, _STRIP_PX):
@@ -139,7 +139,7 @@ def overview_of(photo: Pixels) -> Overview:
 
 
 def reduced(pixels: Pixels, level: int) -> Pixels:
-    """Halve as often as `level` says.
+    """Halve pixels `level` times.
 
     A part of a photo that begins at a multiple of ``2**level`` gives the same pixels as the whole.
     """

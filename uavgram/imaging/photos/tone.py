@@ -1,6 +1,6 @@
-"""How bright a picture is shown: one monotone curve, for looking only.
+"""Brightness of a displayed picture: one monotone curve, for display only.
 
-What is measured never passes here: snapping, matching and targets see the photo's own pixels. The
+Measurements never use it: snapping, matching and target detection see the photo's own pixels. The
 page, the recording and the rectified picture take the same curve, so that a photo looks alike
 everywhere.
 """
@@ -22,36 +22,38 @@ Values = NDArray[np.uint8]
 WHITE = 255.0
 
 DARK = 110.0
-"""A picture whose brightest hundredth is darker than this can hardly be seen on a dark page."""
+"""Value of the brightest hundredth below which a picture is hard to see on a dark page."""
 
 NOISE, FLAT = 24.0, 40.0
-"""Nor can one be read well whose values lie within 40 of the 256, such as haze; but where they lie
-within 24, there is nothing to see: bare asphalt, and noise."""
+"""Least and largest range of values of a flat picture, such as haze, that is stretched.
+
+A range below `NOISE` has no content: bare asphalt, and noise.
+"""
 
 DUSK = 40.0
-"""Half of the picture below this is dusk, whatever its lamps say."""
+"""Median below which a picture counts as dusk, even with bright lamps in it."""
 
 BLACK_PERCENTILE, WHITE_PERCENTILE, BRIGHT_PERCENTILE = 0.5, 99.5, 99.0
 
 MOST_GAIN = 5.0
-"""Beyond it the noise and the blocks of a JPEG are all that is brightened."""
+"""Largest gain of the contrast; beyond it only noise and JPEG blocks are brightened."""
 
 MIDDLE, LEAST_GAMMA, MOST_GAMMA = 0.4, 0.1, 10.0
-"""The median is lifted up to here where it stays below half of it."""
+"""Value to which the median is lifted where it is below half of it; and limits of gamma."""
 
 SMALL_PX = 256
-"""Longer side of the picture whose values are looked at."""
+"""Longer side of the reduced picture from which the curve is derived."""
 
 
 @dataclass(frozen=True)
 class Tone:
-    """A monotone curve from the photo's values to the screen's.
+    """Monotone curve from the photo's values to the screen's.
 
     Attributes
     ----------
     black, white
-        Values of the photo that become 0 and 255; what lies outside is cut. They may lie beyond 0
-        and 255: then the contrast is less than the photo's.
+        Values of the photo that become 0 and 255; values outside are clipped. They may be below 0
+        and above 255: then the contrast is less than the photo's.
     gamma
         More than 1 lifts the middle.
     """
@@ -66,7 +68,7 @@ class Tone:
 
     @property
     def is_identity(self) -> bool:
-        """Whether the photo is shown as it is."""
+        """Whether the photo is shown unchanged."""
         return self == AS_IT_IS
 
 
@@ -74,19 +76,22 @@ AS_IT_IS = Tone()
 
 
 def automatic_tone(pixels: Values) -> Tone:
-    """How a picture is shown where nobody chose: as it is, unless it is dark or flat.
+    """Choose the curve for a picture: unchanged, unless the picture is dark or flat.
 
     Parameters
     ----------
     pixels
-        (height, width) grey, (height, width, 3) or (n, 1, 3) BGR; a reduced one will do.
+        (height, width) grey, (height, width, 3) or (n, 1, 3) BGR; a reduced picture suffices.
     """
     values = _luminance(pixels)
     return _stretched(values) if values.size and _is_hard_to_see(values) else AS_IT_IS
 
 
 def stretched_tone(pixels: Values) -> Tone:
-    """The curve that makes the most of a picture's values, well exposed or not; see above."""
+    """Choose the curve that uses the whole range for a picture's values, also if well exposed.
+
+    See `automatic_tone`.
+    """
     values = _luminance(pixels)
     return _stretched(values) if values.size else AS_IT_IS
 
@@ -101,7 +106,7 @@ def _is_hard_to_see(values: Values) -> bool:
 def _stretched(values: Values) -> Tone:
     black, median, white = np.percentile(values, [BLACK_PERCENTILE, 50.0, WHITE_PERCENTILE])
     least = WHITE / MOST_GAIN
-    if white - black < least:  # about its middle, but not below black
+    if white - black < least:  # widen about the middle, but not below black
         middle = max((black + white) / 2.0, least / 2.0)
         black, white = middle - least / 2.0, middle + least / 2.0
     share = float((median - black) / (white - black))
@@ -112,20 +117,20 @@ def _stretched(values: Values) -> Tone:
 
 
 def _luminance(pixels: Values) -> Values:
-    """Grey of a reduced copy: whatever size the picture came in, its curve is the same."""
-    if pixels.ndim == 3 and pixels.size:  # before it is reduced: one channel for three
+    """Compute a reduced grey picture, so that the curve does not depend on the picture's size."""
+    if pixels.ndim == 3 and pixels.size:  # before the reduction: one channel instead of three
         pixels = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), np.uint8)
     return shrunk(pixels, SMALL_PX) if min(pixels.shape[:2]) > 1 else pixels
 
 
 def curve(tone: Tone) -> Values:
-    """(256,) what each value becomes: never falling."""
+    """Compute the new value of each of (256,) values: never decreasing."""
     share = np.clip((np.arange(256.0) - tone.black) / (tone.white - tone.black), 0.0, 1.0)
     return np.round(WHITE * share ** (1.0 / tone.gamma)).astype(np.uint8)
 
 
 def toned(pixels: Values, tone: Tone) -> Values:
-    """Pixels as they are shown: the same array where nothing is changed."""
+    """Apply a curve to pixels; the same array is returned where it changes nothing."""
     if tone.is_identity:
         return pixels
     return np.asarray(cv2.LUT(pixels, curve(tone)), dtype=np.uint8)

@@ -1,1 +1,1 @@
-"""Coded plates and uncoded targets in the field: found, and measured to hundredths of a pixel."""
+"""Coded plates in the field: detection, and measurement to hundredths of a pixel."""

@@ -1,4 +1,4 @@
-"""A ChArUco board that lies in the scene, as one plate: its outermost inner corners."""
+"""Measurement of a ChArUco board in the scene as one plate: its outermost inner corners."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uavgram.model.camera.board import Board
 from uavgram.model.survey.observations import LeftOut, SeenPlate
 
 BOARD = 0
-"""Its number as a plate."""
+"""Number of the board as a plate."""
 
 _WIDER = 1.25
 _LEAST_SIGMA_PX = 0.018
@@ -25,10 +25,11 @@ def sight_board_plate(image: Image, board: Board) -> tuple[SeenPlate, ...]:
     image
         (height, width) grey, original size and orientation.
     board
-        What to look for.
+        Board to find.
     """
     seen = sight_charuco(image, board)
     last, rows = board.columns - 1, board.rows - 1
+    # The outermost inner corners, in the order of a plate's corners.
     outer = [0, last, rows * board.columns + last, rows * board.columns]
     place = {corner: k for k, corner in enumerate(seen.corner.tolist())}
     corner, sigma = np.full((4, 2), np.nan), np.full(4, np.nan)

@@ -1,4 +1,4 @@
-"""Families of coded plates: which ids there are, and the black and white cells of each."""
+"""Families of coded plates: their ids, and the black and white cells of each plate."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from uavgram.model.target_families import FAMILIES
 
 @lru_cache(maxsize=8)
 def dictionary(family: str) -> cv2.aruco.Dictionary:
-    """OpenCV's form of a family; its name is one of `FAMILIES`."""
+    """Return OpenCV's dictionary of a family; its name is one of `FAMILIES`."""
     return cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, FAMILIES[family]))
 
 
 def size_of(family: str) -> int:
-    """Number of plates in a family: their ids run from 0."""
+    """Return the number of plates in a family: their ids run from 0."""
     return len(dictionary(family).bytesList)
 
 
 @lru_cache(maxsize=256)
 def cells_of(family: str, plate: int) -> Bools:
-    """(n, n) cells of a plate, its black border included; True is white.
+    """Return the (n, n) cells of a plate, its black border included; True is white.
 
     The first row is the upper edge, from the plate's first corner to its second.
     """

@@ -1,8 +1,8 @@
-"""Where coded plates may lie in a photo: OpenCV's markers, with its search made finer.
+"""Candidates of coded plates in a photo: OpenCV's marker detector with a finer search.
 
-At its defaults OpenCV misses most plates below 20 pixels a side. With the smallest perimeter at
-0.005 of the photo's size and windows of the threshold from 5 to 29 pixels it finds all of 20; in
-the photo made twice as large those of 12 to 16 pixels too.
+With its defaults OpenCV misses most plates below 20 pixels a side. With the smallest perimeter at
+0.005 of the photo's size and threshold windows from 5 to 29 pixels it finds all of 20; in the photo
+enlarged twice also those of 12 to 16 pixels.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from uavgram.model.arrays import Floats
 
 _LEAST_PERIMETER = 0.005
 _WINDOWS_PX = (5, 29, 8)  # first, last, step
-_MOST_DOUBLED_PX = 60e6  # a photo of so many pixels takes seconds and a quarter of a GB doubled
-_SAME = 0.5  # of a side: two finds of one id nearer than that are one plate
+_MOST_DOUBLED_PX = 60e6  # larger photos would take seconds and a quarter of a GB
+_SAME = 0.5  # of a side: two finds of one id within this distance are one plate
 
 
 class Candidate(NamedTuple):
-    """What looks like a plate: its id, and its corners (4, 2) to a pixel."""
+    """Candidate of a plate: its id, and its corners (4, 2) to a pixel."""
 
     plate: int
     corner_px: Floats
 
 
 def candidates(image: Image, family: str, *, doubled: bool = True) -> list[Candidate]:
-    """Find what may be plates of a family; nothing here is certain.
+    """Find candidates of plates of a family, without verification.
 
     Parameters
     ----------
@@ -39,7 +39,7 @@ def candidates(image: Image, family: str, *, doubled: bool = True) -> list[Candi
     family
         One of `FAMILIES`.
     doubled
-        Whether to look for small ones too, in the photo made twice as large.
+        Whether to search for small ones, too, in the photo enlarged twice.
     """
     detector = _detector(family)
     found: list[Candidate] = []
@@ -48,7 +48,7 @@ def candidates(image: Image, family: str, *, doubled: bool = True) -> list[Candi
             break
         larger = image if scale == 1 else _doubled(image)
         quads, ids, _ = detector.detectMarkers(larger)
-        # OpenCV's stubs promise an array; it returns None where there is no marker
+        # OpenCV's stubs declare an array; it returns None where there is no marker
         numbers = [] if not quads else np.asarray(ids, np.int64).ravel().tolist()
         for quad, plate in zip(quads, numbers, strict=True):
             corner = (np.asarray(quad, np.float64).reshape(4, 2) + 0.5) / scale - 0.5

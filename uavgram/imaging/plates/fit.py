@@ -1,10 +1,10 @@
-"""Corners of a plate by a fit of its whole picture to the grey values of a photo.
+"""Corners of a plate from a fit of its whole picture to the grey values of a photo.
 
-The grey value of a pixel is ``black + contrast share`` with `share` of `picture.render`, the
-contrast running evenly over the plate (the sun stands aslant, lenses darken), times a shadow where
-one lies across it; shadows are sought where a plate does not fit without. What depends linearly is
-eliminated in each step (Golub and Pereyra 1973, with Kaufman's derivative), so that only corners,
-blur and the places of shadow edges are sought.
+The grey value of a pixel is ``black + contrast share`` with `share` of `picture.render`. The
+contrast varies linearly over the plate (oblique sun, vignetting) and is multiplied by shadows
+across the plate; shadows are searched for where the fit without them is poor. Parameters that enter
+linearly are eliminated in each step (variable projection: Golub and Pereyra 1973, with Kaufman's
+derivative), so that only corners, blur and shadow edges are iterated.
 """
 
 from __future__ import annotations
@@ -27,38 +27,38 @@ from uavgram.model.arrays import Bools, Floats, Ints
 
 FIRST_BLUR_PX = 0.8
 _BLUR_BOUNDS_PX = (0.3, 3.0)
-_CLEAR_BLURS = 2.0  # of what lies around the white margin, so much is kept away
+_CLEAR_BLURS = 2.0  # blurs between the used pixels and the surroundings of the white margin
 _LEAST_CLEAR = 0.15  # cells
 _OUTLIER = 4.0
-_ROUNDS = (8, 12)  # with the weights of the start, and with those of its residuals
-_FIRST_DAMPING = 1e-4  # derivatives are not exact: steps that are damped more end sooner
+_ROUNDS = (8, 12)  # with the start weights, and with those from the residuals
+_FIRST_DAMPING = 1e-4  # derivatives are approximate: more damped steps would stop too early
 _PLAIN = 5  # linear unknowns without shadows
 
 _RUNS_ON = 0.35
-"""Residuals that go together more than this show something that lies across the plate."""
+"""Correlation of neighbouring residuals above which a shadow across the plate is likely."""
 
 _BETTER = 0.8
-"""A shadow's edge must make the residuals this much smaller."""
+"""Largest ratio of the residuals with a shadow's edge to those without, to accept the edge."""
 
 MOST_EDGES = 2
 
 
 @dataclass(frozen=True, eq=False)
 class PlateFit:
-    """A plate as it was fitted.
+    """Fitted plate.
 
     Attributes
     ----------
     corner_px
         (4, 2).
     covariance_px2
-        (8, 8) of u and v of the corners in their order: of white noise as large as the residuals.
+        (8, 8) of u and v of the corners in their order: for white noise of the residuals' size.
     blur_px
         Standard deviation of the blur.
     contrast
-        Grey values from black to white, where no shadow lies.
+        Grey values from black to white, outside shadows.
     rms
-        Of the residuals [grey values].
+        Root mean square of the residuals [grey values].
     runs_on
         Correlation of a residual with its neighbours: 0 for white noise.
     agreement
@@ -80,7 +80,7 @@ class PlateFit:
 
 
 class PlateModel:
-    """Grey values of a window by corners, blur and shadow edges."""
+    """Model of a window's grey values by corners, blur and shadow edges."""
 
     def __init__(
         self, grey: Floats, window: Window, cells: Bools, weight: Floats, middle: Floats
@@ -91,23 +91,26 @@ class PlateModel:
         self.slope = away / max(window.width, window.height)
 
     def columns(self, picture: Picture, shade: Floats) -> Floats:
-        """(h, w, m) what the grey values are a sum of."""
+        """Build the (h, w, m) base functions of which the grey values are a linear combination."""
         share = picture.share
         u, v = np.moveaxis(self.slope, -1, 0)
         plain = np.ones_like(share), share, share * u, share * v, 4.0 * share * (1.0 - share)
         return np.stack([*plain, *shade, *(shade * share)], axis=-1)
 
     def residuals(self, state: Floats, _: Ints) -> tuple[Floats, Floats]:
-        """What a picture (1, p) misses of the grey values (1, k), and its derivatives (1, p, k)."""
+        """Compute residuals (1, k) of a picture (1, p), and their derivatives (1, p, k)."""
         value = state[0]
         picture = render(self.cells, value[:8].reshape(4, 2), float(value[8]), self.window)
         shade, by_edge = edge_pictures(value[9:], self.window)
         base = self.columns(picture, shade)
         weighted = base.reshape(-1, base.shape[-1]) * self.root[:, None]
         target = self.grey.ravel() * self.root
+        # Linear parameters by QR; the derivatives are projected to their complement (Kaufman).
         q, r = np.linalg.qr(weighted)
         linear = np.linalg.lstsq(r, q.T @ target, rcond=None)[0]
-        black, contrast = linear[_PLAIN:].reshape(2, -1, 1, 1)  # of what the shadows change
+        black, contrast = linear[_PLAIN:].reshape(
+            2, -1, 1, 1
+        )  # changes of black and contrast in shadows
         strength = (
             linear[1] + self.slope @ linear[2:4] + 4.0 * linear[4] * (1.0 - 2.0 * picture.share)
         )
@@ -141,18 +144,18 @@ def fit_plate(
     grey
         (height, width) of the window.
     window
-        Where it lies in the photo.
+        Position of the window in the photo.
     cells
         (n, n) of the plate.
     corner_px
-        (4, 2) first corners, to a pixel or so.
+        (4, 2) start values of the corners, to a pixel or so.
     edges
-        Shadow edges that lie across it, roughly.
+        Approximate shadow edges across it.
 
     Returns
     -------
     PlateFit or None
-        None where no fit comes to an end near the first corners.
+        None where the fit does not converge near the start values.
     """
     value = np.concatenate([corner_px.ravel(), [FIRST_BLUR_PX], *edges])
     weight = plate_weights(window, corner_px, len(cells), FIRST_BLUR_PX)
@@ -176,6 +179,7 @@ def fit_plate(
         if np.abs(corner - corner_px).max() > max(2.0, 0.15 * side):
             return None
         raw = _raw(fit.residual, used)
+        # Robust weights (Huber) from the median residual, for the second round.
         scale = 1.4826 * np.median(np.abs(raw[used > 0])) + 0.3
         fresh = plate_weights(window, corner, len(cells), float(value[8]))
         weight = fresh / np.maximum(1.0, np.abs(raw) / (_OUTLIER * scale))
@@ -185,12 +189,12 @@ def fit_plate(
 def fit_with_shadows(
     grey: Floats, window: Window, cells: Bools, corner_px: Floats
 ) -> PlateFit | None:
-    """Fit a plate, and the edges of shadows across it where it does not fit without.
+    """Fit a plate, with shadow edges across it where the fit without them is poor.
 
     Parameters
     ----------
     grey, window, cells, corner_px
-        As of `fit_plate`.
+        As for `fit_plate`.
     """
     fitted = fit_plate(grey, window, cells, corner_px)
     if fitted is None:
@@ -219,7 +223,9 @@ def _raw(residual: Floats, weight: Floats) -> Floats:
 
 def _described(model: PlateModel, fit: Fit, weight: Floats) -> PlateFit:
     value = fit.state[0]
-    model.residuals(fit.state, np.zeros(1, np.int64))  # its sum, not that of the last trial
+    model.residuals(
+        fit.state, np.zeros(1, np.int64)
+    )  # evaluate at the accepted state, not at the last trial
     count = max(float((weight > 0).sum()) - len(value) - len(model.linear), 1.0)
     variance = float(fit.cost[0]) / count
     raw = _raw(fit.residual, weight)
@@ -242,20 +248,22 @@ def _described(model: PlateModel, fit: Fit, weight: Floats) -> PlateFit:
 
 
 def plate_weights(window: Window, corner_px: Floats, count: int, blur_px: float) -> Floats:
-    """(h, w) 1 on the plate and the white around it, as far as nothing blurs into it from beyond.
+    """Weight pixels (h, w) by 1 on the plate and on the white around it, elsewhere by 0.
+
+    White into which its surroundings blur is excluded.
 
     Parameters
     ----------
     window, corner_px
-        As of `fit_plate`.
+        As for `fit_plate`.
     count
         Cells along a side.
     blur_px
-        The blur.
+        Standard deviation of the blur.
     """
     matrix = inverse_of(homography(corner_px))
     place = count * mapped(matrix, window.pixels)
-    # a projective coordinate's step per pixel, at the middle of the plate: the margin is narrow
+    # change of the plate coordinates per pixel, by central differences
     ahead = count * mapped(matrix, window.pixels + np.array([0.5, 0.0])) - place
     down = count * mapped(matrix, window.pixels + np.array([0.0, 0.5])) - place
     step = 2.0 * np.hypot(ahead, down)

@@ -1,4 +1,4 @@
-"""What is black on a plate or a board, as outlines to print: exact at any size, without seams."""
+"""Outlines of the black areas of a plate or a board for printing: exact at any size, seamless."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.board import Board
 
 MARGIN_CELLS = 1.0
-"""White that must stay around a plate's black square."""
+"""Width of the white margin around a plate's black square."""
 
 
 def plate_outlines(family: str, plate: int) -> list[Floats]:
-    """Outlines of what is black, on a plate whose black square has the side 1, y downwards.
+    """Compute outlines of the black areas of a plate whose black square has side 1, y downwards.
 
     Parameters
     ----------
@@ -27,14 +27,14 @@ def plate_outlines(family: str, plate: int) -> list[Floats]:
     Returns
     -------
     list of (k, 2)
-        Closed; black lies to the right of each, so that holes run the other way round.
+        Closed; black is to the right of each, so that holes run the other way round.
     """
     black = ~cells_of(family, plate)
     return [outline / len(black) for outline in _outlines(black)]
 
 
 def board_outlines(board: Board) -> list[Floats]:
-    """The same of a ChArUco board [m], from the corner of its first square."""
+    """Compute outlines of the black areas of a ChArUco board [m] from its first square's corner."""
     columns, rows = board.columns + 1, board.rows + 1
     outlines = [
         (UNIT_SQUARE + np.array([column, row])) * board.square_m
@@ -58,8 +58,9 @@ def _dictionary_cells(board: object, number: int) -> Bools:
 
 
 def _outlines(black: Bools) -> list[Floats]:
-    """Borders between black and white cells (n, m), joined; black lies to the right."""
+    """Trace the borders between black and white cells (n, m); black is to the right."""
     inside = np.pad(black, 1)
+    # Directed unit edges by their start; each loop follows them back to its start.
     ends: dict[tuple[int, int], list[tuple[int, int]]] = {}
     for row, column in np.argwhere(inside).tolist():
         x, y = column - 1, row - 1

@@ -1,9 +1,9 @@
-"""How a plate looks in a photo: its cells under a homography, blurred, one pixel after the other.
+"""Rendering of a plate in a photo: its cells under a homography, blurred, averaged over pixels.
 
-A cell's straight edge, blurred a little, is an error function of the distance from it; so the
-pattern is drawn that way on a grid twice as fine as the pixels, blurred there by the rest of
-the photo's blur, and averaged over each pixel. The picture is then smooth in the plate's corners,
-and its derivative by a corner is its gradient times how far the pattern moves with that corner.
+A cell's straight edge, blurred a little, is an error function of the distance from it. The pattern
+is drawn that way on a grid twice as fine as the pixels, blurred there by the rest of the photo's
+blur, and averaged over each pixel. The picture is then smooth in the plate's corners, and its
+derivative by a corner is its gradient times the shift of the pattern with this corner.
 """
 
 from __future__ import annotations
@@ -17,10 +17,13 @@ from scipy.special import ndtr
 from uavgram.model.arrays import Bools, Floats
 
 FINER = 2
-"""Steps of the fine grid to a pixel."""
+"""Steps of the fine grid per pixel."""
 
 DRAWN_BLUR_PX = 0.3
-"""Blur that is drawn; the rest is a filter. Also the least blur: a grid of halves shows no less."""
+"""Blur that is drawn, and least blur; the rest is a filter.
+
+A grid of half pixels does not resolve less.
+"""
 
 _BLUR_STEP_PX = 0.02
 _SLOPE = np.array([1.0, -8.0, 0.0, 8.0, -1.0]) / 12.0  # exact for polynomials of degree 4
@@ -30,7 +33,7 @@ UNIT_SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 @dataclass(frozen=True, eq=False)
 class Window:
-    """A part of a photo: pixel of its first corner, and its size."""
+    """Part of a photo: pixel of its first corner, and its size."""
 
     left: int
     top: int
@@ -58,12 +61,12 @@ class Window:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A rendered plate.
+    """Rendered plate.
 
     Attributes
     ----------
     share
-        (height, width) how white each pixel is, 0 to 1.
+        (height, width) whiteness of each pixel, 0 to 1.
     by_corner
         (height, width, 8) its derivatives by u and v of the four corners [1 / px].
     by_blur
@@ -76,10 +79,14 @@ class Picture:
 
 
 def homography(corner_px: Floats) -> Floats:
-    """(3, 3) from the plate (first corner (0, 0), second (1, 0), fourth (0, 1)) to pixels."""
+    """Compute the (3, 3) homography from the plate to pixels.
+
+    On the plate the first corner is (0, 0), the second (1, 0), the fourth (0, 1).
+    """
     x, y = UNIT_SQUARE.T
     u, v = np.asarray(corner_px, np.float64).T
     zero, one = np.zeros(4), np.ones(4)
+    # Two linear equations for each corner, with the last element fixed at 1.
     rows_u = np.stack([x, y, one, zero, zero, zero, -x * u, -y * u], axis=1)
     rows_v = np.stack([zero, zero, zero, x, y, one, -x * v, -y * v], axis=1)
     solved = np.linalg.solve(np.vstack([rows_u, rows_v]), np.concatenate([u, v]))
@@ -87,18 +94,18 @@ def homography(corner_px: Floats) -> Floats:
 
 
 def inverse_of(matrix: Floats) -> Floats:
-    """(3, 3) the other way."""
+    """Invert a (3, 3) homography."""
     return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
 def mapped(matrix: Floats, place: Floats) -> Floats:
-    """(..., 2) places under a homography."""
+    """Map places (..., 2) by a homography."""
     raw = place @ matrix[:, :2].T + matrix[:, 2]
     return np.asarray(raw[..., :2] / raw[..., 2:])
 
 
 def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> Picture:
-    """Draw a plate, white around it.
+    """Draw a plate with white around it.
 
     Parameters
     ----------
@@ -107,9 +114,9 @@ def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> P
     corner_px
         (4, 2) corners of its black square, from the first one on.
     blur_px
-        Standard deviation of the blur that is not a pixel's own size.
+        Standard deviation of the blur, without a pixel's own size.
     window
-        Which pixels.
+        Pixels to draw.
     """
     matrix = homography(corner_px)
     fine = _drawn(cells, inverse_of(matrix), window.fine_pixels)
@@ -127,7 +134,7 @@ def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> P
 
 
 def _drawn(cells: Bools, inverse: Floats, pixel: Floats) -> Floats:
-    """(h, w) share of white under a blur of `DRAWN_BLUR_PX`, at any places (h, w, 2) [px]."""
+    """Draw the share of white under a blur of `DRAWN_BLUR_PX`, at any places (h, w, 2) [px]."""
     n = len(cells)
     place = n * mapped(inverse, pixel)
     framed = np.pad(cells, 1, constant_values=True).astype(np.float64)
@@ -139,6 +146,7 @@ def _drawn(cells: Bools, inverse: Floats, pixel: Floats) -> Floats:
         width = DRAWN_BLUR_PX * np.linalg.norm(slope, axis=-1)
         edges = ndtr((place[..., axis, None] - np.arange(n + 1)) / width[..., None])
         ones, zeros = np.ones((*edges.shape[:-1], 1)), np.zeros((*edges.shape[:-1], 1))
+        # Each cell's coverage along this axis: difference of the error functions of its edges.
         step = np.concatenate([ones, edges, zeros], axis=-1)
         across.append(step[..., :-1] - step[..., 1:])
     x, y = across
@@ -146,21 +154,21 @@ def _drawn(cells: Bools, inverse: Floats, pixel: Floats) -> Floats:
 
 
 def _blurred(fine: Floats, blur_px: float) -> Floats:
-    # the mean of a pixel's steps is narrower than the pixel by 1 / (12 FINER^2) of variance
+    # the mean of the steps in a pixel is narrower than the pixel by a variance of 1 / (12 FINER^2)
     variance = blur_px**2 - DRAWN_BLUR_PX**2 + 1.0 / (12.0 * FINER**2)
     more = FINER * max(variance, 1e-6) ** 0.5
     return np.asarray(cv2.GaussianBlur(fine, (0, 0), more, borderType=cv2.BORDER_REPLICATE))
 
 
 def _averaged(fine: Floats) -> Floats:
-    """The mean of each pixel's steps."""
+    """Average the steps of each pixel."""
     height, width = fine.shape
     steps = fine.reshape(height // FINER, FINER, width // FINER, FINER)
     return np.asarray(steps.mean(axis=(1, 3)), np.float64)
 
 
 def _moved(matrix: Floats, corner_px: Floats, pixel: Floats) -> Floats:
-    """(h, w, 2, 8): how far what lies at each pixel moves with each coordinate of the corners."""
+    """Compute shifts (h, w, 2, 8) of the pattern at each pixel by the corners' coordinates."""
     place = mapped(inverse_of(matrix), pixel)
     step = _CORNER_STEP * float(np.linalg.norm(corner_px[2] - corner_px[0]))
     moved = np.empty((*pixel.shape, 8))

@@ -1,4 +1,4 @@
-"""Edges of shadows across a plate: straight, and as soft as the sun and the blur make them."""
+"""Straight edges of shadows across a plate, softened by the sun's size and the blur."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ LOG_SOFT_BOUNDS = (-1.5, 2.0)
 
 
 class Edge(NamedTuple):
-    """A straight edge of a shadow, which lies on the side that its normal points to.
+    """Straight edge of a shadow, which is on the side that its normal points to.
 
     Attributes
     ----------
     angle_rad
-        Of its normal, from u towards v.
+        Direction of its normal, from u towards v.
     away_px
-        Of the edge from the first pixel of the window, along the normal.
+        Distance of the edge from the first pixel of the window, along the normal.
     log_soft
         Logarithm of its standard deviation [px].
     """
@@ -32,14 +32,14 @@ class Edge(NamedTuple):
 
 
 def edge_pictures(values: Floats, window: Window) -> tuple[Floats, Floats]:
-    """How much of each pixel lies behind each edge.
+    """Compute the share of each pixel behind each edge.
 
     Parameters
     ----------
     values
         (3 E,) of the edges, one after the other.
     window
-        Which pixels.
+        Pixels to compute.
 
     Returns
     -------
@@ -65,23 +65,24 @@ _FIRST_SOFT_PX = 0.8
 def likeliest_edges(
     grey: Floats, base: Floats, share: Floats, weight: Floats, count: int = 3
 ) -> list[Edge]:
-    """Where the edge of one more shadow may lie: the best places on a grid, all unlike.
+    """Find likely places of one more shadow edge: the best on a grid, one for each direction.
 
     Parameters
     ----------
     grey
         (h, w) of the window.
     base
-        (h, w, m) what the grey values are a sum of as it is.
+        (h, w, m) base functions of the present model.
     share
-        (h, w) how white each pixel is.
+        (h, w) whiteness of each pixel.
     weight
         (h, w) of the pixels.
     count
-        How many to give.
+        Number of edges to return.
     """
     inside = weight > 0
     root = np.sqrt(weight[inside])
+    # Residuals of the present model, by projection.
     q = np.linalg.qr(base[inside] * root[:, None])[0]
     target = grey[inside] * root
     target = target - q @ (q.T @ target)
@@ -91,6 +92,7 @@ def likeliest_edges(
         along = np.cos(angle) * u + np.sin(angle) * v
         away = np.arange(along.min() + 2.0, along.max() - 1.0, _STEP_PX)
         shade = ndtr((along[:, None] - away) / _FIRST_SOFT_PX)
+        # Gain of the sum of squares for each place of the edge, with two new linear unknowns.
         pair = np.stack([shade, shade * share[inside][:, None]], axis=-1) * root[:, None, None]
         pair = pair - np.einsum("pm,mak->pak", q, np.einsum("pm,pak->mak", q, pair))
         normal = np.einsum("pak,pal->akl", pair, pair) + 1e-6 * np.eye(2)

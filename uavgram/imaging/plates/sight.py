@@ -1,4 +1,4 @@
-"""Plates in a photo: found, fitted, and kept only where the whole picture is a plate's."""
+"""Detection of plates in a photo: found, fitted, and verified by their whole picture."""
 
 from __future__ import annotations
 
@@ -18,21 +18,21 @@ from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import LeftOut, SeenPlate
 
 LEAST_SIDE_PX = 8.0
-"""Plates with a shorter side are left alone: their cells are hardly a pixel wide."""
+"""Least side of a plate: with a shorter one its cells are hardly a pixel wide."""
 
-_LEAST_AGREEMENT = 0.93  # below, it is no plate
-_CLEAN_AGREEMENT = 0.97  # below, something lies across it that the fit cannot follow
-_LEAST_CONTRAST = 5.0  # in residuals
+_LEAST_AGREEMENT = 0.93  # below, it is not a plate
+_CLEAN_AGREEMENT = 0.97  # below, something covers it that the fit cannot model
+_LEAST_CONTRAST = 5.0  # in rms of the residuals
 _WIDER = 1.25
 _LEAST_SIGMA_PX = 0.018
 _MOST_SIGMA_PX = 0.3
-_LARGEST_SIDE_PX = 72.0  # larger plates are fitted in the photo made smaller
-_PROMISING = 0.6  # correlation where OpenCV saw the corners
+_LARGEST_SIDE_PX = 72.0  # larger plates are fitted in a reduced photo
+_PROMISING = 0.6  # correlation at OpenCV's corners
 _AROUND = 1.3  # cells of the window around the black square
 
 
 def shortest_side(corner_px: Floats) -> float:
-    """Length of the shortest side of a quadrilateral (4, 2)."""
+    """Compute the length of the shortest side of a quadrilateral (4, 2)."""
     return float(np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).min())
 
 
@@ -57,11 +57,11 @@ def sight_large_plates(
     Parameters
     ----------
     reduced
-        (height, width) grey, of which a pixel is so many of the photo each way.
+        (height, width) grey, reduced by `factor` in each direction.
     factor
-        How many.
+        Pixels of the photo per pixel of the reduced one.
     whole
-        Gives the photo; asked only where there may be a plate.
+        Gives the photo; called only where there may be a plate.
     family
         One of `FAMILIES`.
     """
@@ -73,7 +73,7 @@ def sight_large_plates(
 
 
 def _sighted_all(image: Image, family: str, found: Sequence[Candidate]) -> tuple[SeenPlate, ...]:
-    """Those of some candidates that are plates, by their numbers."""
+    """Measure candidates; return those that are plates, sorted by their ids."""
     seen = [_sighted(image, family, one) for one in found]
     plates = [one for one in seen if one is not None]
     certain = [one.plate for one in plates if one.left_out is not LeftOut.DOUBTFUL]
@@ -85,7 +85,7 @@ def _sighted_all(image: Image, family: str, found: Sequence[Candidate]) -> tuple
 
 
 def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | None:
-    """A candidate measured; None where it is no plate."""
+    """Measure a candidate; None where it is not a plate."""
     corner = candidate.corner_px
     if shortest_side(corner) < LEAST_SIDE_PX - 1.0:
         return None
@@ -94,6 +94,7 @@ def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | Non
     rows, columns = window.slices
     grey = image[rows, columns]
     sides = np.linalg.norm(np.roll(corner, -1, axis=0) - corner, axis=1)
+    # Large plates are measured in a reduced window.
     factor = max(1, math.ceil(float(sides.max()) / _LARGEST_SIDE_PX))
     if factor > 1:
         grey, window = _reduced(grey, window, factor)
@@ -112,7 +113,7 @@ def _sighted(image: Image, family: str, candidate: Candidate) -> SeenPlate | Non
 
 
 def _doubtful(candidate: Candidate, agreement: float) -> SeenPlate:
-    """What may be a plate, and is told only where other photos show that there is such a one."""
+    """Describe a doubtful plate, reported only where other photos confirm the same plate."""
     return SeenPlate(
         plate=candidate.plate,
         corner_px=candidate.corner_px,
@@ -125,7 +126,7 @@ def _doubtful(candidate: Candidate, agreement: float) -> SeenPlate:
 
 
 def _reduced(grey: Image, window: Window, factor: int) -> tuple[Image, Window]:
-    """A window with `factor` pixels in one each way; what is left over at its end is left out."""
+    """Reduce a window by `factor` each way; an incomplete block at its end is dropped."""
     left, top = (-(-n // factor) for n in (window.left, window.top))
     inner = grey[top * factor - window.top :, left * factor - window.left :]
     height, width = (n // factor for n in inner.shape)
@@ -141,7 +142,7 @@ def _is_plate(fitted: PlateFit) -> bool:
 
 
 def _seen(plate: int, fitted: PlateFit, factor: int) -> SeenPlate:
-    """What a fit says of a plate in the photo, of which `factor` pixels made one."""
+    """Describe a fitted plate in the photo, where `factor` pixels were reduced to one."""
     variance = np.diagonal(fitted.covariance_px2).reshape(4, 2).mean(axis=1)
     sigma = factor * np.hypot(_WIDER * np.sqrt(variance), _LEAST_SIGMA_PX)
     corner = (fitted.corner_px + 0.5) * factor - 0.5
@@ -164,16 +165,16 @@ def _seen(plate: int, fitted: PlateFit, factor: int) -> SeenPlate:
 
 
 def window_about(corner_px: Floats, cells: int, shape: tuple[int, ...]) -> Window:
-    """Pixels of a plate and of the white around it, as far as the photo goes.
+    """Return the window of a plate and of the white around it, within the photo.
 
     Parameters
     ----------
     corner_px
-        (4, 2) of its black square.
+        (4, 2) corners of its black square.
     cells
-        Along a side.
+        Number of cells along a side.
     shape
-        Of the photo.
+        Shape of the photo.
     """
     side = np.linalg.norm(np.roll(corner_px, -1, axis=0) - corner_px, axis=1).max()
     around = _AROUND * side / cells + 3.0

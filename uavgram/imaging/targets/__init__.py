@@ -1,1 +1,1 @@
-"""Calibration boards in photos: found coarsely, measured to hundredths of a pixel, drawn."""
+"""Boards and targets in photos: detection, measurement to hundredths of a pixel, drawing."""

@@ -1,4 +1,4 @@
-"""ChArUco boards: markers tell which corner is which, so any part of the board is welcome."""
+"""Detection of ChArUco boards, or parts of them, whose corners are identified by markers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uavgram.model.camera.board import Board
 
 WIDTHS_PX = (1200, 2400, 4800)
 LEAST_CORNERS = 6
-_LARGEST_BOARD = 20  # squares each way, when another size is looked for
+_LARGEST_BOARD = 20  # squares each way, in the search for another size
 _CLEAR = 0.9  # of the distance from a corner to the nearest marker
 
 
@@ -25,7 +25,7 @@ def sight_charuco(image: Image, board: Board) -> Sighting:
     image
         (height, width) grey, original size.
     board
-        What to look for.
+        Board to find.
     """
     detector = cv2.aruco.CharucoDetector(charuco_board(board, (board.columns + 1, board.rows + 1)))
     grid = np.full((board.rows * board.columns, 2), np.nan)
@@ -47,22 +47,22 @@ def sight_charuco(image: Image, board: Board) -> Sighting:
         return Sighting(found_size=other, is_other_board=True)
     if np.isfinite(grid[:, 0]).sum() < LEAST_CORNERS:
         return Sighting()
-    # the nearest point of a marker lies on the diagonal of a white square
+    # the nearest point of a marker is on the diagonal of a white square
     clear = _CLEAR * np.sqrt(0.5) * (1.0 - board.marker_m / board.square_m)
     shape = (board.rows, board.columns, 2)
     return measure_corners(image, grid.reshape(shape), clear, (board.columns, board.rows))
 
 
 def charuco_board(board: Board, squares: tuple[int, int]) -> cv2.aruco.CharucoBoard:
-    """OpenCV's form of a board with so many squares along x and y."""
+    """Create OpenCV's object of a board with the given number of squares along x and y."""
     dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
     return cv2.aruco.CharucoBoard(squares, board.square_m, board.marker_m, dictionary)
 
 
 def _other_size(board: Board, marker: Ints, marker_px: Floats) -> tuple[int, int] | None:
-    """Inner corners of the board whose layout the markers show, if they show another one.
+    """Find the inner corners of another board whose layout the markers show; None otherwise.
 
-    Markers are numbered row by row, so their places in a photo tell how many a row has.
+    Markers are numbered row by row, so their places in a photo determine the number in a row.
     """
     if len(marker) < LEAST_CORNERS:
         return None
@@ -82,20 +82,23 @@ def _other_size(board: Board, marker: Ints, marker_px: Floats) -> tuple[int, int
 
 
 def _layout_error(columns: int, marker: Ints, marker_px: Floats) -> float:
-    """Median miss, in squares, of markers laid out in rows of so many squares; inf: no fit."""
+    """Compute the median error, in squares, of markers laid out in rows of `columns` squares.
+
+    inf where no layout fits.
+    """
     row, place = _marker_cells(columns, int(marker.max()) + 1)
     cell = np.stack([place, row], axis=1)[marker].astype(np.float64)
     if np.ptp(cell, axis=0).min() < 1:
         return float("inf")
     matrix = np.asarray(cv2.findHomography(marker_px, cell, cv2.RANSAC, 0.5)[0], np.float64)
-    if matrix.shape != (3, 3):  # OpenCV gives None where there is none
+    if matrix.shape != (3, 3):  # OpenCV returns None on failure
         return float("inf")
     mapped = cv2.perspectiveTransform(marker_px[:, None], matrix)[:, 0]
     return float(np.median(np.linalg.norm(mapped - cell, axis=1)))
 
 
 def _marker_cells(columns: int, count: int) -> tuple[Ints, Ints]:
-    """Row and column of the squares that hold markers 0 to count - 1: every white one in turn."""
+    """Compute row and column of the squares with markers 0 to count - 1, the white ones in turn."""
     row, column = np.divmod(np.arange(2 * count + 2 * columns), columns)
     white = (row + column) % 2 == 1
     return row[white][:count], column[white][:count]

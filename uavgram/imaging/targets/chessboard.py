@@ -1,8 +1,8 @@
-"""Chessboards: a seed by OpenCV's sector-based detector, grown over the board.
+"""Detection of chessboards: a seed by OpenCV's sector-based detector, grown over the board.
 
-The detector (Duda and Frese 2018, Accurate detection and localization of checkerboard corners)
-runs on reduced copies of a large photo, where it costs a fraction; only the corners themselves are
-measured at full size.
+The detector (Duda and Frese 2018, Accurate detection and localization of checkerboard corners) runs
+on reduced copies of a large photo, where it takes a fraction of the time; only the corners
+themselves are measured at full size.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from uavgram.imaging.targets.sighting import Sighting, measure_corners
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import Board
 
-# Half the way to the next corner less what blur adds: nothing else is printed within.
+# Half the distance to the next corner, less the blur: no other print is within.
 REACH = 0.35
 WIDTHS_PX = (640, 1280, 2400)
 LEAST_CORNERS = 9
 _NEARLY_ALL = 0.8
 _SEED = 4
 _RANDOM_SEED = 0
-# The detector itself asks for three corners each way.
+# The detector itself needs three corners each way.
 _MODES = (
     cv2.CALIB_CB_LARGER,
     cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE,
@@ -42,21 +42,21 @@ def sight_chessboard(image: Image, board: Board) -> Sighting:
     image
         (height, width) grey, original size.
     board
-        What to look for.
+        Board to find.
     """
-    best: tuple[Floats, Floats] | None = None  # numbered and as found
+    best: tuple[Floats, Floats] | None = None  # numbered, and as found
     other: Floats | None = None
     for found in _grids(image, board):
         grid, numbered = found.pixel_px, number_grid(found, board.columns, board.rows)
         if numbered is None:
             other = grid if other is None or _count(grid) > _count(other) else other
             if np.isfinite(grid).all():
-                break  # a whole rectangle that is larger than the board: no doubt about it
+                break  # a complete rectangle larger than the board: certainly another board
         elif best is None or _count(numbered) > _count(best[0]):
             best = numbered, grid
             is_whole = sorted(grid.shape[:2]) == sorted(numbered.shape[:2])
             if is_whole and _count(numbered) >= _NEARLY_ALL * numbered.shape[0] * numbered.shape[1]:
-                break  # what is missing is hidden in this photo
+                break  # the missing corners are hidden in this photo
     if other is not None and (best is None or _count(other) > _count(best[0])):
         return Sighting(found_size=_size(other), is_other_board=True)
     if best is None or _count(best[0]) < LEAST_CORNERS:
@@ -65,7 +65,7 @@ def sight_chessboard(image: Image, board: Board) -> Sighting:
 
 
 def _grids(image: Image, board: Board) -> Iterator[Grid]:
-    """Grids of corners in full-size pixels, one after the other until one will do."""
+    """Find grids of corners in full-size pixels, one after the other, on demand."""
     side = max(CORE, min(_SEED, board.columns, board.rows))
     limit = 2 * max(board.columns, board.rows)
     for scale, small in reduced_copies(image, WIDTHS_PX):
@@ -80,9 +80,10 @@ def _grids(image: Image, board: Board) -> Iterator[Grid]:
 
 
 def _seed(image: Image, side: int, mode: int) -> Floats | None:
-    """(R, C, 2) corners of a part of some chessboard."""
-    # The detector's nearest-neighbour search draws random numbers (FLANN), which go on from photo
-    # to photo: one photo would be found in 12 or in 22 corners, depending on those before it.
+    """Find the (R, C, 2) corners of a part of some chessboard."""
+    # Reset the random numbers of the detector's nearest-neighbour search (FLANN), which continue
+    # from photo to photo: the result for a photo (12 or 22 corners) would depend on the photos
+    # before it.
     cv2.setRNGSeed(_RANDOM_SEED)
     is_found, corners, meta = cv2.findChessboardCornersSBWithMeta(image, (side, side), mode)
     if not is_found:
@@ -96,6 +97,6 @@ def _count(grid: Floats) -> int:
 
 
 def _size(grid: Floats) -> tuple[int, int]:
-    """Columns and rows, the longer side first."""
+    """Return columns and rows, the longer side first."""
     rows, columns = sorted(grid.shape[:2])
     return columns, rows

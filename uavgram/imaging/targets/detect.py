@@ -1,4 +1,4 @@
-"""A board in many photos, several photos at a time."""
+"""Detection of a board in many photos, several photos at a time."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def sight_board(image: Image, board: Board) -> Sighting:
     image
         (height, width) grey, original size and orientation.
     board
-        What to look for.
+        Board to find.
     """
     return DETECTORS[board.kind](image, board)
 
@@ -46,12 +46,12 @@ def detect_in_photos(
     photos
         Names that `load` understands.
     board
-        What to look for.
+        Board to find.
     load
-        Decodes one photo: (height, width) grey; it runs in the workers, so that no more photos
-        than workers are in memory.
+        Decodes one photo: (height, width) grey; it runs in the workers, so that no more photos than
+        workers are in memory.
     workers
-        Photos at a time; None: one for each processor. OpenCV works outside Python's lock.
+        Photos at a time; None: one for each processor. OpenCV releases Python's lock.
     """
 
     def sight(photo: str) -> Sighting:

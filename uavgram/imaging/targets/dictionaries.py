@@ -6,12 +6,12 @@ import cv2
 
 
 def dictionary_size(name: str) -> int:
-    """Number of markers of a dictionary; 0 where OpenCV knows none of that name."""
+    """Return the number of markers of a dictionary; 0 for an unknown name."""
     if name not in dictionary_names():
         return 0
     return len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name)).bytesList)
 
 
 def dictionary_names() -> tuple[str, ...]:
-    """Names of the dictionaries that OpenCV knows."""
+    """Return the names of OpenCV's dictionaries."""
     return tuple(name for name in dir(cv2.aruco) if name.startswith("DICT_"))

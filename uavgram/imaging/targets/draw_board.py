@@ -1,4 +1,4 @@
-"""A photo with the corners that were found in it, to look at."""
+"""Drawing of a photo with the corners found in it."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ def draw_board(
     residual_px: Floats | None = None,
     magnification: float = 1.0,
 ) -> bytes:
-    """JPEG of a reduced photo with its corners, their numbers and the rows of the board.
+    """Draw the corners, their numbers and the rows of the board in a reduced photo; return a JPEG.
 
     Parameters
     ----------
     preview
         The photo, grey and reduced: each photo is decoded once.
     board, photo
-        What was found, in original pixels.
+        Board, and its corners in original pixels.
     residual_px
         (n, 2) of the corners, drawn as arrows.
     magnification
-        Of the arrows.
+        Magnification of the arrows.
     """
     scale = np.array(preview.scale)
     grey = np.ascontiguousarray(decode_preview(preview)[:, :, 0])
@@ -58,7 +58,7 @@ def draw_board(
 
 
 def _draw_rows(picture: Image, grid: Floats) -> None:
-    """Join the corners of each row, as far as they are known."""
+    """Connect the known corners of each row."""
     for row in grid:
         known = row[np.isfinite(row[:, 0])]
         for start, end in pairwise(known):
@@ -66,7 +66,7 @@ def _draw_rows(picture: Image, grid: Floats) -> None:
 
 
 def _draw_numbers(picture: Image, photo: BoardPhoto, place: Floats, columns: int) -> None:
-    """Number the corners; every row's first and last where they are too close for more."""
+    """Write the numbers of the corners; only each row's first and last where space is short."""
     step = np.ptp(place, axis=0).max() / max(columns - 1, 1) if len(place) else 0.0
     for index, (u, v) in zip(photo.corner.tolist(), place.tolist(), strict=True):
         if step < 30 and index % columns not in (0, columns - 1):

@@ -1,8 +1,8 @@
 """Sub-pixel corners from grey value gradients alone: the point that all edges lead to.
 
-Foerstner's operator (Foerstner and Guelch 1987): the corner c minimises the sum of
-(g . (x - c))^2 over the window, g the gradient in x. It assumes nothing of the edges' shape, and
-uses less of the image than the fit of a saddle where that fit's model holds.
+Foerstner's operator (Foerstner and Guelch 1987): the corner c minimises the sum of (g . (x - c))^2
+over the window, with the gradient g in x. It assumes nothing about the edges' shape, and uses less
+of the image than the fit of a saddle where the model of that fit holds.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _OPENCV_MARGIN_PX = 5  # cv2.cornerSubPix asks for images this much larger than 
 def gradient_corners(
     image: Image, windows: Windows, start_px: Floats, noise: Floats
 ) -> tuple[Floats, Floats]:
-    """Corners by their gradients.
+    """Measure corners by their gradients.
 
     Parameters
     ----------
     image
         (height, width) grey.
     windows
-        Of N corners, about `start_px`.
+        Windows of N corners, about `start_px`.
     start_px
         (N, 2) corners to a pixel.
     noise
@@ -41,7 +41,7 @@ def gradient_corners(
     pixel_px : (N, 2)
         OpenCV's form of the operator (cv2.cornerSubPix); NaN outside the image.
     covariance_px2 : (N, 2, 2)
-        White noise of the grey values carried through gradients and operator.
+        White noise of the grey values propagated through gradients and operator.
     """
     if not len(start_px):
         return np.empty((0, 2)), np.empty((0, 2, 2))
@@ -49,7 +49,7 @@ def gradient_corners(
     half = side // 2
     corner = search_corners(image, start_px, half, ITERATIONS, _CONVERGED_PX)
     grey = windows.grey.reshape(-1, side, side)
-    edge = (0, 0), (1, 1), (1, 1), (0, 0)  # there are none
+    edge = (0, 0), (1, 1), (1, 1), (0, 0)  # no gradients at the edge
     gradient = np.pad(np.stack(slopes(grey), axis=-1), edge)
     offset = windows.offset_px.reshape(side, side, 2)
     away = offset - (corner - windows.center_px)[:, None, None]
@@ -62,13 +62,13 @@ def gradient_corners(
 def _covariance(
     gradient: Floats, away: Floats, bell: Floats, normal: Floats, noise: Floats
 ) -> Floats:
-    """(N, 2, 2): first-order change of the corner by each grey value, times their noise."""
-    # d pull = bell (dg (g . away) + g (dg . away)) per pixel, dg the change of its gradient
+    """Compute covariances (N, 2, 2): first-order effect of each grey value, times the noise."""
+    # d pull = bell (dg (g . away) + g (dg . away)) per pixel, with dg the change of its gradient
     miss = (gradient * away).sum(axis=-1)
     by_gradient = gradient[..., :, None] * away[..., None, :]
     by_gradient += miss[..., None, None] * np.eye(2)
     by_gradient *= bell[..., None, None]
-    # g is the half difference of the two neighbours: each grey value enters two gradients
+    # g is half the difference of the two neighbours: each grey value enters two gradients
     by_grey = np.zeros(by_gradient.shape[:-1])
     by_grey[:, :, 1:] += 0.5 * by_gradient[:, :, :-1, :, 0]
     by_grey[:, :, :-1] -= 0.5 * by_gradient[:, :, 1:, :, 0]
@@ -82,25 +82,25 @@ def _covariance(
 def search_corners(
     image: Image, start_px: Floats, half_px: int, iterations: int, converged_px: float
 ) -> Floats:
-    """(N, 2) corners near first places; NaN where there is no image to search in.
+    """Search corners (N, 2) near start values; NaN where the search is impossible.
 
-    cv2.cornerSubPix ends in an error, and finds none of the corners, where a single one starts
-    outside the image or is not finite, and where the window does not fit into the image.
+    cv2.cornerSubPix raises an error for all corners where a single one starts outside the image or
+    is not finite, and where the window does not fit into the image.
 
     Parameters
     ----------
     image
         (height, width) grey.
     start_px
-        (N, 2) first places.
+        (N, 2) start values.
     half_px
         The window has 2 half_px + 1 pixels each way.
     iterations, converged_px
-        When to stop.
+        Limits of the iteration.
     """
     height, width = image.shape
     corner = np.full(start_px.shape, np.nan)
-    # in the precision that OpenCV sees: 639.99999999 is 640, and outside
+    # in OpenCV's single precision: 639.99999999 becomes 640, which is outside
     start = start_px.astype(np.float32)
     inside = ((start >= 0) & (start < [width, height])).all(axis=1)  # False for NaN
     if not inside.any() or min(height, width) < 2 * half_px + _OPENCV_MARGIN_PX:

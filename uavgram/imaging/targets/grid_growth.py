@@ -1,8 +1,8 @@
-"""From a few corners of a chessboard to all of them, square by square.
+"""Growth of a chessboard's grid from a few corners to all of them, square by square.
 
-A seed of 3 x 3 corners is continued outwards: the next corner of a row lies where the last three
-lead to, and is one if bright and dark squares alternate about it as they must. So a rim with
-narrower squares, things that lie on the board, and other edges nearby are told from the board.
+A seed of 3 x 3 corners is continued outwards: the next corner of a row is extrapolated from the
+last three, and accepted if bright and dark squares alternate about it. This excludes a rim with
+narrower squares, objects on the board, and other edges nearby.
 """
 
 from __future__ import annotations
@@ -19,10 +19,12 @@ from uavgram.imaging.targets.sighting import FARTHEST_MOVE, grid_axes, mean_of_k
 from uavgram.model.arrays import Bools, Floats
 
 CORE = 3
-_QUADRANT = 0.3  # squares from a corner to where its four quadrants are sampled
-_CUT_SQUARE = 0.4  # the same, to tell squares (boards are cut through the outer ones) from strips
+_QUADRANT = 0.3  # squares from a corner to the samples of its four quadrants
+_CUT_SQUARE = (
+    0.4  # the same, to distinguish squares (boards are cut through the outer ones) from strips
+)
 _MOST_BEND = 0.35  # of a square: second difference of three corners in a row, in perspective
-_LEAST_CONTRAST = 0.35  # of that of the core
+_LEAST_CONTRAST = 0.35  # of the contrast of the core
 _LARGEST_WINDOW_PX = 8
 
 
@@ -33,7 +35,7 @@ class Grid:
     Attributes
     ----------
     pixel_px
-        (H, W, 2), NaN where no corner was seen.
+        (H, W, 2), NaN where no corner was found.
     sign
         +1 where the quadrant between corner (0, 0)'s two axes is bright, else -1.
     whole
@@ -46,7 +48,7 @@ class Grid:
 
 
 def grow_grid(image: Image, seed_px: Floats, limit: int) -> Grid | None:
-    """Continue a seed over the board.
+    """Extend a seed over the board.
 
     Parameters
     ----------
@@ -55,7 +57,7 @@ def grow_grid(image: Image, seed_px: Floats, limit: int) -> Grid | None:
     seed_px
         (R, C, 2) corners, of which a part may be wrong; R, C >= 3.
     limit
-        Most rows and columns to grow.
+        Largest number of rows and columns to add.
 
     Returns
     -------
@@ -88,7 +90,7 @@ def grow_grid(image: Image, seed_px: Floats, limit: int) -> Grid | None:
 
 
 def _with_skipped_lines(image: Image, seed_px: Floats) -> Iterator[Floats]:
-    """Seeds with a line of corners between every two: the detector may take every other one."""
+    """Insert a line of corners between every two: the detector may skip every other one."""
     for axis in (0, 1):
         seed = np.moveaxis(seed_px, axis, 0)
         dense = np.empty((2 * len(seed) - 1, *seed.shape[1:]))
@@ -100,7 +102,7 @@ def _with_skipped_lines(image: Image, seed_px: Floats) -> Iterator[Floats]:
 
 
 def _core(smooth: Floats, seed_px: Floats) -> tuple[Floats, int, float] | None:
-    """The most regular 3 x 3 corners of a seed, the sign at its first one, and its contrast."""
+    """Find the most regular 3 x 3 corners of a seed, the sign at the first, and the contrast."""
     rows, columns = seed_px.shape[:2]
     best: tuple[Floats, int, float] | None = None
     least = _MOST_BEND
@@ -123,10 +125,11 @@ def _core(smooth: Floats, seed_px: Floats) -> tuple[Floats, int, float] | None:
 def _contrast(
     smooth: Floats, corner_px: Floats, axes_px: Floats, away: float = _QUADRANT
 ) -> Floats:
-    """(n,) gap in brightness between the quadrants between the axes and the others; 0 if none.
+    """Compute the brightness gap (n,) of the quadrants between the axes to the others; 0 if none.
 
-    Positive where both of the former are brighter than both of the latter: the darkest of the one
-    minus the brightest of the other, so that a board's rim (three quadrants alike) has none.
+    Positive where both of the former are brighter than both of the latter: the darkest of the
+    former minus the brightest of the latter, so that a board's rim (three equal quadrants) has
+    none.
     """
     first, second = away * axes_px[:, 0], away * axes_px[:, 1]
     at = [corner_px + a * first + b * second for a, b in ((1, 1), (-1, -1), (1, -1), (-1, 1))]
@@ -144,7 +147,7 @@ def _contrast(
 def _next_corners(
     image: Image, smooth: Floats, grid: Floats, threshold: Floats
 ) -> tuple[Bools, Floats] | None:
-    """Cells (mask over the grid) that are next to known ones and hold a corner, with its place."""
+    """Find cells next to known ones that hold a corner: mask over the grid, and places."""
     predicted = _predict(grid)
     candidate = np.isnan(grid[..., 0]) & np.isfinite(predicted[..., 0])
     height, width = image.shape
@@ -168,10 +171,10 @@ def _next_corners(
 
 
 def _predict(grid: Floats) -> Floats:
-    """(H, W, 2) where the neighbours on each side lead to, their mean; NaN where none do.
+    """Extrapolate the neighbours on each side (H, W, 2), and average; NaN where there are none.
 
-    Three corners in a row lead on by a parabola, two by a straight line, which counts only where
-    no parabola is.
+    Three corners in a row are continued by a parabola, two by a straight line, which counts only
+    where there is no parabola.
     """
     rows, columns = grid.shape[:2]
     wide = np.pad(grid, ((3, 3), (3, 3), (0, 0)), constant_values=np.nan)
@@ -190,10 +193,10 @@ def _predict(grid: Floats) -> Floats:
 
 
 def _window(step_px: Floats) -> int:
-    """Half a window that holds no neighbours, for most corners."""
+    """Compute half the size of a window that holds no neighbours, for most corners."""
     return int(np.clip(round(0.3 * float(np.median(step_px))), 2, _LARGEST_WINDOW_PX))
 
 
 def _refine(image: Image, start_px: Floats, half_px: int) -> Floats:
-    """Corners by gradients, at the image's own size; see `gradient.py` for the exact ones."""
+    """Refine corners by gradients at the image's own size; `gradient.py` has the exact ones."""
     return search_corners(image, start_px, half_px, 20, 0.01)

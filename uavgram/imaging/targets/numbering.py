@@ -1,4 +1,4 @@
-"""Which corner of the board each corner of a grid is."""
+"""Assignment of the corners of a grid to the corners of the board."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from uavgram.model.arrays import Floats
 
 
 def trim(grid: Grid, largest: tuple[int, int]) -> Grid:
-    """Take off outermost rows and columns that are not the board's.
+    """Remove outermost rows and columns that do not belong to the board.
 
     Parameters
     ----------
     grid
-        As it grew.
+        Grid as it grew.
     largest
-        The board's sides. Where the grid is larger it loses, one by one, the lines in which fewer
+        The board's sides. Where the grid is larger, it loses, one by one, the lines in which fewer
         than half of the corners have squares, not strips, on all sides; elsewhere only those of a
         single corner.
     """
@@ -40,7 +40,7 @@ def trim(grid: Grid, largest: tuple[int, int]) -> Grid:
 
 
 def number_grid(grid: Grid, columns: int, rows: int) -> Floats | None:
-    """Lay a grid on the board.
+    """Assign a grid to the board.
 
     Parameters
     ----------
@@ -51,10 +51,10 @@ def number_grid(grid: Grid, columns: int, rows: int) -> Floats | None:
 
     Returns
     -------
-    (rows, columns, 2), or None if the grid is larger than the board. Of the ways that it fits
-    (turned, never mirrored), one is taken whose first square is black, as printed boards begin;
-    of several, the one whose first corner is nearest to the image's top left. A part of a board
-    is laid into its first corner: without markers nobody knows where it belongs.
+    (rows, columns, 2), or None if the grid is larger than the board. Among the ways that it fits
+    (turned, never mirrored), one is taken whose first square is black, as printed boards begin; of
+    several, the one whose first corner is nearest to the image's top left. A part of a board is
+    assigned from its first corner: without markers its place on the board is unknown.
     """
     right_handed, sign = _right_handed(grid.pixel_px, grid.sign)
     fits = []
@@ -62,8 +62,8 @@ def number_grid(grid: Grid, columns: int, rows: int) -> Floats | None:
         turned = np.rot90(right_handed, turns)
         if turned.shape[0] > rows or turned.shape[1] > columns:
             continue
-        # the quadrants up-left and down-right of the first corner are those between its axes;
-        # each quarter turn exchanges them with the others
+        # The quadrants up-left and down-right of the first corner are those between its axes; each
+        # quarter turn exchanges them with the others.
         first = np.array([(0, 0), (0, -1), (-1, -1), (-1, 0)][turns])
         cell = first % right_handed.shape[:2]
         is_bright = sign * (-1) ** int(cell.sum() + turns) > 0
@@ -79,10 +79,10 @@ def number_grid(grid: Grid, columns: int, rows: int) -> Floats | None:
 
 
 def _right_handed(grid_px: Floats, sign: int) -> tuple[Floats, int]:
-    """The grid with x along a row, y down a column, as the image has them: never a mirror's."""
+    """Orient the grid with x along a row and y down a column, as in the image: not mirrored."""
     along_row = np.nanmedian(np.diff(grid_px, axis=1).reshape(-1, 2), axis=0)
     along_column = np.nanmedian(np.diff(grid_px, axis=0).reshape(-1, 2), axis=0)
     if along_row[0] * along_column[1] - along_row[1] * along_column[0] > 0:
         return grid_px, sign
-    # mirrored columns: what lay between the axes of a corner lies beside them
+    # mirrored columns: the quadrants between the axes and those beside them are exchanged
     return grid_px[:, ::-1], sign * (-1) ** grid_px.shape[1]

@@ -1,4 +1,4 @@
-"""Sightings of a board in many photos -> what the calibration works with, or why it cannot."""
+"""Board observations for a calibration from the sightings in many photos, with checks."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from uavgram.model.camera.board import Board, BoardObservations, BoardPhoto, Len
 from uavgram.model.message import Message, Several
 
 LEAST_PHOTOS = 3
-# Measured: 0.002 to 0.008 on rendered photos, 0.02 on a plain camera's, 0.05 where a camera
-# sharpens its photos and white runs over into black.
+# Measured: 0.002 to 0.008 on rendered photos, 0.02 with a plain camera, 0.05 with a camera that
+# sharpens its photos, so that white runs over into black.
 LARGEST_MISFIT = 0.03
 _CONTRADICTION = 6.0  # combined sigmas between the two operators
-_SAME_PLACE_PX = 0.05  # median over a board: handheld or on a tripod, noise alone moves it more
+_SAME_PLACE_PX = 0.05  # median over a board: noise alone moves it more, even on a tripod
 
 
 def collect_observations(
@@ -28,22 +28,22 @@ def collect_observations(
     settings: Sequence[LensSetting],
     sightings: Sequence[Sighting],
 ) -> tuple[BoardObservations, tuple[Message, ...]]:
-    """Gather the corners of all photos.
+    """Collect the corners of all photos.
 
     Parameters
     ----------
     board
-        What was looked for.
+        Board to find.
     files, settings, sightings
-        (M,) names of the photos, what EXIF says of them, and what was seen in them.
+        (M,) names of the photos, their EXIF settings, and the corners found in them.
     size_px
         Width and height of the photos.
 
     Raises
     ------
     InputError
-        No photo shows the board, the photos show a board of another size, two photos are the
-        same, or too few are left.
+        No photo shows the board, the photos show a board of another size, two photos are the same,
+        or too few are left.
     """
     _refuse_other_board(board, files, sightings)
     seen = [k for k, sighting in enumerate(sightings) if len(sighting.corner)]
@@ -93,7 +93,7 @@ def _photo(
 
 
 def _refuse_other_board(board: Board, files: Sequence[str], sightings: Sequence[Sighting]) -> None:
-    """Refuse photos that show another board, or one smaller than asked for in every photo."""
+    """Raise an error if the photos show another board, or one of another size in every photo."""
     others = [k for k, sighting in enumerate(sightings) if sighting.is_other_board]
     seen = [k for k, sighting in enumerate(sightings) if len(sighting.corner)]
     sizes = Counter(sightings[k].found_size for k in (others or seen))
@@ -132,7 +132,7 @@ def _name(board: Board) -> str:
 
 
 def _refuse_same_places(photos: Sequence[BoardPhoto], size_px: tuple[int, int]) -> None:
-    """Refuse two photos with the board in one place: copies, or bursts from a tripod."""
+    """Raise an error if two photos show the board in one place: copies, or bursts from a tripod."""
     places = np.full((len(photos), max(int(p.corner.max()) for p in photos) + 1, 2), np.nan)
     for k, photo in enumerate(photos):
         places[k, photo.corner] = photo.pixel_px
@@ -184,7 +184,7 @@ def _unseen_messages(files: Sequence[str], sightings: Sequence[Sighting]) -> lis
 def _partial_messages(
     board: Board, photos: Sequence[BoardPhoto], sightings: Sequence[Sighting], seen: Sequence[int]
 ) -> list[Message]:
-    """Say which chessboards are cut: nobody knows which part of the board they show."""
+    """List the photos that show a part of a chessboard, whose place on the board is unknown."""
     if board.kind != "chessboard":
         return []
     messages = []

@@ -1,4 +1,4 @@
-"""Reduced copies of a large photo, and the way back from their pixels."""
+"""Reduced copies of a large photo, and conversion of their pixels to the original."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from uavgram.model.arrays import Floats
 
 
 def reduced_copies(image: Image, widths_px: tuple[int, ...]) -> Iterator[tuple[int, Image]]:
-    """Copies from small to large, each with its original pixels per pixel.
+    """Make copies from small to large, each with its original pixels per pixel.
 
     Parameters
     ----------
     image
         (height, width) grey.
     widths_px
-        Of the copies' longer sides, at least: photos are reduced by whole factors, which is fast.
-        The photo itself takes the place of the first that needs no reduction, and ends the series.
+        Least longer sides of the copies: photos are reduced by whole factors, which is fast. The
+        photo itself replaces the first copy that needs no reduction, and ends the series.
     """
     height, width = image.shape
     for wanted in widths_px:
@@ -34,5 +34,8 @@ def reduced_copies(image: Image, widths_px: tuple[int, ...]) -> Iterator[tuple[i
 
 
 def to_full_size(pixel_px: Floats, factor: int) -> Floats:
-    """Pixels (..., 2) of the original; (0, 0) is the centre of the top-left pixel in both."""
+    """Convert pixels (..., 2) to the original.
+
+    (0, 0) is the centre of the top-left pixel in both.
+    """
     return np.asarray((pixel_px + 0.5) * factor - 0.5, np.float64)

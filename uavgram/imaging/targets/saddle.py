@@ -5,9 +5,9 @@ Two straight edges cross in the corner, blurred by a Gaussian; the grey value is
     m + gu u + gv v + a erf(s1 / sqrt(2) b) erf(s2 / sqrt(2) b) + e (G(s1 / b) + G(s2 / b))
 
 with s1, s2 the distances from the edges and G the bell curve of height 1. The last term is the
-print's (or the sensor's) bleeding: white that grows, black that shrinks, alike on both sides of
-the corner. The position is symmetric about the corner in every one of these terms but the two
-slopes, so bleeding and blur do not shift it.
+print's (or the sensor's) bleeding: white that grows, black that shrinks, alike on both sides of the
+corner. Every one of these terms except the two slopes is symmetric about the corner, so bleeding
+and blur do not shift it.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from uavgram.model.arrays import Floats, Ints
 
 _U, _V, _ANGLE1, _ANGLE2, _BLUR, _CONTRAST, _MEAN, _SLOPE_U, _SLOPE_V, _BLEED = range(10)
 PARAMETERS = 10
-FIRST_BLUR_PX = 2.0  # wider than most blurs: a start that is a pixel off still feels its edges
+FIRST_BLUR_PX = 2.0  # wider than most blurs, so that the fit converges from a pixel away
 SMALLEST_BLUR_PX = 0.3  # a pixel's own aperture
 
 
 @dataclass(frozen=True, eq=False)
 class SaddleFit:
-    """Corners with what their surroundings say.
+    """Fitted corners, with the noise and blur of their surroundings.
 
     Attributes
     ----------
     pixel_px
         (N, 2).
     covariance_px2
-        (N, 2, 2): variance of the residuals times the inverse of the grey values' normal matrix,
-        in which the corner's block is the structure tensor (Foerstner and Guelch 1987, A fast
-        operator for detection and precise location of distinct points, section 3). Residuals
-        that run from pixel to pixel (JPEG, halos of sharpening) count for fewer than they are.
+        (N, 2, 2): variance of the residuals times the inverse of the grey values' normal matrix, in
+        which the corner's block is the structure tensor (Foerstner and Guelch 1987, A fast operator
+        for detection and precise location of distinct points, section 3). Correlated residuals
+        (JPEG, halos of sharpening) count for fewer than they are.
     noise
         (N,) standard deviation of the residuals [grey values].
     misfit
-        (N,) part of it that runs on from pixel to pixel: what no white noise explains.
+        (N,) the part of it that is correlated between pixels, unlike white noise.
     contrast
-        (N,) half the step from black to white; negative where the quadrants between the first
-        and the second axis are black.
+        (N,) half the step from black to white; negative where the quadrants between the first and
+        the second axis are black.
     blur_px
         (N,) standard deviation of the blur.
     """
@@ -98,7 +98,7 @@ def cut_windows(
     half_px
         The windows have 2 half_px + 1 pixels each way.
     reach
-        Used is what lies within so many squares of the corner, counted along the axes.
+        Radius of the used pixels in squares, counted along the axes.
     """
     center = np.round(start_px)
     offset = grid(half_px)
@@ -118,7 +118,7 @@ def fit_saddles(windows: Windows, start_px: Floats, axes_px: Floats) -> SaddleFi
     Parameters
     ----------
     windows
-        Of N corners.
+        Windows of N corners.
     start_px, axes_px
         As for `cut_windows`.
     """
@@ -132,9 +132,11 @@ def fit_saddles(windows: Windows, start_px: Floats, axes_px: Floats) -> SaddleFi
     lower, upper = np.full(PARAMETERS, -np.inf), np.full(PARAMETERS, np.inf)
     lower[_BLUR], upper[_BLUR] = SMALLEST_BLUR_PX, 0.5 * windows.offset_px.max()
     fit = fit_windows(model, _first_state(windows, start_px, axes_px), bounds=(lower, upper))
+    # Variance of the residuals from n - p degrees of freedom.
     variance = fit.cost / np.maximum(windows.weight.sum(axis=1) - PARAMETERS, 1.0)
     side = round(len(windows.offset_px) ** 0.5)
     square = (len(windows.grey), side, side)
+    # Correlated residuals enlarge the covariance.
     correlation = neighbour_correlation(
         fit.residual.reshape(square), windows.weight.reshape(square)
     )
@@ -156,6 +158,7 @@ def _first_state(windows: Windows, start_px: Floats, axes_px: Floats) -> Floats:
     state[:, _CONTRAST] = 1.0
     total = np.maximum(windows.weight.sum(axis=1), 1.0)
     mean = (windows.weight * windows.grey).sum(axis=1) / total
+    # Least-squares contrast of the model at the start position.
     shape = _saddle(windows.offset_px, state)[0] * windows.weight
     share = np.maximum((shape**2).sum(axis=1), 1e-9)
     state[:, _CONTRAST] = ((windows.grey - mean[:, None]) * shape).sum(axis=1) / share
@@ -164,7 +167,7 @@ def _first_state(windows: Windows, start_px: Floats, axes_px: Floats) -> Floats:
 
 
 def _saddle(offset_px: Floats, state: Floats) -> tuple[Floats, Floats]:
-    """Grey values (N, K) and their derivatives (N, 10, K)."""
+    """Compute grey values (N, K) and their derivatives (N, 10, K)."""
     u = offset_px[:, 0] - state[:, _U, None]
     v = offset_px[:, 1] - state[:, _V, None]
     blur, contrast, bleed = (state[:, i, None] for i in (_BLUR, _CONTRAST, _BLEED))
@@ -178,6 +181,7 @@ def _saddle(offset_px: Floats, state: Floats) -> tuple[Floats, Floats]:
     product, bells = step1 * step2, bell1 + bell2
     value = state[:, _MEAN, None] + state[:, _SLOPE_U, None] * u + state[:, _SLOPE_V, None] * v
     value = value + contrast * product + bleed * bells
+    # Derivatives by the distances from the two edges; then the chain rule.
     steep = contrast * np.sqrt(2.0 / np.pi) / blur
     by1 = bell1 * (steep * step2 - bleed * across1 / blur**2)
     by2 = bell2 * (steep * step1 - bleed * across2 / blur**2)
@@ -185,7 +189,7 @@ def _saddle(offset_px: Floats, state: Floats) -> tuple[Floats, Floats]:
     jacobian[:, _U] = by1 * edges[0][1] + by2 * edges[1][1] - state[:, _SLOPE_U, None]
     jacobian[:, _V] = -by1 * edges[0][0] - by2 * edges[1][0] - state[:, _SLOPE_V, None]
     jacobian[:, _ANGLE1], jacobian[:, _ANGLE2] = -by1 * along1, -by2 * along2
-    # a length scale: everything depends on across / blur alone
+    # the model depends on across / blur alone
     jacobian[:, _BLUR] = -(by1 * across1 + by2 * across2) / blur
     jacobian[:, _CONTRAST], jacobian[:, _MEAN] = product, 1.0
     jacobian[:, _SLOPE_U], jacobian[:, _SLOPE_V], jacobian[:, _BLEED] = u, v, bells

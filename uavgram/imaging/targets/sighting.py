@@ -1,4 +1,4 @@
-"""What was seen of a board in one photo."""
+"""Measurement of the corners of a board in one photo."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from uavgram.imaging.targets.gradient import gradient_corners
 from uavgram.imaging.targets.saddle import SaddleFit, cut_windows, fit_saddles
 from uavgram.model.arrays import Bools, Floats, Ints
 
-# What blur and noise do not explain: the printer, edges bent by the lens, pixels' own shapes.
-# Rendered boards without any noise are found to 0.005 px.
+# Errors besides blur and noise: the printer, edges bent by the lens, pixels' own shapes. Rendered
+# boards without any noise are found to 0.005 px.
 SIGMA_FLOOR_PX = 0.01
 HALF_PX, LARGEST_HALF_PX, SMALLEST_HALF_PX = 11, 30, 3
 BLURS_IN_HALF = 4.0
-FARTHEST_MOVE = 0.3  # of a square, from where the coarse search saw the corner
+FARTHEST_MOVE = 0.3  # of a square, from the result of the coarse search
 LARGEST_SIGMA_PX = 1.0
 OFF_MIDDLE_PX = 1.5
 MOST_NOISE = 0.5  # of half the step from black to white
@@ -35,12 +35,12 @@ class Sighting:
     gradient_px, gradient_sigma_px
         The same by gradients alone.
     misfit
-        Median over the corners: what of the grey values neither the saddle nor white noise
-        explains, in parts of the step from black to white.
+        Median over the corners of the residuals that neither the saddle nor white noise explains,
+        in parts of the step from black to white.
     found_size
         Columns and rows of inner corners that seem to be there; None: no board at all.
     is_other_board
-        Whether that cannot be (a part of) the board that was asked for.
+        Whether they cannot be (a part of) the requested board.
     """
 
     corner: Ints = field(default_factory=lambda: np.empty(0, np.int64))
@@ -54,9 +54,9 @@ class Sighting:
 
 
 def grid_axes(grid_px: Floats) -> Floats:
-    """(R, C, 2, 2) steps along a row and along a column at each corner of a grid (R, C, 2).
+    """Compute steps (R, C, 2, 2) along a row and along a column at each corner of a grid (R, C, 2).
 
-    The mean of the steps to both neighbours; where there are none, the grid's own mean step.
+    They are the mean of the steps to both neighbours; where there are none, the grid's mean step.
     """
     padded = np.pad(grid_px, ((1, 1), (1, 1), (0, 0)), constant_values=np.nan)
     middle = padded[1:-1, 1:-1]
@@ -68,7 +68,7 @@ def grid_axes(grid_px: Floats) -> Floats:
 
 
 def mean_of_known(values: Floats) -> Floats:
-    """Mean along the first axis without NaN; NaN where there is nothing else."""
+    """Average along the first axis without NaN; NaN where there is no other value."""
     known = np.isfinite(values)
     count = known.sum(axis=0)
     total = np.where(known, values, 0.0).sum(axis=0)
@@ -86,12 +86,12 @@ def measure_corners(
     image
         (height, width) grey.
     grid_px
-        (rows, columns, 2) where the coarse search saw them; NaN: it did not. Row and column as in
+        (rows, columns, 2) places from the coarse search, NaN where not found. Row and column as in
         the board.
     reach
-        Squares around a corner in which nothing else is printed.
+        Squares around a corner without other print.
     found_size
-        Columns and rows that were seen.
+        Columns and rows that were found.
     """
     index = np.flatnonzero(np.isfinite(grid_px[..., 0]))
     start = grid_px.reshape(-1, 2)[index]
@@ -104,9 +104,9 @@ def measure_corners(
         half, fit = wanted, _fit(image, start, axes, wanted, reach)
     keep = _is_corner(fit, start, spacing.min(axis=1))
     height, width = image.shape
-    # a corner beyond the edge is led to by what lies before it, never seen
+    # a corner beyond the edge is only extrapolated from the image before it
     keep &= ((fit.pixel_px >= 0) & (fit.pixel_px <= [width - 1, height - 1])).all(axis=1)
-    # the operator's window is square: its corners must not reach what is printed next either
+    # the operator's window is square: its corners must not reach other print either
     half = _half(np.sqrt(0.5) * reach * spacing.min(keepdims=True), half)
     windows = cut_windows(image, fit.pixel_px[keep], axes[keep], half, reach)
     by_gradient = gradient_corners(image, windows, fit.pixel_px[keep], fit.noise[keep])
@@ -123,13 +123,13 @@ def measure_corners(
 
 
 def _half(reach_px: Floats, most: float) -> int:
-    """Half a window: as much as most corners have room for, up to `most` pixels."""
+    """Compute half a window: as much as most corners have room for, up to `most` pixels."""
     room = float(np.median(reach_px.max(axis=1)))
     return int(np.clip(round(min(room, most)), SMALLEST_HALF_PX, LARGEST_HALF_PX))
 
 
 def _fit(image: Image, start: Floats, axes: Floats, half: int, reach: float) -> SaddleFit:
-    """Fit, and where corners lie off their windows' middles, again about what was found."""
+    """Fit the corners, and fit again about the results where these are off the windows' middles."""
     windows = cut_windows(image, start, axes, half, reach)
     first = fit_saddles(windows, start, axes)
     moved = np.linalg.norm(first.pixel_px - start, axis=1)
@@ -149,6 +149,6 @@ def _is_corner(fit: SaddleFit, start: Floats, spacing: Floats) -> Bools:
 
 
 def _sigma(covariance_px2: Floats) -> Floats:
-    """(n,) standard deviation of a coordinate: root of the mean variance, with the floor."""
+    """Compute standard deviations (n,) of a coordinate: root of the mean variance, with floor."""
     variance = 0.5 * np.trace(covariance_px2, axis1=1, axis2=2)
     return np.asarray(np.sqrt(variance + SIGMA_FLOOR_PX**2), np.float64)

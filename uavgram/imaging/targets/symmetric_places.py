@@ -1,7 +1,7 @@
-"""Targets by what they have in common: chequers, crosses and discs look the same after half a turn.
+"""Detection of targets by their symmetry: chequers, crosses and discs are unchanged by a half turn.
 
-So do lines and plain ground, but nothing says where on them the middle is. What is left are marks
-that people put down, and few other things.
+Lines and plain ground are, too, but their centre is undetermined. The remaining places are marks
+made by people, and few other objects.
 """
 
 from __future__ import annotations
@@ -17,41 +17,44 @@ from uavgram.imaging.targets.symmetry import centre_of_symmetry, likeness_about
 from uavgram.model.arrays import Bools, Floats
 
 RADII_PX = (4, 7, 12)
-"""Of the discs that are turned, at each of the scales: other things may stand beside a target."""
+"""Radii of the discs that are turned at each of the scales, as objects may be close to a target."""
 
 SCALES = (1, 2, 4)
 
 LEAST_LIKENESS = 0.6
-"""Of what was smoothed and is looked at to whole pixels."""
+"""Least correlation in the search, on the smoothed picture at whole pixels."""
 
 LEAST_CONTRAST = 8.0
-"""Standard deviation in grey values; the fields of a target differ by 30 or more."""
+"""Least standard deviation in grey values; the fields of a target differ by 30 or more."""
 
 MOST = 16
-"""Places that are measured, those that stand out most."""
+"""Number of places that are measured: those with the strongest symmetry."""
 
 LEAST_MEASURED_LIKENESS = 0.9
-"""Of a target and itself after half a turn: less, and it is something else, or half hidden."""
+"""Least correlation of a target with itself after half a turn.
+
+Less means another object, or a half hidden target.
+"""
 
 MOST_SIGMA_PX = 0.25
-"""In the worse direction."""
+"""Largest sigma in the worse direction."""
 
 WIDER_PX = (6, 8, 10, 13, 17, 22, 28, 36, 48)
-"""Discs by which is told how far a target reaches."""
+"""Radii of the discs from which the extent of a target is found."""
 
-_MOST_OF_PART = 3.0  # a part stands out by so much more at most
+_MOST_OF_PART = 3.0  # largest ratio of a part's strength to that of the whole
 _SMOOTH_PX = 1.0
 _APART_PX = 3
-_STAYS_PX = 3.0  # from the place to whole pixels to that measured
+_STAYS_PX = 3.0  # from the place at whole pixels to the measured one
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetric:
-    """A target: its centre (2,) [px], and its sigma of a coordinate [px].
+    """Target: its centre (2,) [px], and its sigma of a coordinate [px].
 
-    `reach_px` is how far from it the picture is its own image after half a turn; `strength` is in
-    grey values a pixel: the least slope over all directions that is the same on both sides, which
-    is what says where the centre is.
+    `reach_px` is the radius in which the picture is unchanged by a half turn. `strength` is in grey
+    values a pixel: the least slope over all directions that is the same on both sides, which
+    determines the centre.
     """
 
     pixel_px: Floats
@@ -61,14 +64,14 @@ class Symmetric:
 
 
 def symmetric_targets(grey: Image, holds: Callable[[Floats], Bools]) -> list[Symmetric]:
-    """Targets in a picture, what stands out most first.
+    """Find targets in a picture, the strongest first.
 
     Parameters
     ----------
     grey
         (height, width).
     holds
-        Tells of places (n, 2) which are asked for.
+        Marks the places (n, 2) that are wanted.
     """
     found: list[Symmetric] = []
     for place, radius in _places(grey, holds):
@@ -79,7 +82,7 @@ def symmetric_targets(grey: Image, holds: Callable[[Floats], Bools]) -> list[Sym
 
 
 def _without_parts(found: list[Symmetric]) -> list[Symmetric]:
-    """Without what is part of another: a field of a chequer is its own image, too."""
+    """Remove parts of other targets: a field of a chequer is symmetric, too."""
     kept: list[Symmetric] = []
     for one in sorted(found, key=lambda one: -one.reach_px * one.strength):
         for other in kept:
@@ -93,7 +96,7 @@ def _without_parts(found: list[Symmetric]) -> list[Symmetric]:
 
 
 def _places(grey: Image, holds: Callable[[Floats], Bools]) -> list[tuple[Floats, float]]:
-    """Places (2,) to about a pixel, and the radius in which each is its own image."""
+    """Find places (2,) to about a pixel, and the radius of symmetry of each."""
     found: list[tuple[float, Floats, float]] = []
     for scale in SCALES:
         size = (grey.shape[1] // scale, grey.shape[0] // scale)
@@ -106,6 +109,7 @@ def _places(grey: Image, holds: Callable[[Floats], Bools]) -> list[tuple[Floats,
             if min(size) <= 2 * radius:
                 break
             value = _symmetry(smooth, radius)
+            # Local maxima of the symmetry at wanted places.
             peak = value >= cv2.dilate(value, np.ones((2 * _APART_PX + 1,) * 2, np.uint8))
             v, u = np.nonzero(peak & (value > 0))
             place = np.asarray((np.column_stack([u, v]) + 0.5) * scale - 0.5, np.float64)
@@ -120,9 +124,9 @@ def _places(grey: Image, holds: Callable[[Floats], Bools]) -> list[tuple[Floats,
 
 
 def _symmetry(smooth: Weights, radius: int) -> Weights:
-    """How far each place's disc is its own image after half a turn [grey values]; else 0.
+    """Compute how symmetric each place's disc is under a half turn [grey values]; else 0.
 
-    Likeness, times the standard deviation, where both are as large as those of targets.
+    It is the correlation times the standard deviation, where both are as large as those of targets.
     """
     height, width = smooth.shape
     inner = np.s_[radius : height - radius, radius : width - radius]
@@ -134,6 +138,7 @@ def _symmetry(smooth: Weights, radius: int) -> Weights:
         for du in range(radius + 1)
         if du**2 + dv**2 <= radius**2 and (du > 0 or dv > 0)
     ]
+    # Sums over opposite pixels: 2 a b and a^2 + b^2, so that their ratio is a correlation.
     for du, dv in pairs:
         one = smooth[radius + dv : height - radius + dv, radius + du : width - radius + du] - middle
         other = (
@@ -148,7 +153,7 @@ def _symmetry(smooth: Weights, radius: int) -> Weights:
 
 
 def _measured(grey: Image, place_px: Floats, radius_px: float) -> Symmetric | None:
-    """The target at a place to about a pixel; None where it is none."""
+    """Measure the target at a place known to about a pixel; None where there is none."""
     found = centre_of_symmetry(grey, place_px, radius_px * np.eye(2))
     if found is None or np.hypot(*(found.pixel_px - place_px)) > _STAYS_PX + radius_px / 8:
         return None

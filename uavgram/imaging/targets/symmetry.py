@@ -1,8 +1,7 @@
-"""The centre about which a picture looks the same after half a turn, to hundredths of a pixel.
+"""Centre about which a picture is symmetric under a half turn, to hundredths of a pixel.
 
-Chequers, crosses and discs all are their own image after half a turn, and stay so in any affine
-view. So the centre is where the differences I(c + d) - I(c - d) are least: no shape, no size and
-no brightness has to be known.
+Chequers, crosses and discs are unchanged by a half turn, in any affine view. So the centre is where
+the differences I(c + d) - I(c - d) are least; neither shape, size nor brightness need be known.
 """
 
 from __future__ import annotations
@@ -19,19 +18,21 @@ from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 
 OF_CAMERAS_PX = 0.03
-"""What real cameras add to the noise: blur that is not the same on all sides, sharpening, colours
-put together from their neighbours. Inner corners of OpenCV's chessboard photos scatter by 0.048 px,
-where noise alone explains 0.038 px; in rendered photos it is less than 0.005 px."""
+"""Error of real cameras in addition to noise: uneven blur, sharpening, demosaicing.
+
+Inner corners of OpenCV's chessboard photos scatter by 0.048 px, where noise alone explains 0.038
+px; in rendered photos the error is less than 0.005 px.
+"""
 
 _LEAST_NOISE = 0.3  # of rounding to whole grey values: 1 / sqrt(12)
-_RING = 4  # pixels beyond what is asked for: the spline's end is not felt there
+_RING = 4  # pixels beyond the requested ones: the effect of the spline's end has decayed there
 
 
 class Centre(NamedTuple):
-    """A centre (2,) [px], its covariance (2, 2) [px^2] and the likeness of both halves, -1 to 1.
+    """Centre (2,) [px], its covariance (2, 2) [px^2] and the correlation of both halves, -1 to 1.
 
-    `slope` [grey values/px] is the root mean square of that of both halves together, in the
-    direction in which it is least.
+    `slope` [grey values/px] is the root mean square slope common to both halves, in the direction
+    in which it is least.
     """
 
     pixel_px: Floats
@@ -41,17 +42,17 @@ class Centre(NamedTuple):
 
     @property
     def sigma_px(self) -> float:
-        """Of a coordinate, whatever the direction, in a real photo."""
+        """Sigma of a coordinate in any direction, in a real photo."""
         return float(np.hypot(np.sqrt(np.trace(self.covariance_px2) / 2.0), OF_CAMERAS_PX))
 
     @property
     def worst_sigma_px(self) -> float:
-        """In the direction in which it is largest."""
+        """Sigma in the direction in which it is largest."""
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance_px2)[1]))
 
 
 def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centre | None:
-    """The centre of symmetry near a place; None where there is none or it runs away.
+    """Find the centre of symmetry near a place; None where there is none or the search diverges.
 
     Parameters
     ----------
@@ -75,11 +76,11 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
             return np.full((1, inside.size), np.nan), np.zeros((1, 2, inside.size))
         odd = (around - around[::-1, ::-1])[1:-1, 1:-1]
         slope = np.stack(slopes(around[None]), axis=1)
-        # d/dc of I(c + d) - I(c - d); where both halves are alike, twice the slope
+        # d/dc of I(c + d) - I(c - d): twice the slope where both halves are alike
         change = (slope - slope[..., ::-1, ::-1]) * weight
         return (odd * weight).reshape(1, -1), change.reshape(1, 2, -1)
 
-    # no damping: differences over two pixels are not quite the residuals' own derivatives
+    # no damping: differences over two pixels are not the exact derivatives of the residuals
     fit = fit_windows(model, start, damping=0.0)
     center = fit.state[0]
     value = surface.window(center, half)
@@ -93,7 +94,7 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
 
 
 def likeness_about(photo: Image, center_px: Floats, radius_px: int) -> float:
-    """The likeness of both halves of a disc; -1 where the photo's edge cuts it.
+    """Correlate both halves of a disc; -1 where the photo's edge cuts it.
 
     Parameters
     ----------
@@ -112,11 +113,11 @@ def likeness_about(photo: Image, center_px: Floats, radius_px: int) -> float:
 
 
 def _covariance(fit: Fit, weight: Bools) -> Floats:
-    """Of the centre, by the differences of both halves.
+    """Compute the covariance of the centre from the differences of both halves.
 
-    The sums go over both halves, so every difference is in them twice: with the variance q of the
-    differences it is 2 q N^-1. What runs on from pixel to pixel (JPEG, texture of what lies
-    around) counts for fewer.
+    The sums go over both halves, so every difference occurs twice: with the variance q of the
+    differences the covariance is 2 q N^-1. Correlated differences (JPEG, texture of the
+    surroundings) count for fewer.
     """
     variance = max(fit.cost[0] / max(weight.sum() - 4.0, 1.0), 2 * _LEAST_NOISE**2)
     odd = fit.residual.reshape(1, *weight.shape)
@@ -131,20 +132,20 @@ def _likeness(value: Floats, weight: Bools) -> float:
 
 
 class _Surface:
-    """The grey values about a place as a smooth surface: the cubic spline through all pixels.
+    """Grey values about a place as a smooth surface: the cubic spline through all pixels.
 
-    The usual four-point interpolation of pictures (`cv2.remap`) does not look the same in a mirror,
-    between pixels, and takes places to 1/32 px: it moved centres of sharp targets by 0.03 px, where
-    this moves them by less than 0.001 px.
+    The usual four-point interpolation of pictures (`cv2.remap`) is not symmetric between pixels,
+    and rounds places to 1/32 px: it moved centres of sharp targets by 0.03 px, where this spline
+    moves them by less than 0.001 px.
 
     Parameters
     ----------
     photo
         (height, width) grey values.
     middle_px
-        (2,) about which it is cut out.
+        (2,) middle of the part that is cut out.
     half
-        So far beyond it, at the least, that it may be asked for.
+        Least distance from the middle that can be evaluated.
     """
 
     def __init__(self, photo: Image, middle_px: Floats, half: int) -> None:
@@ -158,7 +159,7 @@ class _Surface:
         self._knots = spline_filter(part, order=3, mode="mirror") if part.size else part
 
     def window(self, center_px: Floats, half: int) -> Floats | None:
-        """(2 half + 1, 2 half + 1) values about a place; None where they are not all in it."""
+        """Evaluate (2 half + 1, 2 half + 1) values about a place; None where some are outside."""
         first = center_px - self._first - half
         if not ((first >= 2) & (first + 2 * half <= self._size - 3)).all():
             return None
@@ -171,7 +172,10 @@ class _Surface:
 
 
 def _knot_weights(share: float) -> Floats:
-    """(4,) of the knots about a place in a cubic spline; from the second on it is a share away."""
+    """Compute weights (4,) of the knots about a place in a cubic spline.
+
+    The place is a share of a step beyond the second knot.
+    """
     rest = 1.0 - share
     inner = [4.0 - 6.0 * s**2 + 3.0 * s**3 for s in (share, rest)]
     return np.array([rest**3, *inner, share**3]) / 6.0

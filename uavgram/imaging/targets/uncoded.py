@@ -1,8 +1,8 @@
-"""Targets without a number, near a known place: two-by-two chequers, crosses and round targets.
+"""Measurement of uncoded targets near a known place: chequers, crosses and round targets.
 
-A kind is recognised on rings about the centre. A chequer changes its brightness four times on
-each of them, along two straight lines through the centre; a cross eight times, along two straight
-bars. A round target has outlines that are ellipses about one centre at many brightnesses.
+The kind is recognised on rings about the centre. A two-by-two chequer changes its brightness four
+times on each of them, along two straight lines through the centre; a cross eight times, along two
+straight bars. A round target has outlines that are ellipses about one centre at many brightnesses.
 """
 
 from __future__ import annotations
@@ -19,16 +19,19 @@ from uavgram.imaging.targets.symmetry import Centre, centre_of_symmetry
 from uavgram.model.arrays import Bools, Floats
 
 REACH_PX = 4.0
-"""How far the centre may be from the place."""
+"""Largest distance of the centre from the place."""
 
 LEAST_CONTRAST = 30.0
-"""Grey values from the dark to the bright parts."""
+"""Least difference in grey values of the dark and the bright parts."""
 
 LEAST_LIKENESS = 0.97
-"""Of a target and itself after half a turn; what lies half in shadow or is half hidden is less."""
+"""Least correlation of a target with itself after half a turn.
+
+A target half in shadow or half hidden has less.
+"""
 
 MOST_SIGMA_PX = 0.25
-"""In the worse direction."""
+"""Largest sigma in the worse direction."""
 
 _LARGEST_PX = 40
 _ANGLES = 64
@@ -36,12 +39,12 @@ _STRAIGHT_PX = 1.0
 _LEAST_CROSSING = 0.45  # radians between the lines of a chequer, or the bars of a cross
 _NEAR_PX, _LEVELS, _LEAST_LEVELS = 24, 16, 4
 _LEAST_AREA_PX, _FLATTEST, _LEAST_ROUND, _CONCENTRIC_PX = 30.0, 0.3, 0.9, 1.0
-_WITHIN = 0.75  # of the radius up to which lines are seen: beyond it lies what is around
-_RIM = 1.1  # of a round target, what is looked at beyond its outline
+_WITHIN = 0.75  # of the radius of the visible lines: the surroundings are beyond it
+_RIM = 1.1  # of a round target's outline: radius that is used
 
 
 class Kind(Enum):
-    """What a target is."""
+    """Kind of a target."""
 
     CHEQUER = "chequer"
     CROSS = "cross"
@@ -50,10 +53,10 @@ class Kind(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Uncoded:
-    """A target: its centre (2,) [px], sigma of a coordinate [px], likeness to itself turned.
+    """Target: its centre (2,) [px], sigma of a coordinate [px], correlation with itself turned.
 
-    `half_axes_px` are those of its outline, the larger one first; of chequers and crosses the
-    radius that was looked at.
+    `half_axes_px` are those of its outline, the larger one first; for chequers and crosses the
+    radius that was used.
     """
 
     kind: Kind
@@ -63,11 +66,11 @@ class Uncoded:
     half_axes_px: tuple[float, float]
 
     def off_center_px(self, focal_px: float) -> float:
-        """How far the middle of the outline may be from the image of the target's middle.
+        """Compute how far the middle of the outline may be from the image of the target's middle.
 
-        A circle of half axes a and b is tilted by t with cos t = b / a; its ends at distances
-        D -+ r sin t appear f r cos t / (D -+ r sin t) from its middle: their mean is off by
-        a b sin t / f. Lines that cross in the middle cross there in any view.
+        A circle of half axes a and b is tilted by t with cos t = b / a; its ends at distances D -+
+        r sin t appear f r cos t / (D -+ r sin t) from its middle: their mean is off by a b sin t /
+        f. Lines that cross in the middle cross there in any view.
         """
         a, b = self.half_axes_px
         sine = (1.0 - min(b / a, 1.0) ** 2) ** 0.5
@@ -75,14 +78,14 @@ class Uncoded:
 
 
 def uncoded_target(photo: Image, place_px: Floats) -> Uncoded | None:
-    """The target whose centre is at a place, to a few pixels; None where there is none.
+    """Measure the target whose centre is at a place, to a few pixels; None where there is none.
 
     Parameters
     ----------
     photo
         (height, width) grey values.
     place_px
-        (2,) where it should be.
+        (2,) expected place.
     """
     start = centre_of_symmetry(photo, place_px, 6.0 * np.eye(2))
     if start is not None and _is_near(start, place_px):
@@ -104,14 +107,14 @@ def _is_near(found: Centre, place_px: Floats) -> bool:
 def _measured(
     photo: Image, kind: Kind, place_px: Floats, start_px: Floats, axes_px: Floats
 ) -> Uncoded | None:
-    """The target at a centre, if it is one.
+    """Measure a target from start values; None where it fails a test.
 
     Parameters
     ----------
     photo, place_px
-        As of `uncoded_target`.
+        As for `uncoded_target`.
     kind
-        What it looks like.
+        Kind of the target.
     start_px
         (2,) its centre, to a pixel.
     axes_px
@@ -127,7 +130,7 @@ def _measured(
 
 
 def _rings(photo: Image, center_px: Floats) -> Floats:
-    """(radii 1 px, 2 px, ...; 64) grey values on rings about a place."""
+    """Sample grey values (radii 1 px, 2 px, ...; 64) on rings about a place."""
     angle = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
     radius = np.arange(1.0, _LARGEST_PX + 1)[:, None]
     u, v = center_px[0] + radius * np.cos(angle), center_px[1] + radius * np.sin(angle)
@@ -135,7 +138,7 @@ def _rings(photo: Image, center_px: Floats) -> Floats:
 
 
 def _bright(ring: Floats) -> Bools | None:
-    """(64,) which part of a ring is bright; None where no target has such a ring."""
+    """Mark the bright part (64,) of a ring; None where no target has such a ring."""
     low, high = ring.min(), ring.max()
     if high - low < LEAST_CONTRAST:
         return None
@@ -145,12 +148,12 @@ def _bright(ring: Floats) -> Bools | None:
 
 
 def _chequer(rings: Floats) -> float:
-    """Radius [px] up to which rings show four fields; 0 where it is no chequer."""
+    """Find the radius [px] up to which rings show four fields; 0 where it is not a chequer."""
     first: Floats | None = None
     reach = 0
     low, high = rings[2].min(), rings[2].max()
     if not 0.25 < (rings[0].mean() - low) / max(high - low, 1.0) < 0.75:
-        return 0.0  # in the middle of four fields is neither black nor white
+        return 0.0  # the middle of four fields is neither black nor white
     for radius in range(3, _LARGEST_PX + 1):
         edge = _edges(rings[radius - 1], 4)
         if edge is None:
@@ -164,7 +167,7 @@ def _chequer(rings: Floats) -> float:
 
 
 def _cross(rings: Floats) -> float:
-    """Radius [px] up to which rings show two bars; 0 where it is no cross."""
+    """Find the radius [px] up to which rings show two bars; 0 where it is not a cross."""
     first: Floats | None = None
     begin = reach = 0
     center = rings[0].mean()
@@ -188,7 +191,7 @@ def _cross(rings: Floats) -> float:
 
 
 def _edges(ring: Floats, count: int) -> Floats | None:
-    """(count,) angles at which a ring turns bright or dark; None where these are others."""
+    """Find the angles (count,) at which a ring turns bright or dark; None for another count."""
     bright = _bright(ring)
     if bright is None:
         return None
@@ -201,7 +204,7 @@ def _edges(ring: Floats, count: int) -> Floats | None:
 
 
 def _middles(edge: Floats, inside: Bools) -> Floats:
-    """Angles of the middles of those arcs between edges that are inside of a bar."""
+    """Compute the middle angles of the arcs between edges that are inside a bar."""
     following = np.append(edge[1:], edge[0] + 2 * np.pi)
     middle = 0.5 * (edge + following)
     own = inside[np.round(middle * _ANGLES / (2 * np.pi)).astype(int) % _ANGLES]
@@ -209,7 +212,7 @@ def _middles(edge: Floats, inside: Bools) -> Floats:
 
 
 def _axes(angle: Floats, count: int) -> Floats:
-    """(count,) directions of lines, each from both of its ends (2 count,) in order."""
+    """Compute the directions (count,) of lines from both of their ends (2 count,), in order."""
     if len(angle) != 2 * count:
         return np.zeros(count)
     double = np.exp(2j * angle[:count]) + np.exp(2j * angle[count:])
@@ -217,7 +220,7 @@ def _axes(angle: Floats, count: int) -> Floats:
 
 
 def _as_before(line: Floats, first: Floats, radius: int) -> bool:
-    """Whether lines at a radius lie on those of the first ring, in any order."""
+    """Return whether lines at a radius coincide with those of the first ring, in any order."""
     off = np.abs(_between(line[:, None], first[None])).min(axis=1)
     return bool(off.max() * radius <= _STRAIGHT_PX + 0.05 * radius)
 
@@ -227,12 +230,12 @@ def _apart(line: Floats) -> bool:
 
 
 def _between(one: Floats, other: Floats) -> Floats:
-    """Angle between undirected lines, -pi/2 to pi/2."""
+    """Compute the angle between undirected lines, -pi/2 to pi/2."""
     return np.asarray((one - other + np.pi / 2) % np.pi - np.pi / 2)
 
 
 def _ellipse(photo: Image, place_px: Floats) -> tuple[Floats, Floats] | None:
-    """Centre (2,) and half axes (2, 2) of the largest of the round outlines about a place."""
+    """Find centre (2,) and half axes (2, 2) of the largest round outline about a place."""
     low = np.maximum(np.round(place_px).astype(int) - _LARGEST_PX, 0)
     part = photo[low[1] : low[1] + 2 * _LARGEST_PX + 1, low[0] : low[0] + 2 * _LARGEST_PX + 1]
     around = slice(_LARGEST_PX - _NEAR_PX, _LARGEST_PX + _NEAR_PX + 1)
@@ -246,6 +249,7 @@ def _ellipse(photo: Image, place_px: Floats) -> tuple[Floats, Floats] | None:
     if not found:
         return None
     center = np.array([one[1] for one in found])
+    # Keep the concentric outlines; they must cover enough brightness levels.
     together = np.hypot(*(center - np.median(center, axis=0)).T) <= _CONCENTRIC_PX
     own = [one for one, here in zip(found, together, strict=True) if here]
     seen = sorted({one[0] for one in own})
@@ -256,7 +260,7 @@ def _ellipse(photo: Image, place_px: Floats) -> tuple[Floats, Floats] | None:
 
 
 def _round(bright: Bools) -> list[tuple[Floats, Floats]]:
-    """Centres (2,) and half axes (2, 2) of those outlines that are ellipses."""
+    """Find centres (2,) and half axes (2, 2) of the outlines that are ellipses."""
     outlines = cv2.findContours(bright.astype(np.uint8), cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)[0]
     found = []
     for outline in outlines:

@@ -1,1 +1,1 @@
-"""What several photos show of the same place, found without a click: features and their matches."""
+"""Tie points between photos: features and their matches."""

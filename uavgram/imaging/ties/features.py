@@ -1,4 +1,4 @@
-"""Places of a photo that can be found again in another, with a description of each.
+"""Features of a photo that can be found again in another, with descriptors.
 
 OpenCV's SIFT at a reduced size. Measured on rendered streets with true poses, 2400 x 1800 px, half
 size: epipolar distances of matches have a median of 0.08 px looking down and 0.16 px at 45 degrees
@@ -21,16 +21,19 @@ from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 
 WORKING_PX = 1600
-"""Longer side of the pictures that features are sought in."""
+"""Longer side of the pictures in which features are detected."""
 
 KEPT = 2500
-"""Features that are described in a photo, spread over it."""
+"""Number of features kept in a photo, spread over it."""
 
 CELL_PX = 80
 """Edge of the cells of the working picture over which they are spread."""
 
 CONTRAST = 0.02
-"""Half of SIFT's usual threshold: dark photos and asphalt have weak features, and good ones."""
+"""SIFT's contrast threshold, half the usual one.
+
+Dark photos and asphalt have features that are weak but good.
+"""
 
 _GREY = {
     1: cv2.IMREAD_GRAYSCALE,
@@ -41,16 +44,16 @@ _GREY = {
 
 
 class Features(NamedTuple):
-    """N places of a photo.
+    """N features of a photo.
 
     Attributes
     ----------
     pixel_px
         (N, 2) in the original photo, (0, 0) = centre of the top-left pixel.
     size_px
-        (N,) diameter of what each is a feature of, in original pixels.
+        (N,) diameter of each feature, in original pixels.
     descriptor
-        (N, 128) how it looks.
+        (N, 128) SIFT descriptors.
     """
 
     pixel_px: Floats
@@ -58,17 +61,17 @@ class Features(NamedTuple):
     descriptor: NDArray[np.uint8]
 
     def take(self, rows: Ints) -> Features:
-        """Some of them."""
+        """Select rows."""
         return Features(self.pixel_px[rows], self.size_px[rows], self.descriptor[rows])
 
 
 def read_features(path: str | os.PathLike[str]) -> Features:
-    """Features of a photo file; EXIF rotation is not applied.
+    """Detect features of a photo file; EXIF rotation is not applied.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is no photo.
+        The file cannot be read, or is not a photo.
     """
     try:
         encoded = Path(path).read_bytes()
@@ -82,14 +85,14 @@ def read_features(path: str | os.PathLike[str]) -> Features:
 
 
 def find_features(grey: Image, original_px: float = 1.0) -> Features:
-    """Features of a decoded photo, spread over it.
+    """Detect features of a decoded photo, spread over it.
 
     Parameters
     ----------
     grey
         (height, width).
     original_px
-        How many pixels of the original photo one of its pixels is wide.
+        Pixels of the original photo per pixel.
     """
     height, width = grey.shape
     shrink = min(1.0, WORKING_PX / max(height, width))
@@ -99,7 +102,8 @@ def find_features(grey: Image, original_px: float = 1.0) -> Features:
     scale = np.array([width / small[0], height / small[1]]) * original_px
     sift = cv2.SIFT.create(
         contrastThreshold=CONTRAST,
-        # else all places are off by a quarter of a pixel, as two photos of opposite heading show
+        # otherwise all places are off by a quarter of a pixel, as two photos of opposite heading
+        # show
         enable_precise_upscale=True,
     )
     points = sift.detect(grey)
@@ -107,21 +111,21 @@ def find_features(grey: Image, original_px: float = 1.0) -> Features:
         return Features(np.empty((0, 2)), np.empty(0), np.empty((0, 128), np.uint8))
     place = np.asarray(cv2.KeyPoint.convert(points), np.float64)
     rows = _spread(place, np.array([point.response for point in points], np.float64))
-    # describing costs more than building the pyramid a second time
+    # describe only the kept ones: this costs more than building the pyramid a second time
     points, described = sift.compute(grey, [points[k] for k in rows])
-    # OpenCV counts from the centre of the top-left pixel too
+    # OpenCV's pixels also count from the centre of the top-left one
     place = np.array([point.pt for point in points], np.float64)
     size = np.array([point.size for point in points], np.float64)
     return Features((place + 0.5) * scale - 0.5, size * scale.mean(), described.astype(np.uint8))
 
 
 def _spread(place: Floats, response: Floats) -> Ints:
-    """Rows of the strongest features of each cell, at most `KEPT` in all."""
+    """Choose the rows of the strongest features of each cell, at most `KEPT` in all."""
     cell = np.floor(place / CELL_PX).astype(np.int64)
     key = cell[:, 0] * 100_000 + cell[:, 1]
     order = np.lexsort((-response, key))
     starts = np.flatnonzero(np.diff(key[order], prepend=-1))
     rank = np.arange(len(order)) - np.repeat(starts, np.diff(np.append(starts, len(order))))
-    # the first of every cell, then the second of every cell, and so on
+    # rank by rank: the strongest of every cell, then the second of every cell
     taken = order[np.lexsort((-response[order], rank))[:KEPT]]
     return np.sort(taken)

@@ -1,4 +1,4 @@
-"""Which photos look like each other, where nothing says what they show."""
+"""Similarity of photos without known positions."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from uavgram.imaging.ties.matching import match_features
 from uavgram.model.arrays import Floats
 
 COMPARED = 400
-"""Features of each photo that are compared: the largest, which are seen from afar as well."""
+"""Number of features compared in each photo: the largest, which are visible from afar as well."""
 
 
 def likeness(features: Sequence[Features], rows: Sequence[int]) -> Floats:
-    """(N, N) number of matches among a few features of two photos; symmetric.
+    """Count matches (N, N) among the largest features of two photos; symmetric.
 
     Parameters
     ----------
     features
-        Of N photos.
+        Features of N photos.
     rows
         Photos that are compared with all others; the rest stays 0.
     """

@@ -1,4 +1,4 @@
-"""Which features of two photos look like each other, and like nothing else."""
+"""Matching of the features of two photos, with a test of uniqueness."""
 
 from __future__ import annotations
 
@@ -11,27 +11,29 @@ from uavgram.imaging.ties.features import Features
 from uavgram.model.arrays import Floats, Ints
 
 RATIO = 0.8
-"""A match must be so much nearer than the second best (Lowe, IJCV 60 (2004), section 7.1)."""
+"""Largest ratio of distances of best and second best match (Lowe, IJCV 60 (2004), section 7.1)."""
 
 FARTHEST = 0.4
-"""Greatest squared distance of descriptors, unit vectors, that look alike: features that have
-nothing to do with each other are seldom nearer."""
+"""Largest squared distance of the descriptors (unit vectors) of a match.
+
+Unrelated features are seldom nearer.
+"""
 
 SAME_PX = 3.0
-"""Features this near each other are one place, described twice: no second best."""
+"""Distance within which two features are one place, described twice: no second best."""
 
 _NONE = np.float32(-1.0)
 
 
 class Guide(NamedTuple):
-    """Where the features of one photo should be in another.
+    """Predicted places of the features of one photo in another.
 
     Attributes
     ----------
     pixel_px
         (N, 2) in the other photo; NaN where it should not show them.
     radius_px
-        How far off that may be.
+        Largest error of the prediction.
     """
 
     pixel_px: Floats
@@ -39,14 +41,14 @@ class Guide(NamedTuple):
 
 
 def match_features(one: Features, other: Features, guide: Guide | None = None) -> Ints:
-    """Rows (M, 2) of matching features, each the other's best.
+    """Match features mutually: rows (M, 2), each the other's best.
 
     Parameters
     ----------
     one, other
         Features of two photos.
     guide
-        Where those of `one` should be in the other; None: anywhere.
+        Predicted places of the features of `one` in the other; None: anywhere.
     """
     rows = np.arange(len(one.pixel_px))
     if guide is not None:
@@ -64,16 +66,16 @@ def match_features(one: Features, other: Features, guide: Guide | None = None) -
     second = _second(likeness, best, other.pixel_px)
     near = _square(first)
     good = (near < RATIO**2 * _square(second)) & (near < FARTHEST) & (back[best] == here)
-    # where the guide is wrong, the true one stands outside, and is far more like it
+    # where the prediction is wrong, the true match is outside the radius and much more similar
     good &= RATIO**2 * near <= nearest
     return np.stack([rows[good], best[good]], axis=1)
 
 
 def _second(likeness: NDArray[np.float32], best: Ints, place: Floats) -> NDArray[np.float32]:
-    """(N,) likeness of the best at another place; `likeness` is used up."""
+    """Find the similarity (N,) of the best feature at another place; overwrites `likeness`."""
     second = np.empty(len(best), np.float32)
     left, trial = np.arange(len(best)), best
-    for _ in range(4):  # a place has at most a few descriptions
+    for _ in range(4):  # a place has at most a few descriptors
         likeness[left, trial] = _NONE
         trial = likeness[left].argmax(axis=1)
         second[left] = likeness[left, trial]
@@ -86,19 +88,19 @@ def _second(likeness: NDArray[np.float32], best: Ints, place: Floats) -> NDArray
 
 
 def _square(likeness: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N,) squared distances of unit vectors; of equal ones not what rounding makes of 0."""
+    """Compute squared distances (N,) of unit vectors; at least 1e-5, above rounding errors."""
     return np.asarray(np.maximum(2.0 - 2.0 * likeness, 1e-5), np.float32)
 
 
 def _unit(descriptor: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """RootSIFT (Arandjelovic and Zisserman, CVPR 2012): rows become unit vectors."""
+    """Convert descriptors to unit vectors: RootSIFT (Arandjelovic and Zisserman, CVPR 2012)."""
     value = descriptor.astype(np.float32)
     value /= np.maximum(value.sum(axis=1, keepdims=True), 1.0)
     return np.sqrt(value)
 
 
 def _apart(one: Floats, other: Floats) -> NDArray[np.float32]:
-    """(N, M) squared distances."""
+    """Compute squared distances (N, M)."""
     a, b = one.astype(np.float32), other.astype(np.float32)
     u = a[:, :1] - b[:, 0]
     v = a[:, 1:] - b[:, 1]

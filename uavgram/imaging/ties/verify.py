@@ -1,9 +1,9 @@
-"""Which matches of two photos are of one rigid scene that stands still.
+"""Verification of the matches of two photos as points of one rigid, static scene.
 
-Two tests. Lines of sight of one point meet the two cameras' base in one plane: what is off that
-plane is wrong, or moved across it. Along it a wrong match or a moving thing looks like a point of
-another height: so the shift of a match must also be that of its neighbours, after the ground's
-plane was taken off.
+Two tests. The lines of sight of one point and the base of the two cameras are in one plane: a match
+off that plane is wrong, or its object moved across it. Within the plane a wrong match or a moving
+object looks like a point of another height: so the shift of a match, after subtraction of the
+ground plane's shift, must also be that of its neighbours.
 """
 
 from __future__ import annotations
@@ -17,35 +17,37 @@ from scipy.spatial import cKDTree
 from uavgram.model.arrays import Bools, Floats
 
 ACROSS = 3.0
-"""Greatest distance from the epipolar line, in pixels of the reduced photo: generous, as a shutter
-that reads row after row bends the lines."""
+"""Largest distance from the epipolar line, in pixels of the reduced photo.
+
+It is generous because a rolling shutter bends the lines.
+"""
 
 NEIGHBOURS = 16
-"""Matches around each that its shift is compared with."""
+"""Number of neighbouring matches that a shift is compared with."""
 
 ALONG = 4.0, 4.0
-"""Greatest difference of shift from theirs: pixels of the reduced photo, and robust sigmas."""
+"""Largest difference from their shift: pixels of the reduced photo, and robust sigmas."""
 
 WAVIEST = 15.0
-"""Greatest robust sigma that relief explains: above it, chance brought matches together."""
+"""Largest robust sigma that relief explains; above it, the matches are random."""
 
 FEWEST = 12
-"""Matches of two photos that are worth believing."""
+"""Least number of matches of two photos that are accepted."""
 
 WIDEST = 1.7
-"""Tangent of the greatest angle from the optical axis (60 degrees) at which planes are good."""
+"""Tangent of the largest angle from the optical axis (60 degrees) at which planes are accurate."""
 
 
 class Verified(NamedTuple):
-    """What the two tests say of M matches.
+    """Results of the two tests for M matches.
 
     Attributes
     ----------
     good
         (M,) whether each passes both.
     across_px
-        (M,) signed distance from the epipolar line, less that of its neighbours: what the two
-        places are uncertain by, whatever shutter and lens do to all; NaN where not good.
+        (M,) signed distance from the epipolar line, less that of its neighbours: the error of the
+        two places, without common errors of shutter and lens; NaN where not good.
     """
 
     good: Bools
@@ -73,7 +75,7 @@ def verify(one: Floats, other: Floats, focal_px: float, scale: float) -> Verifie
         return Verified(np.zeros(len(one), np.bool_), across)
     off = _off_line(matrix, one, other)
     good &= np.abs(off) < limit
-    # twice: without what the first pass takes out the neighbours are better
+    # twice: the neighbours are better without the matches that the first pass rejects
     for _ in range(2):
         if good.sum() < FEWEST:
             return Verified(np.zeros(len(one), np.bool_), across)
@@ -92,7 +94,7 @@ def _usable(ray: Floats) -> Bools:
 
 
 def _essential(a: Floats, b: Floats, limit: float) -> Floats | None:
-    """(3, 3) with b E a = 0 for most; None where there are too few."""
+    """Estimate the essential matrix E (3, 3) with b E a = 0 for most; None for too few points."""
     if len(a) < FEWEST:
         return None
     matrix, _ = cv2.findEssentialMat(
@@ -104,19 +106,19 @@ def _essential(a: Floats, b: Floats, limit: float) -> Floats | None:
 
 
 def _off_line(matrix: Floats, one: Floats, other: Floats) -> Floats:
-    """(M,) Sampson's signed distance, in units of the plane z = 1.
+    """Compute Sampson's signed distance (M,), in units of the plane z = 1.
 
     Hartley and Zisserman, Multiple View Geometry (2004), equation 11.9.
     """
     there, here = one @ matrix.T, other @ matrix
     product = (other * there).sum(axis=1)
     square = (there[:, :2] ** 2).sum(axis=1) + (here[:, :2] ** 2).sum(axis=1)
-    # half the square: the distance of one place, when the other is taken as exact
+    # half the sum of squares: the distance of one place, with the other taken as exact
     return np.asarray(product / np.sqrt(np.maximum(0.5 * square, 1e-30)))
 
 
 def _like_neighbours(a: Floats, b: Floats, focal_px: float, scale: float) -> Bools:
-    """(M,) whether the shift of each match, less the plane's, is like its neighbours'."""
+    """Mark the matches (M,) whose shift, less the plane's, is like that of their neighbours."""
     rest = b - _through_plane(a, b)
     off = focal_px * np.linalg.norm(_less_neighbours(a, rest), axis=1)
     sigma = min(1.4826 * float(np.median(off)), WAVIEST * scale)
@@ -124,8 +126,8 @@ def _like_neighbours(a: Floats, b: Floats, focal_px: float, scale: float) -> Boo
 
 
 def _through_plane(a: Floats, b: Floats) -> Floats:
-    """(M, 2) places where a plane would put the points: the one that most of them are near."""
-    # OpenCV's stubs promise a matrix; it returns None where all lies in line
+    """Transfer the points by the homography of the plane that most of them are near; (M, 2)."""
+    # OpenCV's stubs declare a matrix; it returns None where all points are in line
     matrix = cast("Floats | None", cv2.findHomography(a, b, cv2.LMEDS)[0])
     if matrix is None:
         return np.asarray(a + np.median(b - a, axis=0))
@@ -134,7 +136,7 @@ def _through_plane(a: Floats, b: Floats) -> Floats:
 
 
 def _less_neighbours(place: Floats, value: Floats) -> Floats:
-    """(M, D) values less the median of their nearest neighbours'."""
+    """Subtract from values (M, D) the median of their nearest neighbours."""
     count = min(NEIGHBOURS, len(place) - 1)
     near = np.asarray(cKDTree(place).query(place, k=count + 1)[1])
     return np.asarray(value - np.median(value[near[:, 1:]], axis=1))

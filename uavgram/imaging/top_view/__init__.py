@@ -1,1 +1,1 @@
-"""The ground seen from straight above, put together from photos."""
+"""Top views of the ground from above, composed from photos."""

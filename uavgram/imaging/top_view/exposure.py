@@ -1,4 +1,4 @@
-"""Photos of a top view evened out in brightness, from small copies of them."""
+"""Equalisation of the brightness of a top view's photos, from small copies of them."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 
 NODES = 96
-"""Along the longer side of the ground where photos are compared."""
+"""Number of nodes along the longer side of the ground at which photos are compared."""
 
 
 def exposure_gains(view: View, raster: GroundRaster, photos: PhotoCache) -> Floats:
-    """(N,) factors of the photos' brightness that make them alike where they show the same.
+    """Compute brightness factors (N,) that make photos agree where they show the same ground.
 
     Parameters
     ----------
     view
-        The photos.
+        Photos.
     raster
-        The ground to be shown.
+        Ground to be shown.
     photos
-        By index of the view; small ones are enough.
+        Photos by index of the view; small ones suffice.
     """
     coarse = raster.coarser(max(max(raster.width, raster.height) // NODES, 1))
     world = view.ground(coarse, np.arange(float(coarse.width)), np.arange(float(coarse.height)))
@@ -33,7 +33,7 @@ def exposure_gains(view: View, raster: GroundRaster, photos: PhotoCache) -> Floa
 
 
 def _light(view: View, index: int, world: Floats, photos: PhotoCache) -> Light | None:
-    """What a photo shows of the nodes; None where nothing."""
+    """Sample a photo's brightness at the nodes; None where it shows none of them."""
     pixel, off_nadir = view.look(index, world)
     shown = view.shows(pixel[..., 0], pixel[..., 1], off_nadir)
     if not shown.any():

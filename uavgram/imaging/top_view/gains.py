@@ -1,4 +1,4 @@
-"""One factor of brightness for each photo, from what photos show of the same places."""
+"""Brightness factors of photos, one for each, from the ground that several photos show."""
 
 from __future__ import annotations
 
@@ -12,44 +12,44 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
 
 LEAST_GREY, MOST_GREY = 8.0, 247.0
-"""What is darker or brighter says nothing of the light: it may be cut off."""
+"""Least and largest usable grey value: darker or brighter ones may be clipped."""
 
 LEAST_PLACES = 12
-"""Two photos are compared where they show so many places together."""
+"""Least number of common places for the comparison of two photos."""
 
 MOST_GAIN = 2.5
 
 DENSE = 500
-"""Photos up to which their factors are solved for as a full matrix."""
+"""Number of photos up to which their factors are solved for with a full matrix."""
 
 
 class Light(NamedTuple):
-    """(n,) places that a photo shows, increasing, and the logarithm of its grey value there."""
+    """Places (n,) that a photo shows, increasing, and the logarithm of its grey value there."""
 
     place: Ints
     log_grey: Floats
 
 
 def light_at(place: Ints, colours: Pixels | Floats) -> Light:
-    """Of (n, 3) colours at (n,) places, those that say something of the light."""
+    """Select the (n, 3) colours at (n,) places that are not clipped."""
     grey = np.asarray(colours, dtype=np.float64).mean(axis=1)
     good = (grey > LEAST_GREY) & (grey < MOST_GREY)
     return Light(place[good], np.log(grey[good]))
 
 
 def gains_between(seen: Mapping[int, Light], count: int) -> Floats:
-    """(N,) factors of the photos' brightness that make them alike where they show the same.
+    """Compute brightness factors (N,) that make photos agree where they show the same ground.
 
     Least squares on logarithms: the difference of the gains of two photos is the median ratio of
-    what they show of the same ground, weighted by how much that is. Their mean stays as it is: a
-    weak observation of each gain as one.
+    their grey values at common places, weighted by their number. The mean gain is fixed by a weak
+    observation of each gain as one.
 
     Parameters
     ----------
     seen
-        By photo; those that show nothing are not in it.
+        Light of each photo; photos that show nothing are missing.
     count
-        N, of all photos.
+        N, the number of all photos.
     """
     photos = list(seen)
     normal: dict[tuple[int, int], float] = {(k, k): 1.0 for k in range(count)}
@@ -61,6 +61,7 @@ def gains_between(seen: Mapping[int, Light], count: int) -> Floats:
         )
         difference = float(np.median(seen[b].log_grey[in_b] - seen[a].log_grey[in_a]))
         weight = float(len(in_a))
+        # Normal equations of the observation log gain_a - log gain_b = difference.
         normal[a, a] += weight
         normal[b, b] += weight
         normal[a, b] = normal[b, a] = -weight
@@ -73,7 +74,7 @@ def gains_between(seen: Mapping[int, Light], count: int) -> Floats:
 
 
 def _solved(whole: coo_array, right: Floats) -> Floats:
-    """(N,) solution of a symmetric system."""
+    """Solve a symmetric system (N,)."""
     if len(right) <= DENSE:
         return np.asarray(np.linalg.solve(whole.toarray(), right))
     from scipy.sparse.linalg import spsolve  # noqa: PLC0415 - slow to load
@@ -82,11 +83,12 @@ def _solved(whole: coo_array, right: Floats) -> Floats:
 
 
 def _overlapping(places: list[Ints]) -> list[tuple[int, int]]:
-    """Pairs of photos that show enough places together: of thousands of photos, few."""
+    """Find the pairs of photos with enough common places: few among thousands of photos."""
     photo = np.repeat(np.arange(len(places)), [len(each) for each in places])
     place = np.concatenate([np.zeros(0, np.int64), *places])
     size = len(places), int(place.max(initial=0)) + 1
     shows = coo_array((np.ones(len(photo)), (photo, place)), shape=size).tocsr()
+    # Sparse product: number of common places of each pair.
     common = triu(shows @ shows.T, 1).tocoo()
     is_enough = common.data >= LEAST_PLACES
     pairs = np.column_stack([common.row, common.col])[is_enough]

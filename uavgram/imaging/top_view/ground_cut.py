@@ -1,4 +1,4 @@
-"""A part of the ground as a picture to print."""
+"""Part of the ground as a picture to print."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import GroundPicture
 
 MOST_PX = 1200
-"""On the longer side: 170 for an inch of a page that is as wide as that."""
+"""Largest longer side: 170 pixels an inch across a page of that width."""
 QUALITY = 82
 
 
 def cut_ground(texture: GroundTexture, low_m: Floats, high_m: Floats) -> GroundPicture | None:
-    """A part of the ground as a picture; None where no photo shows any of it.
+    """Cut a part of the ground as a picture; None where no photo shows any of it.
 
     Parameters
     ----------
     texture
-        All that photos show.
+        Whole photographed ground.
     low_m, high_m
         (2,) its south-western and north-eastern corner, in the world.
     """
@@ -35,7 +35,7 @@ def cut_ground(texture: GroundTexture, low_m: Floats, high_m: Floats) -> GroundP
     covered = texture.covered[top:bottom, left:right]
     if not covered.any():
         return None
-    white = np.where(covered, np.uint8(0), np.uint8(255))  # where no photo shows anything
+    white = np.where(covered, np.uint8(0), np.uint8(255))  # where no photo shows the ground
     shown = cv2.bitwise_or(
         texture.rgb[top:bottom, left:right], cv2.cvtColor(white, cv2.COLOR_GRAY2RGB)
     )

@@ -1,4 +1,4 @@
-"""A top view as a picture to print: scale bar, north arrow and a line of text below it."""
+"""Top view as a picture to print: scale bar, north arrow and a line of text below it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw, ImageFont
 from uavgram.imaging.photos.preview import Pixels
 
 LEAST_WIDTH_PX = 480
-"""Narrower top views get paper beside them, so that scale bar and arrow find room."""
+"""Least width: narrower top views get a margin, so that scale bar and arrow fit."""
 
 Bar = Callable[[float], tuple[float, str]]
 
@@ -21,7 +21,7 @@ _INK, _PAPER = (30, 30, 30), 255
 def map_sheet(
     rgba: Pixels, pixel_m: float, caption: str, longest_px: int, bar: Bar | None = None
 ) -> bytes:
-    """PNG of a north-up picture with a foot that holds scale bar, north arrow and caption.
+    """Draw a north-up picture with scale bar, north arrow and caption below it; return a PNG.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ def map_sheet(
     caption
         One line.
     longest_px
-        The picture is made smaller than that.
+        Limit of the longer side, to which the picture is reduced.
     bar
-        Of the most metres that there is room for, how long the scale bar is and what it says; by
+        Function from the available length [m] to the length of the scale bar and its label; by
         default a round number of metres.
     """
     share = min(1.0, longest_px / max(rgba.shape[:2]))
@@ -76,7 +76,7 @@ def _foot(
 
 
 def _metres(wanted_m: float) -> tuple[float, str]:
-    """The largest of 1, 2, 5 times a power of ten that is not longer, and in words."""
+    """Choose the largest of 1, 2, 5 times a power of ten that fits; return it with its label."""
     power = 10.0 ** np.floor(np.log10(wanted_m))
     bar_m = float(max(f for f in (1, 2, 5) if f * power <= wanted_m * (1 + 1e-9)) * power)
     return bar_m, f"{bar_m:g} m"

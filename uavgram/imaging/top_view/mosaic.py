@@ -1,4 +1,4 @@
-"""The ground as the photos show it: a top view put together from previews, one after the other."""
+"""Mosaic of the ground: a top view composed from previews, one photo after the other."""
 
 from __future__ import annotations
 
@@ -33,23 +33,24 @@ from uavgram.model.result.result import Result
 Shade = TypeVar("Shade", np.uint8, np.float32)
 
 MAX_SIZE_PX = 1536
-# The mosaic reaches beyond the outermost points by this share of the scene's size, or of the
+# Margin of the mosaic beyond the outermost points, as a share of the scene's size or of the
 # cameras' height.
 MARGIN = 0.35
-# Frames times cells when choosing the frame of each cell: about a second of projections.
+# Largest product of frames and cells for the choice of each cell's frame: about a second of
+# projections.
 CHOICE_BUDGET = 4_000_000
 CELL_PX = 16
-# Photos are compared in brightness at so many places along the longer side, or a few more.
+# Number of places along the longer side, or a few more, at which photos' brightness is compared.
 NODES = 64
-# A photo is halved for that until it is not much wider than this.
+# Width above which a photo is halved for this comparison; less than twice this width remains.
 LIGHT_PX = 200
-# Of the pixels that say whether the ground is too dark to be seen.
+# Step of the pixels that decide whether the ground is too dark to be seen.
 TONE_STEP_PX = 4
 
 
 @dataclass(frozen=True, eq=False)
 class GroundTexture:
-    """A top view of the ground plane, north up.
+    """Top view of the ground plane, north up.
 
     Attributes
     ----------
@@ -62,7 +63,7 @@ class GroundTexture:
     pixel_size_m
         Edge of a pixel.
     tone
-        By which it was brightened, to be seen.
+        Curve by which it was brightened.
     """
 
     rgb: Pixels
@@ -74,12 +75,12 @@ class GroundTexture:
 
 
 class Mosaic:
-    """Warps photos onto the adjusted ground plane, each spot from the frame most above it.
+    """Mosaic of photos on the adjusted ground plane, each spot from the frame most above it.
 
-    Photos are evened out in brightness, each by one factor, so that seams do not show.
+    Photos are equalised in brightness, each by one factor, so that seams do not show.
 
-    Which frame shows which spot follows from the poses alone, so the photos may come one by one,
-    in any order, and need not stay in memory: here are sums only, whose size is that of the mosaic.
+    The frame of each spot follows from the poses alone, so the photos may come one by one, in any
+    order, and need not stay in memory: only sums are stored, whose size is that of the mosaic.
     """
 
     def __init__(
@@ -98,7 +99,7 @@ class Mosaic:
         photographed
             Names of the frames that will be added; others are left out.
         preview_scale
-            Original pixels per pixel of the previews: a finer mosaic would show nothing more.
+            Original pixels per pixel of the previews: a finer mosaic would add no detail.
         max_size_px
             Longer side of the mosaic.
         """
@@ -114,7 +115,7 @@ class Mosaic:
             self._grid = _lay_grid(result, self._cameras, preview_scale, max_size_px)
             self._choice = choose(self._grid, self._cameras)
             height, width = (count * self._grid.cell_px for count in self._grid.shape)
-            # of each pixel the weighted blue, green and red, and the weight
+            # weighted sums of blue, green and red of each pixel, and the sum of the weights
             self._sums = np.zeros((height, width, 3), dtype=np.float32)
             self._weight = np.zeros((height, width), dtype=np.float32)
             self._nodes = _nodes(self._grid)
@@ -143,21 +144,21 @@ class Mosaic:
         self._light[frame] = self._light_of(frame, halves)
 
     def _light_of(self, frame: int, halves: list[Pixels]) -> Light:
-        """How bright a preview is at the nodes that it shows."""
+        """Sample a preview's brightness at the nodes that it shows."""
         pixel = self._grid.pixels_in(self._cameras, frame, self._nodes)
         at = np.flatnonzero(np.isfinite(pixel[:, 0]))
-        # a node stands for what is around it, how much is no matter; halving is quick
+        # A node represents its surroundings, of any size; halving is fast.
         reduction = 1 << int(np.log2(max(halves[0].shape[1] / LIGHT_PX, 1.0)))
         sampled = _Sampled(halves, reduction, self._size_px)
         return light_at(at, sampled.at(*pixel[at].T[..., None])[:, 0])
 
     def _reduction(self, frame: int, width_px: int) -> int:
-        """How many pixels of a preview of this width make one of the mosaic; at least 1."""
+        """Compute how many pixels of a preview of this width make one of the mosaic; at least 1."""
         finest = self._grid.finest_pixel(self._cameras, frame, self._size_px[0] / width_px)
         return max(int(self._grid.pixel_size_m / max(finest, 1e-9)), 1)
 
     def texture(self) -> GroundTexture | None:
-        """What the photos added so far show; None where they show nothing of the scene."""
+        """Compose the photos added so far; None where they show none of the scene."""
         if not self._index:
             return None
         covered = self._weight > 0
@@ -177,7 +178,7 @@ class Mosaic:
 
 
 def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_px: int) -> Grid:
-    """Cells over the scene: fine as the previews, coarse enough for the choice not to take long."""
+    """Lay cells over the scene: as fine as the previews, coarse enough for a fast choice."""
     low, high = _extent(result, cameras)
     coarsest = float((high - low).max()) / max_size_px
     grid = Grid(result, float(low[0]), float(high[1]), coarsest, CELL_PX, (0, 0))
@@ -197,14 +198,17 @@ def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_p
 
 
 def _nodes(grid: Grid) -> Floats:
-    """(n, 3) places all over the ground."""
+    """Create places (n, 3) all over the ground."""
     step = max(max(grid.shape) * grid.cell_px // NODES, 1)
     row, column = (np.arange(0.5, count * grid.cell_px, step) for count in grid.shape)
     return grid.world(*np.meshgrid(column, row)).reshape(-1, 3)
 
 
 def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
-    """South-west and north-east corner: points with a margin, or the cameras with their height."""
+    """Compute the south-west and north-east corner of the scene.
+
+    It is the extent of the points with a margin, or of the cameras with their height.
+    """
     points = result.points.position_world_m[:, :2]
     below = result.plane.height_at(cameras.center_m[:, :2])
     height = float(np.median(cameras.center_m[:, 2] - below))
@@ -219,24 +223,24 @@ def _extent(result: Result, cameras: Cameras) -> tuple[Floats, Floats]:
 
 
 def _times(picture: Pixels | Singles, factor: Singles, like: type[Shade]) -> NDArray[Shade]:
-    """(H, W, 3) a picture times (H, W) factors, as numbers like these, rounded to the next."""
+    """Multiply a picture (H, W, 3) by factors (H, W) into another number type, with rounding."""
     kind = cv2.CV_8U if like is np.uint8 else cv2.CV_32F
     made = cv2.multiply(picture, cv2.cvtColor(factor, cv2.COLOR_GRAY2BGR), dtype=kind)
     return np.asarray(made, dtype=like)
 
 
 class _Sampled:
-    """A preview reduced as far as the mosaic is coarser, which would flicker otherwise."""
+    """Preview, reduced as far as the mosaic is coarser, which avoids aliasing."""
 
     def __init__(self, halves: list[Pixels], reduction: int, size_px: Floats) -> None:
-        """Take a preview and, further on in the list, its halves: those that lack are made.
+        """Select or make the level for a reduction, from a list of a preview and its halves.
 
         Parameters
         ----------
         halves
-            (height, width, 3) BGR.
+            (height, width, 3) BGR; missing halves are appended.
         reduction
-            How many pixels become one.
+            Number of pixels that become one.
         size_px
             (2,) width and height of the photo.
         """
@@ -249,7 +253,7 @@ class _Sampled:
                 halves.append(half(halves[-1]))
         pixels = halves[level]
         height, width = pixels.shape[:2]
-        if reduction > 1:  # of whole blocks, for which OpenCV is ten times faster
+        if reduction > 1:  # whole blocks only, for which OpenCV is ten times faster
             rows, columns = max(height // reduction, 1), max(width // reduction, 1)
             blocks = pixels[: rows * reduction, : columns * reduction]
             pixels = np.asarray(
@@ -258,7 +262,7 @@ class _Sampled:
         self._pixels = pixels
 
     def at(self, u: Values, v: Values) -> Pixels:
-        """(n, m, 3) BGR at u and v (n, m) in original pixels."""
+        """Sample (n, m, 3) BGR at u and v (n, m) in original pixels."""
         column, row = (
             ((at + 0.5) / step - 0.5).astype(np.float32, copy=False)
             for at, step in zip((u, v), self._step.tolist(), strict=True)

@@ -1,4 +1,4 @@
-"""Cells of the mosaic: which frame shows each of them, and how it fades into its neighbours."""
+"""Cells of the mosaic: choice of the frame of each, and blending with neighbours."""
 
 from __future__ import annotations
 
@@ -18,23 +18,23 @@ Singles = NDArray[np.float32]
 Values = Floats | Singles
 NOWHERE = np.float32(np.nan)
 
-# Rays flatter than this above the ground (20 degrees) smear one photo pixel over many metres.
+# Least sine of a ray's angle above the ground (20 degrees): flatter ones smear one photo pixel over
+# many metres.
 LEAST_SINE = 0.342
-# Neighbouring frames fade into each other over this many pixels to each side of a seam, but over
-# one cell at least.
+# Pixels to each side of a seam over which neighbouring frames are blended; one cell at least.
 FEATHER_PX = 32
-# So far apart lie the places whose pixels are computed; a cell is some of these wide.
+# Step of the places at which projections are computed; a cell is a multiple of it wide.
 STEP_PX = 8
-# What a frame shows is looked at so many rows of pixels at a time.
+# Rows of pixels that are processed at a time.
 BAND_PX = 128
-# Sums of a box filter are not exactly zero where they should be.
+# Rounding errors of a box filter's sums that count as zero.
 LEAST_WEIGHT = 1e-4
-# Corners of a cell: it is the frame's that shows all of them, sooner than one that shows some.
+# Number of a cell's corners: a frame that shows all of them has priority.
 CORNERS = 4
 
 
 class Box(NamedTuple):
-    """Some neighbouring cells: their first rows and columns, and those after the last."""
+    """Block of neighbouring cells: its first row and column, and those after the last."""
 
     top: int
     bottom: int
@@ -42,7 +42,7 @@ class Box(NamedTuple):
     right: int
 
     def pixels(self, cell_px: int) -> tuple[slice, slice]:
-        """Rows and columns of their pixels."""
+        """Return rows and columns of their pixels."""
         return (
             slice(self.top * cell_px, self.bottom * cell_px),
             slice(self.left * cell_px, self.right * cell_px),
@@ -50,9 +50,9 @@ class Box(NamedTuple):
 
 
 class Places(NamedTuple):
-    """What a frame sees of some cells at places `STEP_PX` apart, and one such step beyond them.
+    """Projections of some cells into a frame, at places `STEP_PX` apart, and one step beyond them.
 
-    (h, w) the original pixels u and v, and the sine of the rays, from the north-west on.
+    (h, w) original pixels u and v, and the sine of the rays, from the north-west on.
     """
 
     frame: int
@@ -73,7 +73,7 @@ class Cameras:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Square cells of the mosaic, `cell_px` pixels wide, and how frames see them."""
+    """Square cells of the mosaic, `cell_px` pixels wide, and their projection into frames."""
 
     result: Result
     west_m: float
@@ -83,7 +83,7 @@ class Grid:
     shape: tuple[int, int]
 
     def world(self, column_px: Floats, row_px: Floats) -> Floats:
-        """(..., 3) world positions of points given in pixels from the north-west corner."""
+        """Compute world positions (..., 3) of points given in pixels from the north-west corner."""
         spots = np.stack(
             [
                 self.west_m + column_px * self.pixel_size_m,
@@ -94,7 +94,9 @@ class Grid:
         return np.concatenate([spots, self.result.plane.height_at(spots)[..., None]], axis=-1)
 
     def pixels_in(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
-        """(..., 2) original pixels of a frame; NaN outside the photo and where rays are flat.
+        """Project points to original pixels (..., 2) of a frame.
+
+        NaN outside the photo and where rays are flat.
 
         Parameters
         ----------
@@ -110,7 +112,7 @@ class Grid:
         return np.where(shows[..., None], pixel, np.nan)
 
     def _projected(self, cameras: Cameras, frame: int, world_m: Floats) -> Floats:
-        """(..., 2) where a frame would have points, were it large enough."""
+        """Project points to pixels (..., 2) of a frame, regardless of its borders."""
         poses = RowPoses(
             cameras.center_m[frame], cameras.world_from_camera[frame], cameras.sweep[frame]
         )
@@ -118,23 +120,23 @@ class Grid:
         return project_rows(self.result.camera, lens, poses, world_m, steps=1)
 
     def _shows(self, u: Values, v: Values, sine: Values) -> Bools:
-        """(...) whether pixels lie in the photo, and rays to them are not too flat."""
+        """Mark the pixels (...) inside the photo whose rays are not too flat."""
         inside = (u >= 0) & (u <= self.result.camera.width_px - 1)
         inside &= (v >= 0) & (v <= self.result.camera.height_px - 1)
         return np.asarray(inside & (sine > LEAST_SINE))
 
     def places_about(self, cameras: Cameras, frame: int, box: Box) -> Places:
-        """What a frame sees at places a few pixels apart, all over some cells and about them.
+        """Project places a few pixels apart, over some cells and around them, into a frame.
 
         Parameters
         ----------
         cameras, frame
             As for `pixels_in`.
         box
-            The cells.
+            Cells.
         """
         share = self.cell_px // STEP_PX
-        # one place more on each side, so that the outermost pixels lie between places too
+        # one more place on each side, so that the outermost pixels are between places, too
         row, column = (
             (np.arange(first * share - 1, end * share + 1) + 0.5) * STEP_PX
             for first, end in ((box.top, box.bottom), (box.left, box.right))
@@ -145,20 +147,20 @@ class Grid:
         return Places(frame, box, pixel[..., 0], pixel[..., 1], sine)
 
     def pixels_at(self, cameras: Cameras, places: Places, box: Box) -> tuple[Singles, Singles]:
-        """(H, W) u and (H, W) v of a frame, NaN as above, at the middles of all pixels of cells.
+        """Compute u and v (H, W) in a frame of the centres of all pixels of cells.
 
-        Between places a few pixels apart, what a frame sees is almost linear, and lies in the photo
-        where they do. Where one of four such places is not seen at all, those between them are
-        counted out one by one.
+        NaN as in `pixels_in`. Between places a few pixels apart the projection is almost linear,
+        and is inside the photo where theirs is. Where one of four such places has no projection,
+        the pixels between them are projected one by one.
 
         Parameters
         ----------
         cameras
             All poses.
         places
-            What the frame sees of these cells, and of others.
+            Projections of these cells and of others into the frame.
         box
-            The cells.
+            Cells.
         """
         share, inner = self.cell_px // STEP_PX, slice(STEP_PX, -STEP_PX)
         rows = slice((box.top - places.box.top) * share, (box.bottom - places.box.top) * share + 2)
@@ -180,7 +182,7 @@ class Grid:
         return u, v
 
     def finest_pixel(self, cameras: Cameras, frame: int, preview_scale: float) -> float:
-        """What a pixel of a frame's preview measures on the ground below it [m].
+        """Compute the ground size [m] of a pixel of a frame's preview straight below it.
 
         Parameters
         ----------
@@ -197,7 +199,7 @@ class Grid:
 
 
 def choose(grid: Grid, cameras: Cameras) -> Ints:
-    """(R, C) the frame that sees most corners of a cell, and it most steeply; -1 for none."""
+    """Choose the frame (R, C) that sees most corners of a cell, then most steeply; -1 for none."""
     edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
     row, column = np.meshgrid(*edges, indexing="ij")
     world = grid.world(column, row)
@@ -211,7 +213,8 @@ def choose(grid: Grid, cameras: Cameras) -> Ints:
         corners = world[box.top : box.bottom + 1, box.left : box.right + 1]
         corner = np.isfinite(grid.pixels_in(cameras, frame, corners)[..., 0]).astype(np.int64)
         seen = corner[:-1, :-1] + corner[1:, :-1] + corner[:-1, 1:] + corner[1:, 1:]
-        # a sine is at most 1: what shows all of a cell goes before what shows some of it
+        # a sine is at most 1: a frame that shows all of a cell has priority over one that shows a
+        # part
         sine = _sine(middle[inside] - cameras.center_m[frame])
         score = (seen > 0) * (sine + 2.0 * (seen == CORNERS))
         better = score > best[inside]
@@ -220,9 +223,9 @@ def choose(grid: Grid, cameras: Cameras) -> Ints:
 
 
 def boxes_below(grid: Grid, cameras: Cameras) -> list[Box]:
-    """Of each frame, the cells to which its rays are not too flat: it shows none but these.
+    """Find for each frame the cells to which its rays are not too flat: it shows only these.
 
-    Of a large survey they are few, whatever its size.
+    In a large survey they are few, independent of its size.
     """
     east, north = (np.array([0.0, count * grid.cell_px]) for count in grid.shape[::-1])
     lowest = float(grid.world(*np.meshgrid(east, north))[..., 2].min())
@@ -245,7 +248,7 @@ def boxes_below(grid: Grid, cameras: Cameras) -> list[Box]:
 
 
 def corner_weights(grid: Grid, chosen: Bools) -> Floats:
-    """(R + 1, C + 1) share of a frame among the cells about each corner of the (R, C) cells."""
+    """Compute the share of a frame among the cells about each corner (R + 1, C + 1)."""
     feather = max(FEATHER_PX // grid.cell_px, 1)
     around = np.pad(chosen.astype(np.float32), feather)
     width = 2 * feather
@@ -256,23 +259,23 @@ def corner_weights(grid: Grid, chosen: Bools) -> Floats:
 
 
 def box_of(corner: Floats) -> Box:
-    """The cells about corners that have a weight (R + 1, C + 1), of which there is one at least."""
+    """Find the cells about the corners that have a weight (R + 1, C + 1), at least one."""
     some = corner > 0.0
     return Box(*_ends(np.any(some, axis=1)), *_ends(np.any(some, axis=0)))
 
 
 def bands(corner: Floats, box: Box, cell_px: int) -> Iterator[Box]:
-    """The same, a few rows of cells at a time.
+    """Split the cells about weighted corners into bands of a few rows.
 
-    What a frame shows has ragged edges, which bands follow; and what is computed of a band stays
-    in the processor's cache.
+    Bands follow the ragged edges of a frame's area, and the data of one band fit into the
+    processor's cache.
 
     Parameters
     ----------
     corner
         (R + 1, C + 1) weights.
     box
-        Where they are.
+        Cells with weights.
     cell_px
         Side of a cell.
     """
@@ -285,20 +288,20 @@ def bands(corner: Floats, box: Box, cell_px: int) -> Iterator[Box]:
 
 
 def _ends(some: Bools) -> tuple[int, int]:
-    """First and last but one of the cells about corners of which some have a weight."""
+    """Find first and last but one of the cells about corners of which some have a weight."""
     at = np.flatnonzero(some)
     return max(int(at[0]) - 1, 0), min(int(at[-1]) + 1, len(some) - 1)
 
 
 def weights_within(corner: Floats, box: Box, cell_px: int) -> Singles:
-    """(H, W) weights of the pixels of cells, linear between their corners' (R + 1, C + 1).
+    """Compute weights (H, W) of the pixels of cells, linear between corners (R + 1, C + 1).
 
     Parameters
     ----------
     corner
-        Of all cells.
+        Weights of the corners of all cells.
     box
-        The cells.
+        Cells.
     cell_px
         Side of a cell.
     """
@@ -308,7 +311,7 @@ def weights_within(corner: Floats, box: Box, cell_px: int) -> Singles:
 
 
 def _enlarged(places: Floats, times: int) -> Singles:
-    """(times H, times W, ...) each pixel of (H, W, ...) that many across, linear in between."""
+    """Enlarge (H, W, ...) to (times H, times W, ...) by linear interpolation."""
     rows, columns = places.shape[:2]
     size = columns * times, rows * times
     single = np.ascontiguousarray(places, np.float32)
@@ -316,16 +319,16 @@ def _enlarged(places: Floats, times: int) -> Singles:
 
 
 def gain_fields(grid: Grid, choice: Ints, gains: Floats) -> Iterator[tuple[Box, Singles]]:
-    """(H, W) factors of the pixels of some cells: of the frames they are blended of, in shares.
+    """Compute brightness factors (H, W) of some cells: of the blended frames, in shares.
 
     Together these cells are all that any frame shows, a few rows at a time.
 
     Parameters
     ----------
     grid
-        The cells.
+        Cells.
     choice
-        (R, C) the frame of each, of one at least; -1 for none.
+        (R, C) the frame of each, of at least one; -1 for none.
     gains
         (N,) of the frames.
     """
@@ -341,5 +344,5 @@ def gain_fields(grid: Grid, choice: Ints, gains: Floats) -> Iterator[tuple[Box, 
 
 
 def _sine(rays: Floats) -> Floats:
-    """(...) sine of the angle at which (..., 3) rays from above meet level ground."""
+    """Compute the sine (...) of the angle at which rays (..., 3) from above meet level ground."""
     return np.asarray(-rays[..., 2] / np.linalg.norm(rays, axis=-1), dtype=np.float64)

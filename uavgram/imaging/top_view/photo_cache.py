@@ -1,4 +1,4 @@
-"""Decoded photos, the latest used ones, each reduced to what a top view can show of it."""
+"""Cache of decoded photos, each reduced to the resolution of a top view."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ MARGIN_PX = 1
 Map = NDArray[np.float32]
 
 QUICKEST = 8
-"""Decoding at 1/2, 1/4 or 1/8 of the size costs a fraction of decoding all of a JPEG."""
+"""Strongest reduction of the decoder: a JPEG at 1/2, 1/4 or 1/8 of its size decodes faster."""
 
 
 class Photo(NamedTuple):
-    """A decoded photo in the orientation of the stored pixels.
+    """Decoded photo in the orientation of the stored pixels.
 
     Attributes
     ----------
     rgba
-        (H + 2, W + 2, 4), opaque; its outermost pixels stand twice, so that who samples within half
-        a pixel of the border finds neighbours.
+        (H + 2, W + 2, 4), opaque; its outermost pixels are repeated, so that sampling within half a
+        pixel of the border finds neighbours.
     scale
         Original pixels per pixel along u and v. With (0, 0) the centre of the top-left pixel in
         both: original = (reduced + 0.5) * scale - 0.5.
@@ -40,18 +40,18 @@ class Photo(NamedTuple):
     scale: tuple[float, float]
 
     def sample(self, u_px: Map, v_px: Map) -> Pixels:
-        """(h, w, 4) bilinear, at original pixels (h, w) up to half a pixel beyond the outermost."""
+        """Sample (h, w, 4) bilinearly at original pixels (h, w), up to half a pixel outside."""
         across, down = np.float32(1.0 / self.scale[0]), np.float32(1.0 / self.scale[1])
         margin, half = np.float32(MARGIN_PX), np.float32(0.5)
         # (u + half) / scale - half + margin
         u = u_px * across + (half * across - half + margin)
         v = v_px * down + (half * down - half + margin)
-        # a constant beyond the border is OpenCV's quickest way, and is never met
+        # a constant border is OpenCV's fastest mode; the border is never reached
         return np.asarray(cv2.remap(self.rgba, u, v, cv2.INTER_LINEAR), np.uint8)
 
 
 PhotoCache = LruCache[int, Photo]
-"""Photos by index, decoded once while they stay; for several threads."""
+"""Photos by index, decoded once while they are kept; for several threads."""
 
 
 def photo_cache(
@@ -60,7 +60,7 @@ def photo_cache(
     most_bytes: int = CACHE_BYTES,
     gains: Sequence[float] | None = None,
 ) -> PhotoCache:
-    """Photos that are decoded when they are asked for.
+    """Create a cache of photos that are decoded on request.
 
     Parameters
     ----------
@@ -69,9 +69,9 @@ def photo_cache(
     reductions
         (N,) powers of two: this many original pixels become one.
     most_bytes
-        Of photos kept; one at least stays.
+        Memory limit of the kept photos; at least one is kept.
     gains
-        (N,) factors of their brightness; by default they stay as they are.
+        (N,) factors of their brightness; by default they stay unchanged.
     """
 
     def read(k: int) -> Photo:
@@ -82,14 +82,14 @@ def photo_cache(
 
 
 def lit(rgba: Pixels, gain: float) -> Pixels:
-    """(H, W, 4) with red, green and blue times a gain.
+    """Multiply red, green and blue of (H, W, 4) by a gain.
 
     Parameters
     ----------
     rgba
         RGB and opacity.
     gain
-        Of the colours.
+        Factor of the colours.
     """
     table = np.clip(np.arange(256.0) * gain + 0.5, 0, 255).astype(np.uint8)
     opacity = np.arange(256, dtype=np.uint8)
@@ -103,11 +103,11 @@ def read_photo(path: str, reduction: int = 1) -> Photo:
     Raises
     ------
     InputError
-        The file cannot be read, or is no photo.
+        The file cannot be read, or is not a photo.
     """
     pixels, quick = read_reduced(path, lambda _: min(reduction, QUICKEST))
     height, width = pixels.shape[:2]
-    # libjpeg's last column stands for a partial block: its pixels are as wide all the same
+    # libjpeg's last column may cover a partial block: its pixels have the full width all the same
     scale = float(quick), float(quick)
     if reduction > quick:
         shape = -(-width * quick // reduction), -(-height * quick // reduction)
@@ -117,7 +117,7 @@ def read_photo(path: str, reduction: int = 1) -> Photo:
 
 
 def _with_margin(bgr: Pixels) -> Pixels:
-    """(H + 2, W + 2, 4) RGB and opacity, the outermost pixels repeated."""
+    """Convert to RGB and opacity (H + 2, W + 2, 4), with the outermost pixels repeated."""
     height, width = bgr.shape[:2]
     out = np.empty((height + 2 * MARGIN_PX, width + 2 * MARGIN_PX, 4), np.uint8)
     cv2.cvtColor(bgr, cv2.COLOR_BGR2RGBA, dst=out[1:-1, 1:-1])

@@ -11,7 +11,7 @@ OPAQUE = 255
 
 
 def halved(rgba: Pixels) -> Pixels:
-    """Two by two pixels averaged into one, each weighing as much as it is opaque.
+    """Average two by two pixels into one, weighted by their opacity.
 
     Parameters
     ----------
@@ -20,14 +20,16 @@ def halved(rgba: Pixels) -> Pixels:
 
     Returns
     -------
-    (ceil(H / 2), ceil(W / 2), 4), opacity the plain mean. The last row and column stand for
-    themselves where H or W is odd.
+    (ceil(H / 2), ceil(W / 2), 4), opacity the plain mean. The last row and column are not averaged
+    with others where H or W is odd.
     """
     rgba = evened(rgba)
     means = half(rgba)
     height, width = means.shape[:2]
     opacity = means[..., 3]
-    rim = np.nonzero((opacity > 0) & (opacity < OPAQUE))  # few: all but the edge is plain
+    rim = np.nonzero(
+        (opacity > 0) & (opacity < OPAQUE)
+    )  # few pixels: only the edge is partly opaque
     if rim[0].size:
         four = rgba.reshape(height, 2, width, 2, 4)[rim[0], :, rim[1]].reshape(-1, 4, 4)
         weight = four[..., 3:].astype(np.float64)

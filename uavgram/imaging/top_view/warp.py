@@ -1,4 +1,4 @@
-"""Photos warped onto the ground: windows of a top view, each spot from the photo most above it."""
+"""Warping of photos to windows of a top view, each spot from the photo most above it."""
 
 from __future__ import annotations
 
@@ -12,40 +12,44 @@ from uavgram.model.arrays import Ints
 from uavgram.model.maps import GroundRaster
 
 FEATHER = 0.01
-"""Photos fade into each other where the tangents of their angles from the vertical differ by about
-this: at 60 m above ground, over a metre or so on each side of a seam."""
+"""Difference of the tangents of two photos' angles from the vertical over which they are blended.
+
+At 60 m above ground this is about a metre on each side of a seam.
+"""
 
 FADED = 0.01
-"""A photo of less weight than this beside the heaviest one does not show."""
+"""Weight relative to the heaviest photo below which a photo does not show."""
 
 REACH = -FEATHER * float(np.log(FADED))
-"""The difference of the tangents at which that is so."""
+"""Difference of the tangents at which the weight is `FADED`."""
 
 BORDER_SHARE = 0.03
-"""Of a photo's shorter side is the rim in which it fades into what lies below it, so that no
-picture ends in a step where another goes on."""
+"""Width of the rim, as a share of a photo's shorter side, in which it is faded out.
+
+So no picture ends abruptly where another goes on.
+"""
 
 BEHIND = 100.0
-"""Tangent that is added where a photo fades out: more than any that is shown."""
+"""Tangent that is added where a photo is faded out: more than any that is shown."""
 
 
 def warp_window(
     view: View, raster: GroundRaster, window: Window, candidates: Ints, photos: PhotoCache
 ) -> Pixels:
-    """(height, width, 4) RGB and opacity of a window of the top view.
+    """Compose a window (height, width, 4) of the top view in RGB and opacity.
 
     Parameters
     ----------
     view
-        The photos and the ground.
+        Photos and ground.
     raster
-        The top view.
+        Top view.
     window
-        The part of it that is asked for.
+        Requested part of it.
     candidates
         Photos of the view that may show it.
     photos
-        By index of the view.
+        Photos by index of the view.
     """
     width, height = window[2:]
     sights = _nearest(look_from(view, raster, window, candidates), _rim_px(view))
@@ -67,7 +71,7 @@ def _rim_px(view: View) -> float:
 
 
 def _nearest(sights: list[Sight], rim_px: float) -> list[Sight]:
-    """Those that are, somewhere, not much less above the ground than every other that shows it."""
+    """Select the photos that are somewhere nearly as much above the ground as any other."""
     if len(sights) < 2:
         return sights
     least = np.full(sights[0].off_nadir.shape, np.inf)
@@ -83,22 +87,22 @@ def _nearest(sights: list[Sight], rim_px: float) -> list[Sight]:
 
 
 def _blend(shots: list[Maps], view: View, photos: PhotoCache) -> Pixels:
-    """Each spot from the photo most above it, neighbours faded into each other."""
+    """Blend photos: each spot from the photo most above it, with a transition at seams."""
     shape = shots[0].u.shape
     picture = np.zeros((*shape, 4), np.float32)
     for maps, share in zip(shots, _shares(shots, view), strict=True):
         if share.any():
             picture += photos.get(maps.index).sample(maps.u, maps.v) * share[..., None]
-    picture += np.float32(0.5)  # to round, not to cut
+    picture += np.float32(0.5)  # round to nearest
     return picture.astype(np.uint8)
 
 
 def _shares(shots: list[Maps], view: View) -> list[Map]:
-    """(height, width) of each photo in each spot; they add up to one where any shows it.
+    """Compute shares (height, width) of each photo; their sum is one where any photo shows a spot.
 
-    Two layers: above, photos are ranked by the angle from the vertical, and transparent in their
-    rims; below, what is in a rim ranks behind everything else. So a photo fades over its whole rim
-    into the one that goes on beyond it, however oblique that is.
+    There are two layers. In the upper one, photos are ranked by the angle from the vertical, and
+    transparent in their rims; in the lower one, rims rank behind everything else. So a photo fades
+    over its whole rim into the one that continues beyond it, at any obliqueness.
     """
     infinite = np.float32(np.inf)
     tangent = [np.where(maps.shown, maps.off_nadir, infinite) for maps in shots]
@@ -114,9 +118,9 @@ def _shares(shots: list[Maps], view: View) -> list[Map]:
 
 
 def _ranked(distance: list[Map]) -> list[Map]:
-    """Shares by distance (infinite: none): all to the least, and around a tie to both."""
+    """Compute shares from distances (infinite: none): all to the least, and to both near a tie."""
     nearest = np.minimum.reduce(distance)
-    nearest[~np.isfinite(nearest)] = 0.0  # no infinite minus infinite
+    nearest[~np.isfinite(nearest)] = 0.0  # avoid inf - inf
     fade, none = np.float32(FADED), np.float32(0.0)
     weight = [
         np.maximum(np.exp((nearest - d) / np.float32(FEATHER)) - fade, none) for d in distance
@@ -126,7 +130,7 @@ def _ranked(distance: list[Map]) -> list[Map]:
 
 
 def _opacity(maps: Maps, view: View) -> Map:
-    """(height, width) one inside the rim, nothing at the photo's border and where it shows none."""
+    """Compute the opacity (height, width): 1 inside the rim, 0 at the border and where hidden."""
     camera, half = view.result.camera, np.float32(0.5)
     inner = np.minimum(maps.u + half, np.float32(camera.width_px) - half - maps.u)
     inner = np.minimum(inner, maps.v + half)

@@ -1,4 +1,4 @@
-"""Where the pixels of a window of a top view lie in each photo: computed at nodes, then spread."""
+"""Projection of the pixels of a top view's window into each photo, interpolated between nodes."""
 
 from __future__ import annotations
 
@@ -15,14 +15,16 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.maps import GroundRaster
 
 NODE_STEP_PX = 32
-"""Most pixels of the top view from one node to the next."""
+"""Largest step of the nodes in pixels of the top view."""
 
 NODE_STEP_SHARE = 1 / 32
-"""Of the least height above ground is the longest step between nodes on it: a lens and a
-perspective are smooth on that scale, and a cubic spline between them good to 0.01 px."""
+"""Largest step of the nodes on the ground, as a share of the least height above it.
+
+Lens and perspective are smooth on this scale: a cubic spline between the nodes is good to 0.01 px.
+"""
 
 EDGE_PX = 1.0
-"""Nodes so far inside a photo prove that what lies between them is inside too."""
+"""Margin inside a photo of the nodes that ensures that all pixels between them are inside."""
 
 Window = tuple[int, int, int, int]
 """First column, first row, width, height."""
@@ -38,13 +40,13 @@ class Lattice:
     step: int
 
     def world(self) -> Floats:
-        """(rows, columns, 3) of the nodes."""
+        """Compute world positions (rows, columns, 3) of the nodes."""
         column, row, width, height = self.window
         across, down = _nodes(width, self.step), _nodes(height, self.step)
         return self.view.ground(self.raster, column + across, row + down)
 
     def each(self, nodes: Bools) -> tuple[Lattice, tuple[slice, slice]]:
-        """A node on each pixel around some of the nodes, and the part of the window they fill."""
+        """Create nodes on each pixel around some nodes; return also their part of the window."""
         column, row, width, height = self.window
         rows, columns = (np.flatnonzero(nodes.any(axis=axis)) * self.step for axis in (1, 0))
         top, left = max(int(rows[0]) - self.step, 0), max(int(columns[0]) - self.step, 0)
@@ -55,14 +57,14 @@ class Lattice:
         return Lattice(self.view, self.raster, window, 1), part
 
     def spread(self, field: Floats) -> Map:
-        """(height, width) values between those at the nodes."""
+        """Interpolate values (height, width) between those at the nodes."""
         width, height = self.window[2:]
         if self.step == 1:
             return np.asarray(field[:height, :width], np.float32)
-        middle = field.mean()  # small numbers keep their digits in single precision
+        middle = field.mean()  # smaller numbers lose fewer digits in single precision
         near, none = np.asarray(field - middle, np.float32), np.empty((0, 0), np.float32)
         down, across = _spline(height, self.step), _spline(width, self.step)
-        # OpenCV's product: BLAS would start all cores for each window, in every thread of ours
+        # OpenCV's product: BLAS would start all cores for each window, in each of our threads
         rows = cv2.gemm(down, near, 1.0, none, 0.0)
         fine = cv2.gemm(rows, across, 1.0, none, 0.0, flags=cv2.GEMM_2_T)
         return np.asarray(fine + np.float32(middle), np.float32)
@@ -70,16 +72,16 @@ class Lattice:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """A window in one photo, at the nodes of a lattice.
+    """Window in one photo, at the nodes of a lattice.
 
     Attributes
     ----------
     index
-        Of the photo in its view.
+        Index of the photo in its view.
     lattice
-        The nodes.
+        Nodes.
     pixel
-        (rows, columns, 2) where they lie in the photo as if it had no border; NaN where the lens
+        (rows, columns, 2) their places in the photo, also beyond its border; NaN where the lens
         model has no pixel.
     off_nadir
         (rows, columns) tangent of the angle from the vertical; NaN where the place is not below.
@@ -92,22 +94,22 @@ class Sight:
 
     @property
     def smooth(self) -> bool:
-        """Whether values can be found between the nodes."""
+        """Whether values between the nodes can be interpolated."""
         return bool(np.isfinite(self.pixel).all() and np.isfinite(self.off_nadir).all())
 
     def within(self, border_px: float) -> bool:
-        """Whether the photo shows all of the window, and nothing of it nearer to its border."""
+        """Return whether the photo shows all of the window, at this distance from its border."""
         return bool(self.shown_nodes(border_px).all())
 
     def shown_nodes(self, border_px: float, grown: int = 0) -> Bools:
-        """(rows, columns) whether the photo shows a node so far from its border, steeply enough.
+        """Mark the nodes (rows, columns) shown at this distance from the border, steeply enough.
 
         Parameters
         ----------
         border_px
-            Negative: and as far outside.
+            Least distance from the border; negative: also outside.
         grown
-            So many nodes around them too; negative: without so many along their edge.
+            Number of nodes by which the area is grown; negative: shrunk.
         """
         camera = self.lattice.view.result.camera
         size = np.array([camera.width_px, camera.height_px])
@@ -120,7 +122,7 @@ class Sight:
         return np.asarray(shown)
 
     def misses(self) -> bool:
-        """Whether the whole window lies beyond one side of the photo."""
+        """Return whether the whole window is beyond one side of the photo."""
         camera = self.lattice.view.result.camera
         size = np.array([camera.width_px, camera.height_px])
         before = (self.pixel < -0.5 - EDGE_PX).all(axis=(0, 1))
@@ -129,11 +131,11 @@ class Sight:
         return bool(before.any() or behind.any() or nowhere.all())
 
     def pixel_maps(self) -> tuple[Map, Map]:
-        """(height, width) u and v of each pixel of the window."""
+        """Interpolate u and v (height, width) of each pixel of the window."""
         return self.lattice.spread(self.pixel[..., 0]), self.lattice.spread(self.pixel[..., 1])
 
     def maps(self) -> Maps:
-        """All values at each pixel of the window."""
+        """Compute all values at each pixel of the window."""
         if self.smooth:
             u, v = self.pixel_maps()
             off_nadir = self.lattice.spread(self.off_nadir)
@@ -143,7 +145,7 @@ class Sight:
         return Maps(self.index, u, v, off_nadir, shown)
 
     def _exact_maps(self) -> tuple[Map, Map, Map]:
-        """u, v and tangent at each pixel near what is shown; NaN elsewhere."""
+        """Compute u, v and tangent at each pixel near the shown area; NaN elsewhere."""
         width, height = self.lattice.window[2:]
         u, v, off_nadir = np.full((3, height, width), np.nan, np.float32)
         near = self.shown_nodes(-EDGE_PX, grown=1)
@@ -157,12 +159,12 @@ class Sight:
 
 @dataclass(frozen=True, eq=False)
 class Maps:
-    """Where each pixel of a window lies in one photo.
+    """Place of each pixel of a window in one photo.
 
     Attributes
     ----------
     index
-        Of the photo in its view.
+        Index of the photo in its view.
     u, v
         (height, width) pixels.
     off_nadir
@@ -179,16 +181,16 @@ class Maps:
 
 
 def lay_lattice(view: View, raster: GroundRaster, window: Window) -> Lattice:
-    """Nodes close enough for the lowest of the photos.
+    """Create nodes dense enough for the lowest of the photos.
 
     Parameters
     ----------
     view
-        The photos and the ground.
+        Photos and ground.
     raster
-        The top view.
+        Top view.
     window
-        The part of it that is asked for.
+        Requested part of it.
     """
     above = view.least_height_m * NODE_STEP_SHARE / raster.pixel_m
     step = 1 if above < 2 else min(NODE_STEP_PX, int(above))
@@ -196,14 +198,14 @@ def lay_lattice(view: View, raster: GroundRaster, window: Window) -> Lattice:
 
 
 def look(lattice: Lattice, index: int, world: Floats | None = None) -> Sight:
-    """One photo's sight of a lattice (whose world positions may be known already).
+    """Project a lattice into one photo.
 
     Parameters
     ----------
     lattice
         Nodes over a window.
     index
-        Of the photo in its view.
+        Index of the photo in its view.
     world
         (rows, columns, 3) of the nodes; None: computed here.
     """
@@ -212,16 +214,16 @@ def look(lattice: Lattice, index: int, world: Floats | None = None) -> Sight:
 
 
 def look_from(view: View, raster: GroundRaster, window: Window, candidates: Ints) -> list[Sight]:
-    """Every photo's sight of a window, without those that certainly show none of it.
+    """Project a window into every photo, except those that certainly show none of it.
 
     Parameters
     ----------
     view
-        The photos and the ground.
+        Photos and ground.
     raster
-        The top view.
+        Top view.
     window
-        The part of it that is asked for.
+        Requested part of it.
     candidates
         (n,) photos of the view that may show it.
     """
@@ -234,13 +236,13 @@ def look_from(view: View, raster: GroundRaster, window: Window, candidates: Ints
 
 
 def _nodes(size: int, step: int) -> Floats:
-    """Pixels along one side, the last one on or beyond the end."""
+    """Return the nodes' pixels along one side, the last one on or beyond the end."""
     count = max(4, -(-(size - 1) // step) + 1)  # a cubic needs four
     return np.arange(count, dtype=np.float64) * step
 
 
 @lru_cache(maxsize=64)
 def _spline(size: int, step: int) -> Map:
-    """(size, nodes) what each node contributes to each pixel of a side."""
+    """Compute the weight of each node at each pixel of a side, (size, nodes)."""
     nodes = _nodes(size, step)
     return np.asarray(CubicSpline(nodes, np.eye(len(nodes)))(np.arange(size)), np.float32)

@@ -1,1 +1,1 @@
-"""Cameras in the files of other programs, and the table of drone cameras."""
+"""Camera files of other programs, and the table of drone cameras."""

@@ -1,4 +1,4 @@
-"""One camera of several in another program's file, and the table of drone cameras.
+"""Choice of one camera in another program's file, and the table of drone cameras.
 
 Copyright 2025 Theta Informatics LLC, Apache License 2.0; see the folder `drone_cameras`.
 """
@@ -31,16 +31,16 @@ Entry = TypeVar("Entry")
 def choose_camera(
     path: Path, cameras: Mapping[str, Entry], wanted: str | None
 ) -> tuple[str, Entry]:
-    """Take the camera that is wanted, or the only one.
+    """Choose the named camera, or the only one.
 
     Parameters
     ----------
     path
-        The file that holds them, for messages.
+        File that holds them, for messages.
     cameras
-        What it says of each, by name.
+        Entries of the file by camera name.
     wanted
-        Name of the one to take; None where there is only one.
+        Name of the camera to choose; None where there is only one.
 
     Raises
     ------
@@ -75,16 +75,16 @@ def without_errors(
     size_px: tuple[int, int],
     parameters: Sequence[float],
 ) -> tuple[Calibration, tuple[Message, ...]]:
-    """Make a calibration of a file that states no errors: with wide ones, and a message of that.
+    """Make a calibration from a file without sigmas: assume wide ones, and add a message.
 
     Parameters
     ----------
     path
         The file, for messages.
     name
-        Of the camera.
+        Name of the camera.
     model
-        Lens model, which says what the parameters are.
+        Lens model, which defines the parameters.
     size_px
         Width and height of the photos.
     parameters
@@ -93,7 +93,7 @@ def without_errors(
     Raises
     ------
     InputError
-        A number of the file cannot be one of a camera.
+        A number of the file is impossible for a camera.
     """
     if not all(map(math.isfinite, parameters)):
         raise InputError(path, f"camera {name!r}: holds a value that is not finite")
@@ -111,7 +111,7 @@ def without_errors(
 
 
 def assumed_errors_message(path: Path) -> Message:
-    """Say that a file states no errors, and what is assumed instead."""
+    """Create the message that a file states no sigmas, with the assumed ones."""
     text = (
         f"{path.name} states no errors of the calibration, so wide ones are assumed: "
         f"{100 * CALIBRATION_FILE.focal:g} % of the focal length, "
@@ -126,7 +126,7 @@ _DISTORTION = ("radialR1", "radialR2", "tangentialT1", "tangentialT2", "radialR3
 
 @cache
 def drone_cameras() -> tuple[DroneCamera, ...]:
-    """Read every camera of the table."""
+    """Read all cameras of the table."""
     text = files("uavgram.io.cameras").joinpath("drone_cameras/droneModels.json").read_text("utf-8")
     return tuple(_camera(entry) for entry in json.loads(text)["droneCCDParams"])
 
@@ -147,6 +147,6 @@ def _camera(entry: dict[str, Any]) -> DroneCamera:
 
 
 def _quotient(text: str) -> float:
-    """``6.32692/4000.0``: millimetres over pixels; some carry Java's suffix, ``7.68d``."""
+    """Parse ``6.32692/4000.0``, millimetres over pixels; some have Java's suffix, ``7.68d``."""
     over, _, under = text.partition("/")
     return float(over.rstrip("d")) / float(under.rstrip("d"))

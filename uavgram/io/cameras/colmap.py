@@ -1,4 +1,4 @@
-"""COLMAP's cameras.txt <-> `Calibration`.
+"""Conversion between COLMAP's cameras.txt and `Calibration`.
 
 The file and its models: COLMAP documentation, "Output Format" and src/colmap/sensor/models.h.
 COLMAP puts the centre of the top-left pixel at (0.5, 0.5), this program at (0, 0).
@@ -16,7 +16,7 @@ from uavgram.model.message import Message
 
 PIXEL_CENTRE_PX = 0.5
 
-# What the parameters of each model are, in its order; f stands for fx and fy.
+# Parameters of each model, in COLMAP's order; f stands for fx and fy.
 _MODELS: dict[str, tuple[LensModel, tuple[str, ...]]] = {
     "SIMPLE_PINHOLE": ("brown", ("f", "cx", "cy")),
     "PINHOLE": ("brown", ("fx", "fy", "cx", "cy")),
@@ -39,7 +39,10 @@ _HEADER = """\
 
 
 def is_colmap_cameras(text: str) -> bool:
-    """Tell a cameras.txt by its first line of data: a number and a model in capitals."""
+    """Return whether a text is a cameras.txt, by its first line of data.
+
+    That line begins with a number and a model in capitals.
+    """
     lines = (line.split() for line in text.splitlines() if not line.startswith("#"))
     first = next((fields for fields in lines if fields), [])
     return len(first) > 4 and first[0].isdigit() and first[1].replace("_", "").isupper()
@@ -79,7 +82,7 @@ def read_colmap_camera(
 def _camera(
     path: Path, number: int, fields: list[str]
 ) -> tuple[LensModel, tuple[int, int], list[float]]:
-    """Lens model, size and parameters of a line, in this program's convention."""
+    """Parse lens model, size and parameters of a line into this program's convention."""
     if len(fields) < 5:
         raise InputError(path, "must be CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]", number)
     if fields[1] not in _MODELS:
@@ -102,6 +105,7 @@ def _camera(
             f"got {len(values)}",
             number,
         )
+    # Order of this program; the principal point moves by half a pixel.
     by_name = dict(zip(names, values, strict=True))
     f = by_name.get("f", 0.0)
     order = ["k1", "k2", "p1", "p2", "k3"] if model == "brown" else ["k1", "k2", "k3", "k4"]
@@ -113,7 +117,7 @@ def _camera(
 
 
 def colmap_text(calibration: Calibration) -> str:
-    """Text of a cameras.txt with this camera, every digit; COLMAP has no place for its errors."""
+    """Format a camera as text of a cameras.txt with all digits; COLMAP has no sigmas."""
     fx, fy, cx, cy, *lens = calibration.parameters.tolist()
     values = [fx, fy, cx + PIXEL_CENTRE_PX, cy + PIXEL_CENTRE_PX, *lens]
     if calibration.model == "fisheye":

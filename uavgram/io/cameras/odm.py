@@ -1,9 +1,9 @@
-"""OpenDroneMap's and OpenSfM's cameras (cameras.json, camera_models.json) -> `Calibration`.
+"""Conversion of OpenDroneMap's and OpenSfM's cameras to `Calibration`.
 
-Lengths are over max(width, height), from the centre of the image, which lies at
-((width - 1) / 2, (height - 1) / 2) when pixels are counted from the centre of the top-left one
-(OpenSfM, opensfm/features.py, normalized_image_coordinates; the models: OpenSfM documentation,
-"Camera Models").
+The files are cameras.json and camera_models.json. Lengths are over max(width, height), from the
+centre of the image, which is at ((width - 1) / 2, (height - 1) / 2) when pixels are counted from
+the centre of the top-left one (OpenSfM, opensfm/features.py, normalized_image_coordinates; the
+models: OpenSfM documentation, "Camera Models").
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from uavgram.model.message import Message
 
 _BROWN = ("k1", "k2", "p1", "p2", "k3")
 _FISHEYE = ("k1", "k2", "k3", "k4")
-# Lens model, and the coefficients that each of OpenSfM's models has.
+# Lens model and coefficients of each of OpenSfM's models.
 _MODELS: dict[str, tuple[LensModel, tuple[str, ...]]] = {
     "perspective": ("brown", ("k1", "k2")),
     "simple_radial": ("brown", ("k1",)),
@@ -34,7 +34,7 @@ _MODELS: dict[str, tuple[LensModel, tuple[str, ...]]] = {
 
 
 def is_odm_cameras(text: str) -> bool:
-    """Tell these files from OpenCV's JSON: every camera names its projection."""
+    """Return whether a text is such a file and not OpenCV's JSON: every camera has a projection."""
     return text.lstrip().startswith("{") and '"projection_type"' in text
 
 
@@ -53,7 +53,7 @@ def read_odm_camera(
     Raises
     ------
     InputError
-        Says what is missing or unknown, or names the cameras to choose from.
+        Describes a missing or unknown entry, or names the cameras to choose from.
     """
     path = Path(path)
     try:
@@ -67,7 +67,7 @@ def read_odm_camera(
 
 
 def _camera(path: Path, name: str, camera: dict[str, Any]) -> dict[str, Any]:
-    """Lens model, size and parameters in this program's convention."""
+    """Parse lens model, size and parameters into this program's convention."""
     kind = camera.get("projection_type")
     if kind not in _MODELS:
         raise InputError(
@@ -88,6 +88,7 @@ def _camera(path: Path, name: str, camera: dict[str, Any]) -> dict[str, Any]:
     width, height = number("width"), number("height")
     if width % 1 or height % 1:
         raise InputError(path, f"camera {name!r}: its size must be whole pixels")
+    # Lengths are in units of the longer side, from the centre of the image.
     size = max(width, height)
     focal = number("focal_x", "focal")
     focal_y = number("focal_y", "focal", otherwise=focal)

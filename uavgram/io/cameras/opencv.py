@@ -1,7 +1,8 @@
-"""OpenCV's own calibration files (YAML, JSON, XML), in both directions.
+"""Reading and writing of OpenCV's calibration files (YAML, JSON, XML).
 
-OpenCV fixes no names. Read here are those of its samples and tools (calibration.cpp, the camera
-calibration tutorial of 2.4 and later, interactive-calibration), of ROS camera_info, and K and D.
+OpenCV does not define the keys. The supported ones are those of its samples and tools
+(calibration.cpp, the camera calibration tutorial of 2.4 and later, interactive-calibration), of ROS
+camera_info, and K and D.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ _SIZES = (("imagewidth", "imageheight"), ("width", "height"), ("xresolution", "y
 _SIZE_PAIRS = ("cameraresolution", "imagesize", "resolution")
 _SIGMAS = ("stddeviationintrinsics", "stddeviationsintrinsics")
 _COVARIANCE = ("intrinsicscovariance",)
-_ROUNDING = 1e-6  # of symmetry and definiteness, as correlations
+_ROUNDING = 1e-6  # tolerance of symmetry and definiteness, as correlations
 _FISHEYE_NAMES = {"fisheye", "equidistant"}
 _CALIB_FIX_ASPECT_RATIO = 2  # bit of the key `flags`, opencv2/calib3d.hpp
 
@@ -44,8 +45,10 @@ _XML_ROOT = "<opencv_storage"
 _YAML_HEADER = "%YAML:1.0\n---\n"
 
 _DEEPEST = 50
-"""Levels inside each other in a file that is read; OpenCV writes 4. Its parser calls itself at each
-of them, and ends the whole program where that takes too much memory."""
+"""Largest number of nested levels in a file that is read; OpenCV writes 4.
+
+OpenCV's recursive parser ends the whole program where nesting takes too much memory.
+"""
 _LEVEL = r"(?P<opened>[\[{]|<(?=[^/?!\s]))|(?P<closed>[\]}]|</|/>)"
 _ASIDE = (
     r"(?P<aside>\"(?:[^\"\\\n]|\\.)*\"|'[^'\n]*'|<!--.*?(?:-->|\Z)|/\*.*?(?:\*/|\Z)"
@@ -55,11 +58,11 @@ _YAML_LEVEL = re.compile(r"[-:](?![0-9.])")  # each may begin one more block, ev
 
 
 def is_opencv_calibration(path: str | Path) -> bool:
-    """Tell OpenCV's files from this program's camera.yaml by how they begin and what they name."""
+    """Return whether a file is OpenCV's, not this program's camera.yaml, by its header and keys."""
     try:
         text = Path(path).read_text(encoding="utf-8-sig", errors="replace").lstrip()
     except OSError:
-        return False  # whoever reads it next says why
+        return False  # the reader raises the error
     if text.startswith("<"):
         return _XML_ROOT in text
     if text.startswith("%YAML"):
@@ -77,10 +80,10 @@ def read_opencv_calibration(path: str | Path) -> tuple[Calibration, tuple[Messag
     Returns
     -------
     calibration
-        Its covariance is made of the file's standard deviations where it has them, else of wide
-        defaults.
+        Its covariance is built from the file's standard deviations where it has them, else from
+        wide defaults.
     messages
-        Where the covariance comes from.
+        Origin of the covariance.
 
     Raises
     ------
@@ -105,7 +108,7 @@ def read_opencv_calibration(path: str | Path) -> tuple[Calibration, tuple[Messag
 
 
 def _read_keys(path: Path) -> dict[str, Any]:
-    """All top-level keys of the file, in lower case without underscores."""
+    """Read all top-level keys of the file, in lower case without underscores."""
     text = read_text(path, "so it is no camera calibration")
     if text.lstrip().startswith("<") and _XML_ROOT not in text:
         raise InputError(
@@ -125,7 +128,7 @@ def _read_keys(path: Path) -> dict[str, Any]:
     try:
         storage = cv2.FileStorage(content, cv2.FileStorage_READ | cv2.FileStorage_MEMORY)
     except (cv2.error, SystemError) as fault:  # the binding wraps the parser's error in the latter
-        # its text speaks of OpenCV's own source; of use is only where in the file it stopped
+        # The error text is about OpenCV's own source; only the line number in the file is useful.
         at = re.search(r"\(([0-9]+)\):", str(fault.__cause__ or fault))
         line = int(at[1]) - (_YAML_HEADER.count("\n") if is_bare_yaml else 0) if at else None
         raise InputError(
@@ -146,8 +149,8 @@ def _read_keys(path: Path) -> dict[str, Any]:
 def _too_deep(text: str) -> int | None:
     """Find the line from which a parser may nest more than `_DEEPEST` levels; None: it cannot.
 
-    The three formats have quotes and comments in different places. So what looks like one may open
-    levels here, and closes none but its own.
+    The three formats have quotes and comments in different places. So text that looks like a quote
+    or comment may open levels here, but closes only its own.
     """
     depth = 0
     for found in re.finditer(f"{_ASIDE}|{_LEVEL}", text, re.DOTALL):
@@ -158,7 +161,7 @@ def _too_deep(text: str) -> int | None:
                 return text.count("\n", 0, found.start()) + 1
     if text.lstrip().startswith(("{", "<")):
         return None
-    at_indent: dict[int, int] = {}  # blocks that a line begins, at most
+    at_indent: dict[int, int] = {}  # largest number of blocks that a line begins
     for number, line in enumerate(text.splitlines(), 1):
         content = line.lstrip()
         blocks = 0 if content.startswith("#") else len(_YAML_LEVEL.findall(content))
@@ -170,7 +173,10 @@ def _too_deep(text: str) -> int | None:
 
 
 def _plain(node: cv2.FileNode) -> Any:  # noqa: ANN401
-    """Plain data of a node: numbers, text, lists, mappings (a matrix is its rows, cols, data)."""
+    """Convert a node to plain data: numbers, text, lists, mappings.
+
+    A matrix becomes a mapping of its rows, cols and data.
+    """
     if node.isMap():
         return {key: _plain(node.getNode(key)) for key in node.keys()}  # noqa: SIM118
     if node.isSeq():
@@ -181,7 +187,7 @@ def _plain(node: cv2.FileNode) -> Any:  # noqa: ANN401
 
 
 def _numbers(path: Path, keys: Mapping[str, Any], names: tuple[str, ...]) -> Floats | None:
-    """Flat numbers of the first of these keys that the file has; None where it has none."""
+    """Return flat numbers of the first of these keys that the file has; None where it has none."""
     name = next((name for name in names if name in keys), None)
     if name is None:
         return None
@@ -211,7 +217,7 @@ def _image_size(path: Path, keys: Mapping[str, Any]) -> tuple[int, int]:
 
 
 def _parameters(path: Path, keys: Mapping[str, Any]) -> tuple[LensModel, Floats]:
-    """Lens model and (P,) parameters in its order."""
+    """Read the lens model and its (P,) parameters in this program's order."""
     matrix = _numbers(path, keys, _MATRIX)
     if matrix is None:
         stereo = " (a file of two cameras? write one for each)" if "m1" in keys else ""
@@ -228,6 +234,7 @@ def _parameters(path: Path, keys: Mapping[str, Any]) -> tuple[LensModel, Floats]
         raise InputError(path, "holds no distortion_coefficients: add them (0 where there is none)")
     model = _lens_model(keys)
     counts = [count - 4 for count in parameter_counts(model)]
+    # Trailing zeros may be coefficients of a larger model; drop them unless a covariance has them.
     used = given if any(name in keys for name in _COVARIANCE) else np.trim_zeros(given, "b")
     fits = len(given) == 4 if model == "fisheye" else len(given) >= 4
     if not fits or len(used) > counts[-1]:
@@ -251,9 +258,9 @@ def _lens_model(keys: Mapping[str, Any]) -> LensModel:
 
 
 def _stated_sigma(path: Path, keys: Mapping[str, Any], count: int) -> Floats | None:
-    """(P,) standard deviations in the order of the parameters; None where the file has none."""
+    """Read (P,) standard deviations in the order of the parameters; None where there are none."""
     sigma = _numbers(path, keys, _SIGMAS)
-    if sigma is None:  # interactive-calibration writes them in two pieces
+    if sigma is None:  # interactive-calibration writes them in two parts
         focal = _numbers(path, keys, tuple(f"{name}stddev" for name in _MATRIX))
         distortion = _numbers(path, keys, tuple(f"{name}stddev" for name in _DISTORTION))
         if focal is None or distortion is None:
@@ -269,7 +276,7 @@ def _stated_sigma(path: Path, keys: Mapping[str, Any], count: int) -> Floats | N
 def _errors(
     path: Path, keys: Mapping[str, Any], model: LensModel, parameters: Floats, width_px: int
 ) -> tuple[Floats, Message]:
-    """(P, P) covariance, and where it comes from."""
+    """Determine the (P, P) covariance, and the message about its origin."""
     count = len(parameters)
     full = _numbers(path, keys, _COVARIANCE)
     sigma = _stated_sigma(path, keys, count)
@@ -285,7 +292,7 @@ def _errors(
 
 
 def _full_covariance(path: Path, numbers: Floats, count: int) -> Floats:
-    """(P, P) of a file that this program wrote, and someone may have edited."""
+    """Check the (P, P) covariance of a file that this program wrote, as it may have been edited."""
     if len(numbers) != count**2:
         raise InputError(
             path, f"{_COVARIANCE[0]}: must be {count} x {count} (got {len(numbers)} numbers)"
@@ -303,7 +310,10 @@ def _full_covariance(path: Path, numbers: Floats, count: int) -> Floats:
 
 
 def _covariance(sigma: Floats, parameters: Floats, keys: Mapping[str, Any]) -> Floats:
-    """(P, P) covariance; with a fixed aspect ratio fx hangs on fy, and OpenCV writes 0 for it."""
+    """Build the (P, P) covariance from sigmas.
+
+    With a fixed aspect ratio fx depends on fy, and OpenCV writes 0 for the sigma of fx.
+    """
     covariance = np.diag(sigma**2)
     flags = keys.get("flags", 0)
     is_tied = isinstance(flags, int | float) and int(flags) & _CALIB_FIX_ASPECT_RATIO
@@ -315,11 +325,11 @@ def _covariance(sigma: Floats, parameters: Floats, keys: Mapping[str, Any]) -> F
 
 
 def opencv_text(calibration: Calibration, created_utc: str) -> str:
-    """Text of a calibration file in OpenCV's YAML, every digit.
+    """Format a calibration as a file in OpenCV's YAML, with all digits.
 
     The keys are those of OpenCV's samples (calibration.cpp); std_deviation_intrinsics in the order
     of calibrateCameraExtended. ``intrinsics_covariance`` is this program's own addition, which
-    others pass over.
+    others ignore.
     """
     fx, fy, cx, cy = calibration.parameters[:4].tolist()
     storage = cv2.FileStorage(

@@ -1,1 +1,1 @@
-"""Photos as files: names, sizes, times and tags; only calibration photos are decoded."""
+"""Photo files: names, sizes, times and tags; only calibration photos are decoded."""

@@ -1,4 +1,4 @@
-"""Photos of a calibration board as files: which there are, and their grey values."""
+"""Photo files of a calibration board: search, checks, and grey values."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ from uavgram.model.camera.board import LensSetting
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.provenance import InputDigest
 
-LEAST_PHOTOS = 3  # of a plane: two leave a principal point and a focal length hardly separate
-_SAME_FOCAL = 0.005  # as a share: EXIF rounds
+LEAST_PHOTOS = 3  # of a plane: two hardly separate principal point and focal length
+_SAME_FOCAL = 0.005  # relative difference: EXIF rounds
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,9 +34,9 @@ class CalibrationFiles:
     path
         (M,) files.
     width_px, height_px
-        Of the stored, unrotated photos.
+        Size of the stored, unrotated photos.
     setting
-        (M,) what EXIF says of the lens.
+        (M,) lens settings from EXIF.
     digest
         (M,) chain of custody.
     """
@@ -59,8 +59,8 @@ def find_calibration_photos(patterns: Sequence[str]) -> CalibrationFiles:
     Raises
     ------
     InputError
-        A pattern matches nothing, there are too few photos, one is no photo or a copy of another,
-        or they differ in size, camera, lens or focal length.
+        A pattern matches nothing, there are too few photos, one is not a photo or is a copy of
+        another, or they differ in size, camera, lens or focal length.
     """
     paths = sorted({name for pattern in patterns for name in _files(pattern)})
     if len(paths) < LEAST_PHOTOS:
@@ -93,19 +93,19 @@ _GREY = {
 
 
 def read_grey(path: str | Path, reduction: int = 1) -> NDArray[np.uint8]:
-    """(height, width) grey values of a photo as stored: EXIF rotation is not applied.
+    """Read grey values (height, width) of a photo as stored: EXIF rotation is not applied.
 
     Parameters
     ----------
     path
-        Of the photo.
+        File of the photo.
     reduction
         Original pixels per pixel each way: 1, 2, 4 or 8.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is no photo.
+        The file cannot be read, or is not a photo.
     """
     return decoded(path, read_bytes(path), _GREY[reduction])
 

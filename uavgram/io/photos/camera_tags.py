@@ -1,4 +1,4 @@
-"""What photos say of their camera: EXIF, and the maker's calibration in XMP."""
+"""Camera tags of photos: EXIF, and the maker's calibration in XMP."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from uavgram.io.photos.size import image_size
 from uavgram.model.camera.tags import CameraTags
 
 _BROWN, _RATIONAL = 9, 12
-# Largest denominators of rational numbers that still tell how a focal length was rounded.
+# Largest denominator of a rational number that still shows how a focal length was rounded.
 _TELLING_DENOMINATOR = 1000
 _INFINITE = 2**32 - 1  # as a numerator
 _UNITS_MM = {2.0: 25.4, 3.0: 10.0, 4.0: 1.0, 5.0: 0.001}  # CIPA DC-008 has the first two
 
 
 def read_camera_tags(path: str | Path) -> CameraTags:
-    """Read what a photo says of its camera.
+    """Read the camera tags of a photo.
 
     Raises
     ------
     InputError
-        The photo cannot be read, or the maker's calibration in it is none.
+        The photo cannot be read, or the maker's calibration in it is invalid.
     """
     exif, xmp = read_exif_tags(path), read_xmp(path)
     width, height = image_size(path)
@@ -62,13 +62,13 @@ def read_camera_tags(path: str | Path) -> CameraTags:
 
 
 def read_all_camera_tags(paths: Iterable[str]) -> tuple[CameraTags, ...]:
-    """Read the tags of many photos side by side: most of it is waiting for the disk."""
+    """Read the tags of many photos in parallel, as most of the time is spent on disk access."""
     with ThreadPoolExecutor() as pool:
         return tuple(pool.map(read_camera_tags, paths))
 
 
 def _positive(exif: Mapping[str, Any], key: str, otherwise: float = math.nan) -> float:
-    """A number in EXIF; 0, 0/0 and infinity stand for "unknown" (CIPA DC-008)."""
+    """Read a number in EXIF; 0, 0/0 and infinity mean "unknown" (CIPA DC-008)."""
     tag = exif.get(key)
     numbers = exif_numbers(tag)
     if tag is None or len(numbers) != 1 or numbers[0] <= 0:
@@ -77,19 +77,19 @@ def _positive(exif: Mapping[str, Any], key: str, otherwise: float = math.nan) ->
 
 
 def _focal(exif: Mapping[str, Any]) -> tuple[float, float]:
-    """Focal length and the step that it is rounded to [mm]."""
+    """Read the focal length and its rounding step [mm]."""
     focal = _positive(exif, "EXIF FocalLength")
     if math.isnan(focal):
         return focal, 0.0
     value = exif["EXIF FocalLength"].values[0]
     denominator = getattr(value, "den", None)
-    if denominator is None:  # a float: its digits tell as much
+    if denominator is None:  # a float: use its number of digits
         denominator = 10 ** len(f"{focal:.6f}".rstrip("0").partition(".")[2])
     return focal, 0.0 if denominator > _TELLING_DENOMINATOR else 1.0 / denominator
 
 
 def _focal_plane(exif: Mapping[str, Any]) -> tuple[float, float]:
-    """Pixels per mm on the sensor, across and down; inches where no unit is stated."""
+    """Read pixels per mm on the sensor, across and down; inches where no unit is stated."""
     unit = exif_numbers(exif.get("EXIF FocalPlaneResolutionUnit")) or [2.0]
     unit_mm = _UNITS_MM.get(unit[0], math.nan)
     across, down = (_positive(exif, f"EXIF FocalPlane{axis}Resolution") for axis in "XY")
@@ -97,9 +97,10 @@ def _focal_plane(exif: Mapping[str, Any]) -> tuple[float, float]:
 
 
 def _dewarp(path: str | Path, xmp: XmpTags) -> tuple[float, ...]:
-    """DJI's own calibration of this lens: ``date;fx,fy,cx,cy,k1,k2,p1,p2,k3``, without the date.
+    """Read DJI's own calibration of the lens, without its date.
 
-    After the user manuals of Mavic 3M and Matrice 4 (pages 90, 91), which name the order.
+    The tag is ``date;fx,fy,cx,cy,k1,k2,p1,p2,k3``, after the user manuals of Mavic 3M and Matrice 4
+    (pages 90, 91), which name the order.
     """
     for name, count in (("DewarpDataK6", _RATIONAL), ("DewarpData", _BROWN)):
         text = xmp.get((DJI, name), "").strip()

@@ -1,4 +1,4 @@
-"""Photos as files: their names, sizes and capture times, never their pixels."""
+"""Photo files of a project: their names, sizes and capture times, without pixels."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MOMENT = re.compile(
 
 
 def name_format(stems: Sequence[str]) -> str | None:
-    """The format of the times in the names of files.
+    """Find the format of the times in file names.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def name_format(stems: Sequence[str]) -> str | None:
 
 @dataclass(frozen=True)
 class _Reading:
-    """A camera clock's reading: seconds since the Unix epoch, its step, and if a zone is stated."""
+    """Camera clock reading: seconds since the Unix epoch, its step, and whether it has a zone."""
 
     time_s: float = float("nan")
     resolution_s: float = float("nan")
@@ -80,13 +80,13 @@ def read_photos(
     patterns
         Absolute file names or patterns.
     options
-        Where the times come from; `auto` takes EXIF where most photos have it, else none.
+        Source of the times; `auto` takes EXIF where most photos have it, else none.
 
     Raises
     ------
     InputError
-        A pattern matches nothing, two photos have one name, a file is no photo, or states no
-        time in the place that the project names.
+        A pattern matches nothing, two photos have one name, a file is not a photo, or has no time
+        at the source that the project names.
     """
     paths = find_photos(patterns)
     sizes = np.array([image_size(path) for path in paths], dtype=np.float64)
@@ -104,7 +104,7 @@ def read_photos(
 
 
 def _like_formulas(names: tuple[str, ...]) -> tuple[Message, ...]:
-    """A warning on names that tables for other programs must carry as they are."""
+    """Warn of names like formulas, which tables for other programs must keep unchanged."""
     found = [name for name in names if runs(name) or any(map(runs, name.split(",")))]
     if not found:
         return ()
@@ -117,7 +117,7 @@ def _like_formulas(names: tuple[str, ...]) -> tuple[Message, ...]:
 
 
 def find_photos(patterns: tuple[str, ...]) -> list[Path]:
-    """Files that the patterns name, in the order of their names."""
+    """Find the files of the patterns, in the order of their names."""
     found: dict[str, Path] = {}
     for pattern in patterns:
         files = matching_files(pattern, "correct `images` in the project")
@@ -177,9 +177,9 @@ def _ignored_times(paths: list[Path], timed: list[bool]) -> tuple[Message, ...]:
 
 
 def _filename_reading(path: Path, pattern: str) -> _Reading:
-    """A time in the file's name without its suffix; %f may have 1 to 6 digits."""
+    """Read the time in the file's name without its suffix; %f may have 1 to 6 digits."""
     try:
-        # a zone is taken off where the pattern has one, see _since_epoch
+        # a zone in the pattern is subtracted in _since_epoch
         moment = datetime.strptime(path.stem, pattern)  # noqa: DTZ007
     except ValueError as error:
         raise InputError(
@@ -197,7 +197,7 @@ def _filename_reading(path: Path, pattern: str) -> _Reading:
 
 
 def _exif_reading(path: Path) -> _Reading:
-    """DateTimeOriginal with SubSecTimeOriginal and OffsetTimeOriginal (CIPA DC-008, 4.6.6)."""
+    """Read DateTimeOriginal with SubSecTimeOriginal and OffsetTimeOriginal (CIPA DC-008, 4.6.6)."""
     tags = read_exif_tags(path)
     text, fraction = (
         exif_text(tags, f"EXIF {name}Original") for name in ("DateTime", "SubSecTime")
@@ -219,5 +219,5 @@ def _exif_reading(path: Path) -> _Reading:
 
 
 def _since_epoch(moment: datetime) -> float:
-    """Seconds since the Unix epoch; read as UTC where no zone is stated."""
+    """Convert to seconds since the Unix epoch; a time without zone is taken as UTC."""
     return (moment if moment.tzinfo is not None else moment.replace(tzinfo=UTC)).timestamp()

@@ -1,4 +1,4 @@
-"""Files that the patterns of a person name: looked for within bounds, each of them a real file."""
+"""Search for files by patterns, within limits; only regular files are accepted."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from uavgram.model.limits import shown, unshowable
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 
 MOST_ENTRIES = 200_000
-"""Files and folders that are looked through for photos: a few seconds, not a whole disk."""
+"""Largest number of files and folders searched for photos: a few seconds, not a whole disk."""
 
 
 def matching_files(pattern: str, way_out: str) -> list[Path]:
-    """Files that an absolute pattern names, in the order of their paths.
+    """Find the files of an absolute pattern, in the order of their paths.
 
-    Folders that a wildcard meets are passed over; whatever else is no file is an error, as it was
-    meant to be one.
+    Folders that match a wildcard are skipped; any other match that is not a regular file is an
+    error, as it was probably intended.
 
     Parameters
     ----------
     pattern
         May hold ``*``, ``**`` and ``[..]``.
     way_out
-        What to do where it names nothing.
+        Remedy in the message where nothing matches.
 
     Raises
     ------
     InputError
-        It names nothing, something that is no file, or so much that it cannot be meant.
+        Nothing matches, a match is not a regular file, or too many match to be intended.
     """
     start, recursive, _ = pattern.partition("**")
     if recursive:
         _require_few(pattern, start)
-    # patterns are text, absolute, and may hold ** and [..]: glob's own language
+    # patterns are absolute texts that may hold ** and [..], which only glob supports
     found = glob.iglob(pattern, recursive=True)  # noqa: PTH207
     names = sorted(itertools.islice(found, MOST_ENTRIES + 1))
     if len(names) > MOST_ENTRIES:
@@ -63,9 +63,9 @@ _NARROWER = "name the folder that holds the photos, such as photos/*.jpg"
 
 
 def _require_few(pattern: str, start: str) -> None:
-    """Refuse ``**`` below folders that hold more than anyone's photos.
+    """Raise an error for ``**`` below folders with more files than a project can have.
 
-    Links to folders are followed, as ``**`` does, so a circle of them ends here too.
+    Links to folders are followed, as ``**`` does, so a circle of links ends here too.
     """
     head, slash, _ = start.rpartition("/")
     folders = glob.iglob(f"{head}{slash}" or ".")  # noqa: PTH207
@@ -85,12 +85,12 @@ def _entries(folder: str) -> Iterator[str]:
 
 
 def bounded(paths: Iterable[Path], folder: Path) -> Iterator[Path]:
-    """Pass on what a walk through a folder finds, up to the same bound.
+    """Yield the results of a walk through a folder, up to the same limit.
 
     Raises
     ------
     InputError
-        There is more.
+        There are more.
     """
     for count, path in enumerate(paths):
         if count >= MOST_ENTRIES:
@@ -103,7 +103,7 @@ def bounded(paths: Iterable[Path], folder: Path) -> Iterator[Path]:
 
 
 def check_name(path: Path) -> None:
-    """Refuse a name that no other file could hold.
+    """Check that a file name can be written in other files.
 
     Raises
     ------

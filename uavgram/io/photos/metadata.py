@@ -31,7 +31,7 @@ _ALONE = {0x01, *range(0xD0, 0xD9)}  # TEM, RSTn, SOI: no length follows
 
 @dataclass(frozen=True)
 class Segment:
-    """A marker (its second byte) with its payload, without marker and length."""
+    """Marker (its second byte) with its payload, without marker and length."""
 
     marker: int
     payload: bytes
@@ -39,13 +39,13 @@ class Segment:
 
 @dataclass(frozen=True)
 class Jpeg:
-    """What lies before the first scan as segments, and everything from there on as it is."""
+    """Segments of a JPEG before the first scan, and all bytes from there on unchanged."""
 
     segments: tuple[Segment, ...]
     scan: bytes
 
     def app1(self, head: bytes) -> bytes | None:
-        """Payload behind `head` of the first APP1 segment that begins with it."""
+        """Return the payload after `head` of the first APP1 segment that begins with it."""
         for segment in self.segments:
             if segment.marker == APP1 and segment.payload.startswith(head):
                 return segment.payload[len(head) :]
@@ -53,10 +53,10 @@ class Jpeg:
 
 
 def read_segments(data: bytes | mmap) -> Iterator[tuple[Segment, int]]:
-    """Segments of a JPEG file, each with the byte at which it ends; none where it is no JPEG.
+    """Yield the segments of a JPEG file, each with its end in bytes; nothing for other formats.
 
-    The last one, without payload, is the marker of the first scan (or of the end): where none
-    comes, the file is cut short.
+    The last one, without payload, is the marker of the first scan (or of the end of the file): if
+    it is missing, the file is truncated.
     """
     at = 2 if data[:2] == START else len(data)
     while at + 4 <= len(data) and data[at] == 0xFF:
@@ -77,7 +77,7 @@ def read_segments(data: bytes | mmap) -> Iterator[tuple[Segment, int]]:
 
 
 def parse_jpeg(data: bytes) -> Jpeg | None:
-    """Split a JPEG file; None where it is none, or its segments are cut short."""
+    """Split a JPEG file; None for other formats, or if its segments are truncated."""
     found = list(read_segments(data))
     if not found or found[-1][0].marker not in (SOS, EOI):
         return None
@@ -101,19 +101,19 @@ def build_jpeg(segments: Iterable[Segment], scan: bytes) -> bytes:
     return b"".join([*parts, scan])
 
 
-# exifread trusts counts and offsets, and ends in these where a block is corrupt.
+# exifread does not check counts and offsets, and raises these errors where a block is corrupt.
 _WHAT_EXIFREAD_RAISES = (
     *(AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError),
     *(struct.error, ZeroDivisionError),
 )
 MOST_BYTES, MOST_READS = 64_000_000, 1_000_000
-"""Of a photo's tags: a camera's are some 100 kB. What asks for more is damaged, or an attack."""
+"""Limits of reading a photo's tags: a camera writes some 100 kB; more means damage or an attack."""
 
 _here = threading.local()
 
 
 def read_exif_tags(path: str | Path) -> dict[str, Any]:
-    """Read a photo's EXIF tags by exifread's names; none where the photo has no EXIF.
+    """Read a photo's EXIF tags by exifread's names; empty where the photo has no EXIF.
 
     Raises
     ------
@@ -138,7 +138,7 @@ def read_exif_tags(path: str | Path) -> dict[str, Any]:
 
 
 class _Metered:
-    """A file of which only so much can be asked: a tag may state any length up to 4 GB."""
+    """File with a limit on the bytes and reads: a tag may state any length up to 4 GB."""
 
     def __init__(self, file: BinaryIO) -> None:
         self.seek, self.tell = file.seek, file.tell
@@ -159,20 +159,21 @@ def _is_not_ours(_: logging.LogRecord) -> bool:
     return not getattr(_here, "is_reading", False)
 
 
-# It reports what a photo lacks, once a photo; who uses the library beside us keeps its messages.
+# exifread logs missing tags once a photo. Other users of the library in the process keep its
+# messages.
 logging.getLogger("exifread").addFilter(_is_not_ours)
 
 
 def exif_text(tags: Mapping[str, Any], *names: str) -> str:
-    """Text of the first of these tags that is there; empty where none is."""
+    """Return the text of the first of these tags that is present; empty where none is."""
     return str(next((tags[name] for name in names if name in tags), "")).strip("\0 ")
 
 
 def exif_numbers(tag: Any) -> list[float]:  # noqa: ANN401 - exifread has no types
-    """Numbers of a tag of any of EXIF's types; none where one of them is no finite number.
+    """Convert a tag of any of EXIF's types to numbers; empty if one of them is not finite.
 
-    exifread hands on whole numbers, ratios (also 0/0, which stands for "unknown"), each float and
-    double as a tuple of one, and text as it stands.
+    exifread returns whole numbers, ratios (also 0/0, which means "unknown"), each float and double
+    as a tuple of one, and text unchanged.
     """
     values = getattr(tag, "values", [])
     if isinstance(values, str):
@@ -184,16 +185,16 @@ def exif_numbers(tag: Any) -> list[float]:  # noqa: ANN401 - exifread has no typ
     return numbers if all(map(math.isfinite, numbers)) else []
 
 
-_MOST_LOOKED_AT = 20  # photos, for the place of all
+_MOST_LOOKED_AT = 20  # photos that are read for the common place
 _ALTITUDE_SIGN = {0: 1.0, 1: -1.0, 2: 1.0, 3: -1.0}
 
 
 @dataclass(frozen=True)
 class ExifPlace:
-    """Latitude, longitude [deg] and altitude [m]; NaN where EXIF states none.
+    """Latitude, longitude [deg] and altitude [m]; NaN where EXIF has none.
 
-    `above_sea` is True where EXIF says so (Exif 3.0, references 2 and 3); the older references 0
-    and 1 mean sea level or the ellipsoid, as the maker pleases.
+    `above_sea` is True where EXIF states this datum (Exif 3.0, references 2 and 3); the older
+    references 0 and 1 mean sea level or the ellipsoid, depending on the maker.
     """
 
     latitude_deg: float = float("nan")
@@ -203,7 +204,7 @@ class ExifPlace:
 
 
 def read_exif_place(path: str | Path) -> ExifPlace:
-    """Read a photo's GPS tags; (0, 0), which stands for "no fix", counts as none.
+    """Read a photo's GPS tags; (0, 0), which means "no fix", counts as no place.
 
     Raises
     ------
@@ -227,7 +228,7 @@ def read_exif_place(path: str | Path) -> ExifPlace:
 
 
 def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
-    """Signed degrees of degrees, minutes, seconds; NaN where a part or the reference is absent."""
+    """Convert degrees, minutes, seconds to signed degrees; NaN if incomplete."""
     parts = exif_numbers(tags.get(f"GPS GPS{name}"))
     reference = exif_text(tags, f"GPS GPS{name}Ref").upper()
     if len(parts) != 3 or not reference:
@@ -237,7 +238,7 @@ def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
 
 
 def site_of(paths: Iterable[str | Path]) -> Origin | None:
-    """Say where photos were taken, by the first whose EXIF states it; None where none does."""
+    """Return the place of the first photo whose EXIF has one; None where there is none."""
     for path in islice((path for path in paths if Path(path).is_file()), _MOST_LOOKED_AT):
         place = read_exif_place(path)
         if math.isfinite(place.latitude_deg + place.longitude_deg):
@@ -245,11 +246,11 @@ def site_of(paths: Iterable[str | Path]) -> Origin | None:
     return None
 
 
-# Expat itself, not a tree: declarations of types and entities are refused before they can expand.
+# Plain expat instead of a tree: declarations of types and entities are refused before they expand.
 
 
 XmpTags = Mapping[tuple[str, str], str]
-"""(namespace without its last slash, name) -> text."""
+"""Text by (namespace without its last slash, name)."""
 
 DJI = "http://www.dji.com/drone-dji/1.0"
 PIX4D = "http://pix4d.com/camera/1.0"
@@ -257,11 +258,11 @@ XMP = "http://ns.adobe.com/xap/1.0"
 _RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 _START, _END = b"<x:xmpmeta", b"</x:xmpmeta>"
 LARGEST_PACKET = 4_000_000
-_SEPARATOR = "\n"  # between namespace and name; in neither of them
+_SEPARATOR = "\n"  # between namespace and name; it occurs in neither
 
 
 class _DeclarationError(ValueError):
-    """A document type or entity: XMP has neither, attacks do."""
+    """Document type or entity declaration, which XMP does not have, but attacks do."""
 
 
 def read_xmp(path: str | Path) -> XmpTags:
@@ -270,7 +271,7 @@ def read_xmp(path: str | Path) -> XmpTags:
     Raises
     ------
     InputError
-        The file cannot be read, or its packet is no XML, or declares entities.
+        The file cannot be read, or its packet is not XML, or declares entities.
     """
     packet = xmp_packet(Path(path))
     if packet is None:
@@ -286,7 +287,10 @@ def read_xmp(path: str | Path) -> XmpTags:
 
 
 def xmp_packet(path: Path) -> bytes | None:
-    """XML of a photo's XMP packet; of anything but a JPEG, the first that lies in the file."""
+    """Extract the XML of a photo's XMP packet.
+
+    In a file other than JPEG it is the first packet anywhere in the file.
+    """
     data = read_bytes(path)
     jpeg = parse_jpeg(data)
     place = data if jpeg is None else jpeg.app1(XMP_HEAD)
@@ -300,12 +304,12 @@ def xmp_packet(path: Path) -> bytes | None:
 
 
 def parse_xmp(packet: bytes) -> XmpTags:
-    """Collect the tags of a packet: attributes, and elements that hold nothing but text.
+    """Collect the tags of a packet: attributes, and elements that hold only text.
 
     Raises
     ------
     xml.parsers.expat.ExpatError
-        The packet is no XML.
+        The packet is not XML.
     ValueError
         It declares a document type or an entity.
     """

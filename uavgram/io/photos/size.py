@@ -1,4 +1,4 @@
-"""Width and height of a photo from its header: no pixel is decoded."""
+"""Width and height of a photo from its header, without decoding."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from uavgram.io.photos.metadata import START, read_exif_tags, read_segments
 _TIFF = (b"II*\0", b"MM\0*")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _TIFF_SIDES = ("ImageWidth", "ImageLength")
-# Start-of-frame markers of JPEG (ITU-T T.81, table B.1); 0xC4, 0xC8 and 0xCC are none.
+# Start-of-frame markers of JPEG (ITU-T T.81, table B.1), without 0xC4, 0xC8 and 0xCC.
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 
 
 def image_size(path: str | Path) -> tuple[int, int]:
-    """Width and height [px] of the stored, unrotated image.
+    """Read width and height [px] of the stored, unrotated image.
 
-    JPEG, PNG and TIFF are read from their headers; every other kind is decoded by OpenCV. Of a JPEG
-    the end is looked for too: without it nothing of it can be decoded.
+    JPEG, PNG and TIFF are read from their headers; every other format is decoded by OpenCV. A JPEG
+    is also checked for its end marker: a truncated file cannot be decoded.
 
     Raises
     ------
     InputError
-        The file is missing, cut off, of a format that is not read, or no photo.
+        The file is missing, truncated, of an unsupported format, or not a photo.
     """
     if what := no_file(path):
         raise InputError(path, f"is {what}: take it out of `images`")
@@ -61,7 +61,7 @@ def image_size(path: str | Path) -> tuple[int, int]:
 
 
 def _jpeg_size(content: mmap.mmap) -> tuple[tuple[int, int] | None, bool]:
-    """Size, and whether the end marker stands somewhere behind the frame header."""
+    """Read the size, and whether the end marker is somewhere after the frame header."""
     for segment, end in read_segments(content):
         if segment.marker in _JPEG_FRAMES and len(segment.payload) >= 5:
             height, width = struct.unpack_from(">HH", segment.payload, 1)
@@ -70,7 +70,10 @@ def _jpeg_size(content: mmap.mmap) -> tuple[tuple[int, int] | None, bool]:
 
 
 def _tiff_size(path: str | Path) -> tuple[int, int] | None:
-    """Size of the first picture: a header can ask a decoder for gigabytes that are not there."""
+    """Read the size of the first picture from the tags.
+
+    A decoder could be made to allocate gigabytes by a false header.
+    """
     tags = read_exif_tags(path)
     sides = [getattr(tags.get(f"Image {name}"), "values", []) for name in _TIFF_SIDES]
     numbers = [side[0] for side in sides if side and isinstance(side[0], int)]
@@ -80,7 +83,7 @@ def _tiff_size(path: str | Path) -> tuple[int, int] | None:
 def _decoded_size(path: str | Path) -> tuple[int, int] | None:
     if str(path).isascii() and not cv2.haveImageReader(str(path)):
         return None
-    # By its content, as OpenCV finds no file with an umlaut in its name on Windows.
+    # Decode the content, as OpenCV finds no file with an umlaut in its name on Windows.
     image = cv2.imdecode(
         np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
     )

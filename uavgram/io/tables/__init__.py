@@ -1,1 +1,1 @@
-"""Tables that people type: picks, known lengths, measurements, known points."""
+"""Tables written by users: picks, known lengths, measurements, known points."""

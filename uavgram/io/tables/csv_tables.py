@@ -1,12 +1,13 @@
-"""CSV tables that people write: strict, with the line of every cell.
+"""CSV tables written by users: strict reading, with the line of every cell.
 
-A spreadsheet runs what a cell begins with ``=``, ``+``, ``-`` or ``@`` (also in their full-width
-forms, and behind a tab or a line break), so ``=cmd|...`` as the name of a measurement would start a
-program (owasp.org, "CSV Injection"). An apostrophe before it makes it text. Where a semicolon
-separates cells, as in half of Europe, what follows one begins a cell too. A number stays a number.
+A spreadsheet executes a cell that begins with ``=``, ``+``, ``-`` or ``@`` (also in their
+full-width forms, and after a tab or a line break), so ``=cmd|...`` as the name of a measurement
+would start a program (owasp.org, "CSV Injection"). An apostrophe before it makes it text. Where a
+semicolon separates cells, as in half of Europe, the text after one begins a cell too. A number
+stays a number.
 
-``readable(guarded(text)) == text`` for every text, and what was never guarded is read as it is,
-but for text that begins with an apostrophe and a formula: that one apostrophe is taken for ours.
+``readable(guarded(text)) == text`` for every text. Text that was never guarded is read unchanged,
+except text that begins with an apostrophe and a formula: this apostrophe is taken as a guard.
 """
 
 from __future__ import annotations
@@ -65,17 +66,17 @@ class Block(NamedTuple):
 
 
 def read_header(path: Path) -> tuple[int, list[str]] | None:
-    """Line and stripped cells of the first line that is not blank; None where all are."""
+    """Read line and stripped cells of the first line that is not blank; None where all are."""
     return next(((line, _stripped(cells)) for line, cells in _records(path, read_text(path))), None)
 
 
 def read_blocks(path: Path) -> Iterator[Block]:
-    """All that follows the header, blank lines left out.
+    """Read all rows after the header, without blank lines.
 
     Raises
     ------
     InputError
-        The file cannot be read, or is no CSV.
+        The file cannot be read, or is not CSV.
     """
     text = read_text(path)
     if '"' in text:
@@ -96,7 +97,7 @@ def read_blocks(path: Path) -> Iterator[Block]:
 
 
 def _plain_block(lines: Sequence[str], first: int, width: int, mark: str) -> Block | None:
-    """Lines without quotes, none of them blank or torn; None where they are not that."""
+    """Split lines without quotes, none of them blank or torn; None where this does not hold."""
     if {line.count(mark) for line in lines} != {width - 1} or max(map(len, lines)) > _LONGEST_LINE:
         return None
     cells = mark.join(lines).split(mark)
@@ -115,7 +116,7 @@ def _block(rows: Sequence[tuple[int, list[str]]], width: int) -> Block:
 
 
 def csv_text(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Text of a new table with commas, quotes where cells need them."""
+    """Format a new table with commas, and quotes where cells need them."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(header)
@@ -124,20 +125,20 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def separator_of(text: str) -> str:
-    """What separates the cells of a table: a semicolon where its header knows no comma."""
+    """Return the separator of a table: a semicolon where its header has one and no comma."""
     lines = (match[0] for match in _LINE.finditer(text))
     header = next((line for line in lines if line.strip(" ,;")), "")
     return ";" if ";" in header and "," not in header else ","
 
 
 def may_hold_commas(path: Path) -> bool:
-    """Whether cells of a table can hold commas: in quotes, or between semicolons."""
+    """Return whether cells of a table can hold commas: in quotes, or between semicolons."""
     text = read_text(path)
     return '"' in text or separator_of(text) == ";"
 
 
 def _records(path: Path, text: str, mark: str = "") -> Iterator[tuple[int, list[str]]]:
-    """Line and cells of each row that is not blank; `mark` separates cells, if it is known."""
+    """Yield line and cells of each row that is not blank; `mark` is the separator, if known."""
     mark = mark or separator_of(text)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
     line = 1
@@ -157,38 +158,38 @@ def _stripped(cells: Sequence[str]) -> list[str]:
 
 
 def read_text(path: Path) -> str:
-    """Text of a file in UTF-8, without byte order mark."""
+    """Read a file in UTF-8, without byte order mark."""
     if _looks_like_utf_16(input_files.read_bytes(path)[:64]):
         raise InputError(path, "is UTF-16 text: save it as CSV UTF-8", 1)
     return input_files.read_text(path, "save it as CSV UTF-8")
 
 
 def _looks_like_utf_16(start: bytes) -> bool:
-    """Whether a mark says so, or every other byte is 0, as in Latin text of two bytes each."""
+    """Return whether text is UTF-16: by its mark, or because every other byte is 0."""
     is_half_empty = b"\0" in start and not (any(start[::2]) and any(start[1::2]))
     return start.startswith(_BYTE_ORDER_MARKS_16) or is_half_empty
 
 
 _PLAIN_NUMBER = re.compile(r"[-+]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]+)?")
 _RUNS = re.compile(r"[\s'\0]*[=+\-@\uff1d\uff0b\uff0d\uff20]|[ ']*[\t\r\n]")
-"""The beginning of what runs, behind any apostrophes, so that one more changes nothing in it."""
+"""Pattern of the beginning of a formula, after any apostrophes, so that one more has no effect."""
 
 
 def runs(text: str) -> bool:
-    """Whether a cell, or what follows a semicolon in it, begins as a formula does."""
+    """Return whether a cell, or its text after a semicolon, begins like a formula."""
     parts = text.split(";")
     return any(_begins_a_formula(part) and not part.startswith("'") for part in parts)
 
 
 def guarded(text: str) -> str:
-    """Text as a cell that no spreadsheet runs."""
+    """Convert text to a cell that no spreadsheet executes."""
     if not _RUNS.match(text) and ";" not in text:
         return text
     return ";".join("'" + part if _begins_a_formula(part) else part for part in text.split(";"))
 
 
 def readable(cell: str) -> str:
-    """Text of a cell as it was before it was guarded."""
+    """Convert a guarded cell to its original text."""
     if "'" not in cell:
         return cell
     parts = cell.split(";")
@@ -207,7 +208,7 @@ _NOT_DECIMAL = re.compile(r"[^0-9eE+.\-]")
 
 @dataclass(frozen=True)
 class Columns:
-    """What a table may hold.
+    """Columns that a table may have.
 
     Attributes
     ----------
@@ -216,10 +217,10 @@ class Columns:
     optional_text, optional_numbers
         Columns that may be absent, or have empty cells.
     words
-        Of columns of numbers: a word that may stand there instead.
+        For columns of numbers: a word that is allowed instead.
     others
-        Whether a person may keep columns of their own in the table, which are not read. A name
-        close to that of a column which is not there is a mistake all the same.
+        Whether users may keep columns of their own in the table, which are not read. A name close
+        to that of a missing column is still a mistake.
     """
 
     text: tuple[str, ...]
@@ -247,7 +248,7 @@ class Columns:
 
 @dataclass
 class Table:
-    """A table as columns, while a reader still looks for mistakes in it.
+    """Table as columns, while a reader still checks it for mistakes.
 
     Attributes
     ----------
@@ -258,10 +259,10 @@ class Table:
     header
         Names of the columns that the file has.
     text, numbers
-        Columns by name, each (N,); an empty cell is "" or NaN. Optional columns are there even
-        where the file has none.
+        Columns by name, each (N,); an empty cell is "" or NaN. Optional columns exist even where
+        the file has none.
     has_word
-        (N,) by name of a column: whether its word stands there, and no number.
+        (N,) by name of a column: whether the cell is its word instead of a number.
     faults
         Mistakes found so far: pairs of line and message.
     """
@@ -275,25 +276,25 @@ class Table:
     faults: list[tuple[int | None, str]] = field(default_factory=list)
 
     def blame(self, row: int, message: str) -> None:
-        """Note a mistake in a row."""
+        """Report a mistake in a row."""
         self.faults.append((int(self.line[row]), message))
 
     def raise_faults(self) -> None:
-        """Raise one error that names every mistake noted so far, if there is any."""
+        """Raise one error that names every mistake found so far, if there is any."""
         if self.faults:
             raise InputError.of_all(self.path, self.faults)
 
     def require_range(self, name: str, limit: float) -> None:
-        """Note every number of a column whose magnitude is larger."""
+        """Report every number of a column whose magnitude exceeds the limit."""
         odd = np.abs(self.numbers[name]) > limit
         self._blame_numbers(name, odd, lambda _: f"must lie between -{limit:g} and {limit:g}")
 
     def require_length(self, name: str) -> None:
-        """Note every number of a column that can be no length (empty cells pass)."""
+        """Report every number of a column that is not a valid length (empty cells pass)."""
         self._blame_numbers(name, np.isfinite(self.numbers[name]), length_fault)
 
     def require_sigma(self, name: str) -> None:
-        """Note every number of a column that can be no standard deviation (empty cells pass)."""
+        """Report every number of a column that is not a valid sigma (empty cells pass)."""
         values = self.numbers[name]
         odd = (values < SMALLEST_SIGMA) | (values > LARGEST_SIGMA)
         self._blame_numbers(name, odd, sigma_fault)
@@ -305,14 +306,14 @@ class Table:
                 self.blame(row, f"{name} {fault} (got {value:g})")
 
     def require_short(self, *names: str) -> None:
-        """Note every name that is too long."""
+        """Report every name that is too long."""
         for name in names:
             for row, text in enumerate(self.text[name]):
                 if fault := name_fault(text):
                     self.blame(row, f"{name} {fault} (it begins with {text[:32]!r})")
 
     def require_unique(self, name: str, what: str) -> None:
-        """Note every text of a column that stands in an earlier row too."""
+        """Report every text of a column that occurs in an earlier row too."""
         first: dict[str, int] = {}
         for row, word in enumerate(self.text[name]):
             if word and word in first:
@@ -326,8 +327,8 @@ class Table:
 def read_table(path: str | Path, columns: Columns) -> Table:
     """Read a CSV file with a header: UTF-8 with or without byte order mark, blank lines.
 
-    Cells are separated by commas, or all by semicolons, as spreadsheets do that write a decimal
-    comma. A comma in a number is read where it can only be a decimal one.
+    Cells are separated by commas, or all by semicolons, as in spreadsheets with decimal commas. A
+    comma in a number is accepted where it can only be a decimal one.
 
     Returns
     -------
@@ -337,8 +338,8 @@ def read_table(path: str | Path, columns: Columns) -> Table:
     Raises
     ------
     InputError
-        The file cannot be read, or its header or the number of cells of a row is wrong: then
-        nothing can be said about the cells.
+        The file cannot be read, or its header or the number of cells of a row is wrong, so that the
+        cells cannot be checked.
     """
     path = Path(path)
     found = read_header(path)
@@ -388,7 +389,7 @@ def read_table(path: str | Path, columns: Columns) -> Table:
 
 
 def _writes_commas(path: Path, header: Sequence[str], columns: Columns) -> bool:
-    """Whether a table has decimal commas, so that ``12,001`` is no question in it."""
+    """Return whether a table has decimal commas, so that ``12,001`` is unambiguous in it."""
     if not may_hold_commas(path):
         return False
     numeric = [k for k, name in enumerate(header) if name in columns.numeric]
@@ -402,10 +403,9 @@ def _writes_commas(path: Path, header: Sequence[str], columns: Columns) -> bool:
 
 
 class _Column:
-    """A column as it is read, block by block.
+    """Column that is read block by block.
 
-    What is good is told from what is not for a whole block at a time; its cells are looked at one
-    by one only where something is wrong.
+    A whole block is checked at once; its cells are checked one by one only if there is a mistake.
     """
 
     def __init__(self, name: str, columns: Columns, *, is_comma: bool) -> None:
@@ -420,7 +420,7 @@ class _Column:
         self._is_text = name in columns.text or name in columns.optional_text
 
     def read(self, raw: Sequence[str]) -> list[tuple[int, str]]:
-        """Take a block of cells; pairs of row in it and mistake come back."""
+        """Read a block of cells; return the mistakes as pairs of row in the block and message."""
         cells = list(map(str.strip, raw))
         faults: list[tuple[int, str]] = []
         if self._is_required and "" in cells:
@@ -466,7 +466,7 @@ def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
 
 
 def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
-    """Names of the columns that a person keeps in a table and that are not read."""
+    """Return the names of users' own columns in a table, which are not read."""
     _, header = read_header(Path(path)) or (1, [])
     return tuple(name for name in header if name not in columns.known)
 
@@ -474,13 +474,13 @@ def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
 def _numbers(
     name: str, cells: Sequence[str], *, is_comma: bool
 ) -> tuple[Floats, list[tuple[int, str]]]:
-    """(N,) numbers of a column; NaN, and a fault, for what is none.
+    """Parse the numbers (N,) of a column; NaN, and a mistake, for other text.
 
-    `is_comma`: the table writes decimal commas, so that ``12,001`` is no question.
+    `is_comma`: the table has decimal commas, so that ``12,001`` is unambiguous.
     """
     if not any(cells):
         return np.full(len(cells), np.nan), []
-    if not _NOT_DECIMAL.search("".join(cells)):  # else float() knows 1_000, nan and ٣
+    if not _NOT_DECIMAL.search("".join(cells)):  # float() would also accept 1_000, nan and ٣
         with suppress(ValueError):
             values = np.array([float(cell) if cell else np.nan for cell in cells])
             if not (np.abs(values) > LARGEST_NUMBER).any():
@@ -499,9 +499,9 @@ def _numbers(
 
 
 def parse_number(text: str) -> float | None:
-    """Read a decimal number of at most LARGEST_NUMBER; None for anything else (nan, inf, 1_000).
+    """Parse a decimal number of at most LARGEST_NUMBER; None for other text (nan, inf, 1_000).
 
-    A decimal comma is read where it can mean nothing else: ``1,5``, not ``12,001``.
+    A decimal comma is accepted where it is unambiguous: ``1,5``, not ``12,001``.
     """
     text = with_point(text)
     value = float(text) if _NUMBER.fullmatch(text) else np.inf
@@ -509,7 +509,7 @@ def parse_number(text: str) -> float | None:
 
 
 def number_hint(text: str) -> str:
-    """Say why some text that looks like a number is none."""
+    """Explain why text that looks like a number is not accepted."""
     if _NUMBER.fullmatch(text):
         return ": it is far too large"
     return limits.number_hint(text, "the column")

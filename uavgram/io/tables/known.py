@@ -1,4 +1,4 @@
-"""Tables of known things: lines.csv, known.csv, control.csv, check.csv, control_lines.csv."""
+"""Tables of known values: lines.csv, known.csv, control.csv, check.csv, control_lines.csv."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LINES_COLUMNS = Columns(
     others=True,
 )
 _WORDS = {"use": ("adjust", "check"), "along": ("slope", "horizontal")}
-"""Of columns that hold one of a few words; the first one is meant where a cell is empty."""
+"""Allowed words of columns; the first one is the default of an empty cell."""
 
 
 def read_lines(path: str | Path) -> KnownLines:
@@ -32,8 +32,8 @@ def read_lines(path: str | Path) -> KnownLines:
     ------
     InputError
         Names file and line of every mistake: those of any table, a length or sigma that is not
-        greater than 0, a line from a label to itself, a name used twice, an unknown
-        `use` or `along`.
+        greater than 0, a line from a label to itself, a name used twice, an unknown `use` or
+        `along`.
     """
     table = read_table(path, LINES_COLUMNS)
     table.require_length("length_m")
@@ -57,7 +57,7 @@ def read_lines(path: str | Path) -> KnownLines:
         sigma_m=table.numbers["sigma_m"],
         adjust=np.array([use != "check" for use in table.text["use"]], dtype=np.bool_),
         tape=table.text["tape"],
-        # Where nothing is written in the whole column, how the tape was held is not known.
+        # An empty column means that the way of taping is unknown.
         along=tuple(
             "horizontal" if word == "horizontal" else "slope" for word in table.text["along"]
         )
@@ -82,9 +82,9 @@ def read_known_points(path: str | Path) -> KnownPoints:
     Raises
     ------
     InputError
-        Names file and line of every mistake: those of any table, geodetic and local columns (or
-        one sigma and three) side by side, an empty cell, a label used twice, a latitude or
-        longitude out of range, a sigma that is not greater than 0.
+        Names file and line of every mistake: those of any table, geodetic and local columns (or one
+        sigma and three) side by side, an empty cell, a label used twice, a latitude or longitude
+        out of range, a sigma that is not greater than 0.
     """
     table = read_table(path, Columns(text=("label",), optional_numbers=_ALL))
     kind: Literal["geodetic", "local"] = (
@@ -110,7 +110,7 @@ def read_known_points(path: str | Path) -> KnownPoints:
 
 
 def _chosen(table: Table, *choices: tuple[str, ...]) -> int:
-    """Which of two sets of columns the header has: exactly one, complete, or an error."""
+    """Choose the one of two sets of columns that the header has: one complete set, or an error."""
     present = [[name for name in choice if name in table.header] for choice in choices]
     written = " or ".join(", ".join(choice) for choice in choices)
     if all(present):
@@ -149,14 +149,14 @@ _COUNTS = {name: kind.points for name, kind in KNOWN_KINDS.items()} | {
 
 
 def read_known(path: str | Path) -> KnownThings:
-    """Read what is known of the scene.
+    """Read known values of the scene.
 
     Raises
     ------
     InputError
-        Names file and line of every mistake: those of any table, an unknown kind or one that
-        cannot be known, a wrong number of points, a value that is missing, impossible or given
-        where none belongs, a sigma that is none, a name used twice, an unknown `use`.
+        Names file and line of every mistake: those of any table, an unknown kind or one that cannot
+        be known, a wrong number of points, a value that is missing, impossible or given where none
+        belongs, an invalid sigma, a name used twice, an unknown `use`.
     """
     table = read_table(path, KNOWN_COLUMNS)
     table.require_unique("name", "known thing")
@@ -190,7 +190,7 @@ def read_known(path: str | Path) -> KnownThings:
 
 
 def _unknown(kind: str) -> str:
-    """What is wrong with a kind."""
+    """Describe the mistake in a kind."""
     if kind in NOT_KNOWN:
         return f"kind {kind!r} cannot be known: {NOT_KNOWN[kind]}"
     hint = near_miss(kind, KNOWN_KINDS) or f"known are {', '.join(KNOWN_KINDS)}"
@@ -213,7 +213,7 @@ def _points(
 
 
 def _check_value(table: Table, row: int, kind: str) -> None:
-    """Note a value that is missing, that does not belong there, or that cannot be."""
+    """Report a mistake if a value is missing, superfluous or impossible."""
     value = float(table.numbers["value"][row])
     if not KNOWN_KINDS[kind].has_value:
         if np.isfinite(value):
@@ -229,7 +229,7 @@ def _check_value(table: Table, row: int, kind: str) -> None:
 
 
 def _blamed(table: Table, row: int) -> bool:
-    """Whether what stands in the cell of the value is no number, as was said already."""
+    """Return whether the cell of the value is already reported as not being a number."""
     line = int(table.line[row])
     return any(where == line and text.startswith("value ") for where, text in table.faults)
 
@@ -253,7 +253,7 @@ CONTROL_LINES_COLUMNS = Columns(
 )
 
 SHORTEST_M = 0.5
-"""Ends closer than this in plan give no direction that is worth anything."""
+"""Least plan distance of a line's ends for a useful direction."""
 _DEGREE_M = 111_000.0
 
 
@@ -263,8 +263,8 @@ def read_control_lines(path: str | Path) -> ControlLines:
     Raises
     ------
     InputError
-        Names file and line of every mistake: those of any table, geodetic and local columns side
-        by side, an empty coordinate, a height at one end alone, ends that are one place seen from
+        Names file and line of every mistake: those of any table, geodetic and local columns side by
+        side, an empty coordinate, a height at one end alone, ends that are one place seen from
         above, no label, a label or name used twice, a latitude or longitude out of range, a sigma
         that is not greater than 0, an unknown `use`.
     """
@@ -287,6 +287,7 @@ def read_control_lines(path: str | Path) -> ControlLines:
             hint = f": {guess}" if (guess := near_miss(word, _USES)) else ""
             table.blame(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
     table.raise_faults()
+    # Defaults: the vertical sigma is the horizontal one, the straightness a constant.
     plan, up, own = (table.numbers[name] for name in _SIGMAS)
     up = np.where(np.isnan(up), plan, up)
     sigma = np.broadcast_to(np.stack([plan, plan, up], axis=1)[:, None], ends.shape)
@@ -302,7 +303,7 @@ def read_control_lines(path: str | Path) -> ControlLines:
 
 
 def _kind(table: Table) -> Literal["geodetic", "local"]:
-    """Which coordinates the header has: of one kind, plan at both ends, or an error."""
+    """Return the kind of coordinates in the header: one kind, plan at both ends, or an error."""
     found: list[Literal["geodetic", "local"]] = []
     for kind, axes in _AXES.items():
         plan = [f"{end}_{axis}" for end in _ENDS for axis in axes[:2]]
@@ -324,7 +325,7 @@ def _kind(table: Table) -> Literal["geodetic", "local"]:
 def _check_ends(
     table: Table, names: list[list[str]], ends: Floats, kind: Literal["geodetic", "local"]
 ) -> None:
-    """Note ends (L, 2, 3) that are not there, half of a height, and lines without a direction."""
+    """Report mistakes of ends (L, 2, 3): missing ones, a height at one end, or no direction."""
     blamed = {line for line, _ in table.faults}
     for row in range(len(ends)):
         if int(table.line[row]) in blamed:

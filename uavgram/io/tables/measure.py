@@ -1,4 +1,4 @@
-"""measure.csv -> what to measure."""
+"""Reading of measure.csv: the requested measurements."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
     "profile": (2, None),
 }
 THERE_AND_BACK: frozenset[MeasurementKind] = frozenset({"polyline", "skid_speed"})
-"""Kinds in which a point may come twice, though not twice in a row."""
+"""Kinds in which a point may occur twice, though not twice in a row."""
 
 PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"skid_speed": ("mu", "mu_sigma")}
 OPTIONAL_PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"volume": ("top", "level", "plane")}
 
 
 def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
-    """Read what to measure.
+    """Read the requested measurements.
 
     Raises
     ------
     InputError
-        Names file and line of every mistake: those of any table, an unknown kind, a wrong number
-        of points, a point twice where that means nothing, missing, unknown or impossible
+        Names file and line of every mistake: those of any table, an unknown kind, a wrong number of
+        points, a repeated point where that is meaningless, missing, unknown or impossible
         parameters, a name used twice.
     """
     table = read_table(path, MEASURE_COLUMNS)
@@ -77,7 +77,7 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
 
 
 def parameter_fault(name: str, value: float) -> str:
-    """Say why a number can be no such parameter; empty where it can, or where it is none (NaN)."""
+    """Explain why a number is impossible for a parameter; empty if it is possible, or NaN."""
     if name == "mu" and value <= 0:
         return "must be greater than 0"
     if name == "mu_sigma" and value < 0:
@@ -88,14 +88,14 @@ def parameter_fault(name: str, value: float) -> str:
 
 
 def counted(least: int, most: int | None) -> str:
-    """How many labels a kind needs, in words."""
+    """Format the required number of labels of a kind in words."""
     if most is None:
         return f"at least {least}"
     return str(least) if least == most else f"{least} or {most}"
 
 
 def points_fault(request: MeasurementRequest) -> str:
-    """Say why the labels or parameters of a measurement mean nothing; empty where they do."""
+    """Explain why the labels or parameters of a measurement are invalid; empty if valid."""
     kind, points = request.kind, request.points
     least, most = POINT_COUNTS[kind]
     if len(points) < least or (most is not None and len(points) > most):
@@ -107,7 +107,7 @@ def points_fault(request: MeasurementRequest) -> str:
 
 
 def request_fault(request: MeasurementRequest) -> str:
-    """Say why the parameters of a request do not go with each other, or with its points."""
+    """Explain why a request's parameters do not fit each other or its points; empty if they do."""
     given = dict(request.parameters)
     if request.kind != "volume" or len(request.points) < POINT_COUNTS["volume"][0]:
         return ""
@@ -127,14 +127,14 @@ _MORE_POINTS = {"top": "one of its top", "plane": "three of the plane below"}
 
 
 def points_of(table: Table, row: int, kind: str, count: tuple[int, int | None]) -> tuple[str, ...]:
-    """Labels in the cell `points` of a row; what is wrong with them is noted.
+    """Read the labels in the cell `points` of a row, and report their mistakes.
 
     Parameters
     ----------
     table, row
-        Where they stand.
+        Position of the cell.
     kind
-        Of what they are the points.
+        Kind of measurement or known value.
     count
         Least and greatest number of points; None: any number.
     """
@@ -159,7 +159,7 @@ def points_of(table: Table, row: int, kind: str, count: tuple[int, int | None]) 
         ):
             table.blame(row, f"points names a line from {label!r} to itself")
         return points
-    # A polyline may come back to a point, but nothing may go from a point to itself.
+    # A polyline may return to a point, but no segment may go from a point to itself.
     for label in dict.fromkeys(a for a, b in itertools.pairwise(points) if a == b):
         table.blame(row, f"points names {label!r} twice in a row")
     if kind not in THERE_AND_BACK and len(set(points)) < len(points):
@@ -170,16 +170,16 @@ def points_of(table: Table, row: int, kind: str, count: tuple[int, int | None]) 
 def parameters_of(
     table: Table, row: int, kind: str, wanted: tuple[str, ...], optional: tuple[str, ...]
 ) -> tuple[tuple[str, float], ...]:
-    """Numbers in the cell `parameters` of a row; what is wrong with them is noted.
+    """Read the numbers in the cell `parameters` of a row, and report their mistakes.
 
     Parameters
     ----------
     table, row
-        Where they stand.
+        Position of the cell.
     kind
-        What has them.
+        Kind of measurement or known value.
     wanted, optional
-        Names of those that it needs, and of those that it may have.
+        Names of required and of optional parameters.
     """
     known = wanted + optional
     found: dict[str, float] = {}

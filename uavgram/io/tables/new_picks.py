@@ -1,4 +1,4 @@
-"""New picks.csv and control.csv; a table that holds anything is never written over."""
+"""New picks.csv and control.csv; a table with content is never overwritten."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ CONTROL_HEADER = ("label", *GEODETIC, *THREE_SIGMAS)
 
 
 def new_picks(picks: ImportedPicks, path: Path) -> bytes:
-    """Make a picks.csv, for a file that is not there or has a header only.
+    """Create a picks.csv, if the file does not exist or has only a header.
 
     Raises
     ------
     InputError
-        The file holds something already.
+        The file has content already.
     """
     return _filled(path, PICKS_HEADER[:4], picks.image, picks.label, *picks.pixel_px.T.tolist())
 
 
 def new_control(known: KnownPoints, path: Path) -> bytes:
-    """Make a control.csv with geodetic coordinates; errors as for `new_picks`."""
+    """Create a control.csv with geodetic coordinates; errors as for `new_picks`."""
     numbers = (*known.coordinates.T.tolist(), *known.sigma_m.T.tolist())
     return _filled(path, CONTROL_HEADER, known.label, *numbers)
 

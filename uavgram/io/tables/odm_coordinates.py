@@ -1,4 +1,4 @@
-"""What OpenDroneMap's text files have in common: a coordinate system first, then lines of it."""
+"""Common reader of OpenDroneMap's text files: a coordinate system, then lines of coordinates."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uavgram.model.flight.log import HeightDatum
 _UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)
 _X_FIRST = "x (longitude, east) comes first"
 _EPSG = re.compile(r"EPSG\s*:?\s*([0-9]+)", re.IGNORECASE)
-# Names that people write in first lines and PROJ does not know: Poland's systems of 1992 and 2000
+# Names that occur in first lines and that PROJ does not know: Poland's systems of 1992 and 2000
 # (its zones 5 to 8), Sweden's, Switzerland's old and new, Britain's grid.
 _NAMED = {
     "PUWG1992": 2180,
@@ -37,12 +37,12 @@ _NAMED = {
 
 
 def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
-    """Number and text of the lines that hold something; comments begin with #.
+    """Read number and text of the lines with content; comments begin with #.
 
     Raises
     ------
     InputError
-        The file cannot be read, is no text, or has no line but the first.
+        The file cannot be read, is not text, or has no line but the first.
     """
     text = read_text(path, f"is it a {path.name}?")
     lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
@@ -53,7 +53,7 @@ def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
 
 
 def crs_of_header(path: Path, line: int, header: str) -> CRS:
-    """Coordinate system that the first line of a file names.
+    """Parse the coordinate system in the first line of a file.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def crs_of_header(path: Path, line: int, header: str) -> CRS:
     Raises
     ------
     InputError
-        It names none.
+        It is not a coordinate system.
     """
     utm = _UTM.fullmatch(header)
     if utm is not None:
@@ -88,7 +88,10 @@ def crs_of_header(path: Path, line: int, header: str) -> CRS:
 
 
 def height_datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
-    """Heights of a compound system hang on a geoid, those of a 3-D one on the ellipsoid."""
+    """Return the height datum: the geoid of a compound system, the ellipsoid of a 3-D one.
+
+    For other systems it is the given one, with a note on this assumption.
+    """
     if crs.is_compound:
         return "msl", ""
     if len(crs.axis_info) == 3:
@@ -99,7 +102,7 @@ def height_datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
 def geodetic(
     path: Path, crs: CRS, xyz: Floats, line: Sequence[int], site: Origin | None = None
 ) -> tuple[Floats, Floats]:
-    """Latitude and longitude (N,) [deg] of coordinates.
+    """Convert coordinates to latitude and longitude (N,) [deg].
 
     Parameters
     ----------
@@ -112,13 +115,13 @@ def geodetic(
     line
         (N,) line of each in the file.
     site
-        Where the photos were taken; None: nothing says it.
+        Place of the photos; None: unknown.
 
     Raises
     ------
     InputError
-        Names the line of a place that is none, and of one that is far from the photos but near
-        them with x and y exchanged; without a site the same of the system's area of use.
+        Names the line of an impossible place, and of one that is far from the photos but near them
+        with x and y exchanged; without a site the same test uses the system's area of use.
     """
     flat = crs.to_2d() if not crs.is_compound else crs.sub_crs_list[0]
     to_wgs84 = Transformer.from_crs(flat, "EPSG:4326", always_xy=True)

@@ -1,4 +1,4 @@
-"""What was picked -> picks.csv, lines.csv and measure.csv, keeping all else that is in them."""
+"""Updating of picks.csv, lines.csv and measure.csv, keeping all other content."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ MEASURE_HEADER = ("name", "kind", "points", "parameters")
 
 
 def picks_content(content: bytes | None, before: Picks, after: Picks) -> bytes | None:
-    """picks.csv with other picks.
+    """Update picks.csv with other picks.
 
     Parameters
     ----------
     content
-        The file; None where there is none.
+        The file; None where it does not exist.
     before
-        What it holds.
+        Picks in the file.
     after
-        What it should hold.
+        New picks.
 
     Returns
     -------
@@ -35,7 +35,7 @@ def picks_content(content: bytes | None, before: Picks, after: Picks) -> bytes |
 
 
 def lines_content(content: bytes | None, before: KnownLines, after: KnownLines) -> bytes | None:
-    """lines.csv with other lengths.
+    """Update lines.csv with other lengths.
 
     Parameters
     ----------
@@ -50,7 +50,7 @@ def measure_content(
     before: Sequence[MeasurementRequest],
     after: Sequence[MeasurementRequest],
 ) -> bytes | None:
-    """measure.csv with other measurements.
+    """Update measure.csv with other measurements.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def _pick_cells(picks: Picks) -> list[Cells]:
 
 
 def _made_by(picks: Picks, i: int) -> Cells:
-    """Who made a pick: of a person's own, nothing is written."""
+    """Format the origin of a pick; empty for one made by hand."""
     source = picks.source_of(i)
     u, v = picks.from_px[i].tolist()
     return {

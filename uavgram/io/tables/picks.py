@@ -1,4 +1,4 @@
-"""picks.csv -> `Picks`."""
+"""Reading of picks.csv to `Picks`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PICKS_COLUMNS = Columns(
     others=True,
 )
 _SOURCES: dict[str, Source] = {"match": "match", "target": "target"}
-"""Texts of the column `source` that mean the program; any other is a person's own note."""
+"""Texts of the column `source` for picks of the program; other texts are users' notes."""
 
 _PROGRAM_NUMBERS = ("score", "from_u_px", "from_v_px")
 
@@ -30,15 +30,14 @@ _FOLDER, _SEMICOLON = re.compile(r"[/\\]"), re.compile(";")
 
 
 def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
-    """Read picked pixels; `may_be_empty`: a table without any is no mistake.
+    """Read picked pixels; with `may_be_empty` a table without any is no mistake.
 
     Raises
     ------
     InputError
-        Names file and line of every mistake: those of any table, no pick at all, a path where a
-        file name is wanted, a semicolon in a label, a label that the program found twice in one
-        image, a label with two different heights or in two areas, a sigma that is not greater
-        than 0.
+        Names file and line of every mistake: those of any table, no pick at all, a path instead of
+        a file name, a semicolon in a label, a label that the program found twice in one image, a
+        label with two different heights or in two areas, a sigma that is not greater than 0.
     """
     table = read_table(path, PICKS_COLUMNS)
     if not len(table.line) and not may_be_empty:
@@ -73,7 +72,7 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
 
 
 def _of_program(table: Table, name: str) -> Floats:
-    """(P,) numbers of the rows that the program made; in others the column is a person's own."""
+    """Read the numbers (P,) of rows made by the program; in others the column is the user's own."""
     numbers = np.full(len(table.line), np.nan)
     for row, (text, source) in enumerate(zip(table.text[name], table.text["source"], strict=True)):
         if text and source in _SOURCES:
@@ -87,7 +86,7 @@ def _of_program(table: Table, name: str) -> Floats:
 
 
 def _check_heights(table: Table) -> None:
-    """Note a label with two different heights or sigmas, and a sigma of no height."""
+    """Report labels with two different heights or sigmas, and sigmas without a height."""
     is_free, sigmas = table.has_word["height_m"], table.numbers["height_sigma_m"]
     heights = _written(table.numbers["height_m"])
     words = ["free" if free else text for free, text in zip(is_free, heights, strict=True)]
@@ -117,13 +116,13 @@ def _check_names(table: Table) -> None:
 
 
 def _rows_with(table: Table, name: str, pattern: re.Pattern[str]) -> Iterator[tuple[int, str]]:
-    """Rows whose text holds something, and the text: mostly none, so each text is tried once."""
+    """Find the rows whose text matches, with the text; each distinct text is searched once."""
     odd = {text for text in set(table.text[name]) if pattern.search(text)}
     return ((row, text) for row, text in enumerate(table.text[name]) if odd and text in odd)
 
 
 def _check_doubles(table: Table) -> None:
-    """Note a label that the program found twice in one photo: only a person's click is repeated."""
+    """Report labels that the program found twice in one photo: only clicks may be repeated."""
     by_program = [text in _SOURCES for text in table.text["source"]]
     first: dict[tuple[str, str, str], int] = {}
     for row, pick in enumerate(
@@ -140,7 +139,7 @@ def _check_doubles(table: Table) -> None:
 
 
 def _check_same(table: Table, name: str, values: Sequence[str], remedy: str) -> None:
-    """Note every row whose value (if it has one) is not that of its label's first row."""
+    """Report every row whose value (if it has one) differs from that of its label's first row."""
     if not any(values):
         return
     first: dict[str, int] = {}

@@ -1,8 +1,8 @@
-"""CSV tables that are written again: what a change does not touch stays as it was, to the byte.
+"""Rewriting of CSV tables: everything that a change does not touch stays identical, to the byte.
 
-The text is cut into raw cells. A row that no change touches keeps its quotes, blanks and digits;
-a changed row keeps those of its other cells; columns that nobody asked about, the order of
-columns and rows, blank lines, line endings and a byte order mark stay.
+The text is cut into raw cells. An unchanged row keeps its quotes, blanks and digits; a changed row
+keeps those of its other cells; other columns, the order of columns and rows, blank lines, line
+endings and a byte order mark stay.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from difflib import SequenceMatcher
 from uavgram.io.tables.csv_tables import guarded, separator_of
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
-# A quoted cell may hold anything; one without quotes ends at a separator or at the end of its line.
+# A quoted cell may hold any text; one without quotes ends at a separator or at the end of its line.
 _CELL = {
     mark: re.compile(rf'("(?:[^"]|"")*"[^{mark}\r\n]*|[^{mark}\r\n]*)({mark}|\r\n|\r|\n|\Z)')
     for mark in ",;"
@@ -30,7 +30,7 @@ Cells = Mapping[str, str]
 
 @dataclass(frozen=True)
 class _Record:
-    """A line of the file: its raw cells and how it ends (the last one may not)."""
+    """Line of the file: its raw cells and its ending (the last one may have none)."""
 
     cells: tuple[str, ...]
     end: str
@@ -45,12 +45,12 @@ class _Record:
 
 @dataclass(frozen=True)
 class _Kept:
-    """What becomes of the rows of a file.
+    """Changes of the rows of a file.
 
     Attributes
     ----------
     changes
-        Of rows that stay: number of the row -> cells that are to change.
+        For rows that stay: row index -> changed cells.
     added
         New rows after a row that stays, -1: after the header.
     """
@@ -62,19 +62,19 @@ class _Kept:
 def rewritten_table(
     content: bytes, before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]
 ) -> bytes:
-    """Change a CSV file from what it holds to what it should hold.
+    """Change a CSV file from its present to its new content.
 
     Parameters
     ----------
     content
         The file, as the reader of its kind accepts it.
     before
-        What its rows hold, in one way of writing numbers; no entry for blank lines.
+        Its present rows, in one way of writing numbers; no entry for blank lines.
     after
-        What they should hold, in the same way of writing. An empty cell of a column that the file
-        does not have asks for nothing.
+        Its new rows, in the same way of writing. An empty cell of a column that the file does not
+        have is ignored.
     key
-        Columns by which a row is known.
+        Columns that identify a row.
 
     Returns
     -------
@@ -102,7 +102,7 @@ def rewritten_table(
 
 
 def new_table(header: Sequence[str], rows: Sequence[Cells]) -> bytes:
-    """A CSV file with these columns; cells that a row does not have are empty."""
+    """Create a CSV file with these columns; cells that a row does not have are empty."""
     lines = [",".join(header), *(_Writer(header).line(row) for row in rows)]
     return "".join(line + "\n" for line in lines).encode()
 
@@ -113,7 +113,7 @@ def _records(text: str, separator: str) -> Iterator[_Record]:
     while position < len(text) or cells:
         match = _CELL[separator].match(text, position)
         if match is None:
-            raise ValueError("a quote is not closed")  # the reader refused such a file
+            raise ValueError("a quote is not closed")  # the reader refuses such a file
         cells.append(match[1])
         position = match.end()
         if match[2] != separator:
@@ -122,12 +122,12 @@ def _records(text: str, separator: str) -> Iterator[_Record]:
 
 
 def _plain(cell: str, separator: str) -> str:
-    """What a raw cell says."""
+    """Parse a raw cell."""
     return next(iter(csv.reader([cell], delimiter=separator)), [""])[0].strip() if cell else ""
 
 
 def _comma_columns(records: Sequence[_Record], header: Sequence[str]) -> frozenset[str]:
-    """Columns in which the file writes numbers with a decimal comma."""
+    """Find the columns in which the file has numbers with a decimal comma."""
     return frozenset(
         name
         for k, name in enumerate(header)
@@ -137,31 +137,32 @@ def _comma_columns(records: Sequence[_Record], header: Sequence[str]) -> frozens
 
 @dataclass(frozen=True)
 class _Writer:
-    """How the file writes its cells: header, separator, and columns with decimal commas."""
+    """Format of the file's cells: header, separator, and columns with decimal commas."""
 
     header: Sequence[str]
     separator: str = ","
     commas: frozenset[str] = frozenset()
 
     def line(self, row: Cells) -> str:
-        """A new row."""
+        """Format a new row."""
         return self.separator.join(self.cell(name, row.get(name, "")) for name in self.header)
 
     def cell(self, name: str, text: str) -> str:
-        """A cell as the file writes it: in quotes where it needs them."""
+        """Format a cell like the file: in quotes where it needs them."""
         if name in self.commas and _POINT_NUMBER.fullmatch(text):
             text = text.replace(".", ",")
         cell = io.StringIO()
-        # with \r\n, as else a lone \r would get no quotes
+        # with \r\n, as otherwise a lone \r would not be quoted
         csv.writer(cell, delimiter=self.separator).writerow([guarded(text), ""])
         return cell.getvalue().removesuffix(f"{self.separator}\r\n")
 
 
 def _compared(before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]) -> _Kept:
-    """Which row of the file each wanted row is, and what is to change in it.
+    """Assign the new rows to rows of the file, and find the changes.
 
     Rows are matched by their keys, in order. Where keys differ at one place, a row with the same
-    other cells was renamed; and as new rows come last, so were as many others as stand there.
+    other cells counts as renamed. As new rows come last, equal numbers of old and new rows at any
+    other place count as renamed, too.
     """
     was, now = ([tuple(row[name] for name in key) for row in rows] for rows in (before, after))
     kept = _Kept()
@@ -194,7 +195,7 @@ def _renamed(
     *,
     at_end: bool,
 ) -> dict[int, int]:
-    """Pairs of new and old rows that are one, in order."""
+    """Pair new rows with old ones that were renamed, in order."""
 
     def rest(row: Cells) -> Cells:
         return {name: text for name, text in row.items() if name not in key and text}
@@ -214,7 +215,10 @@ def _renamed(
 def _written(
     records: Sequence[_Record], at: int, writer: _Writer, kept: _Kept, more: int
 ) -> Iterator[_Record]:
-    """The records of the new file; `at` is the header's place, `more` the number of new columns."""
+    """Yield the records of the new file.
+
+    `at` is the header's index, `more` the number of new columns.
+    """
     header = writer.header
     place = {name: i for i, name in enumerate(header)}
     yield from records[:at]
@@ -236,7 +240,7 @@ def _written(
 
 
 def _ended(records: Iterator[_Record], end: str, last_end: str) -> Iterator[_Record]:
-    """Records with an end each; the last one has none where the file's last one had none."""
+    """Give each record a line ending; the last one has none where the file's last one had none."""
     earlier: _Record | None = None
     for record in records:
         if earlier is not None:

@@ -1,4 +1,4 @@
-"""ties.csv <-> `TiePicks`."""
+"""Reading and writing of ties.csv as `TiePicks`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TIES_COLUMNS = Columns(
 )
 HEADER = ("image", "tie", "u_px", "v_px", "sigma_px", "source")
 MADE = "tie"
-"""Text of the column `source` of rows that the program made."""
+"""Text of the column `source` for rows made by the program."""
 
 
 def read_ties(path: str | Path) -> TiePicks:
@@ -28,8 +28,8 @@ def read_ties(path: str | Path) -> TiePicks:
     Raises
     ------
     InputError
-        Names file and line of every mistake: those of any table, a path where a file name is
-        wanted, a tie point twice in one image or in one image only, a sigma that is none.
+        Names file and line of every mistake: those of any table, a path instead of a file name, a
+        tie point twice in one image or in one image only, an invalid sigma.
     """
     table = read_table(path, TIES_COLUMNS)
     table.require_sigma("sigma_px")
@@ -50,7 +50,7 @@ def read_ties(path: str | Path) -> TiePicks:
 
 
 def _check_images(table: Table) -> None:
-    """Note tie points that stand twice in one image, or in one image only."""
+    """Report tie points that occur twice in one image, or in one image only."""
     first: dict[tuple[str, str], int] = {}
     rows: dict[str, list[int]] = {}
     for row, (image, tie) in enumerate(zip(table.text["image"], table.text["tie"], strict=True)):
@@ -74,24 +74,24 @@ def _check_images(table: Table) -> None:
 
 
 def ties_content(path: Path, found: TiePicks) -> bytes | None:
-    """ties.csv with other tie points of the program; rows that somebody else made stay.
+    """Update ties.csv with other tie points of the program; rows from other sources stay.
 
     Parameters
     ----------
     path
-        The table, which may not be there yet.
+        The table, which may not exist yet.
     found
-        What the program found; without any the result is the table without the program's rows.
+        Tie points found by the program; if empty, the program's rows are removed.
 
     Returns
     -------
     bytes or None
-        The file; None where nothing would be in it.
+        The file; None where it would be empty.
 
     Raises
     ------
     InputError
-        The table that is there is wrong.
+        The existing table has mistakes.
     """
     before: list[Cells] = []
     if path.exists():
@@ -120,11 +120,11 @@ def ties_content(path: Path, found: TiePicks) -> bytes | None:
 
 
 EMPTY = new_table(HEADER, [])
-"""A table without a tie point: the project may name it, and nothing is looked for anew."""
+"""Table without tie points: if the project names it, no new search is made."""
 
 
 def count_made(path: Path) -> int:
-    """How many rows of a table the program made; 0 where there is none."""
+    """Count the rows of a table made by the program; 0 where the table does not exist."""
     if not path.exists():
         return 0
     return read_table(path, TIES_COLUMNS).text["source"].count(MADE)

@@ -1,1 +1,1 @@
-"""Where each photo was taken, as photos, image logs and tables state it."""
+"""Position and attitude of each photo from tags, image logs and tables."""

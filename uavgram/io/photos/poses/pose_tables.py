@@ -1,12 +1,12 @@
-"""Tables of photo poses: OpenDroneMap's geo.txt, DJI's image log, and CSV.
+"""Tables of photo poses: OpenDroneMap's geo.txt, DJI's image log (MRK), and CSV.
 
-``name x y [z] [yaw pitch roll] [horizontal and vertical accuracy] [anything]``, angles as nadir
-angles in degrees, all zero where unknown (docs.opendronemap.org, "Image Geolocation Files").
+geo.txt: ``name x y [z] [yaw pitch roll] [horizontal and vertical accuracy] [anything]``, angles as
+nadir angles in degrees, all zero where unknown (docs.opendronemap.org, "Image Geolocation Files").
 
-Columns after DJI's manuals (Matrice 4, page 92; Zenmuse P1, page 24): number of the photo, GPS
+MRK: columns after DJI's manuals (Matrice 4, page 92; Zenmuse P1, page 24): number of the photo, GPS
 time of week and week, compensation from antenna to sensor (north, east, down, mm), latitude and
 longitude "after compensation", ellipsoidal height, their standard deviations (north, east, up, m),
-positioning status. The compensation is in the coordinates already: adding it would apply it twice.
+positioning status. The compensation is included in the coordinates: adding it would apply it twice.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from uavgram.model.flight.log import HeightDatum
 from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 
-_COUNTS = (4, 7, 9)  # cells with name: to the height, to the angles, to the accuracies
+_COUNTS = (4, 7, 9)  # cells including the name: up to the height, the angles, the accuracies
 
 
 @dataclass(frozen=True)
@@ -53,15 +53,15 @@ def read_geo_txt(
     path
         The file.
     heights
-        Datum of its heights where its coordinate system names none.
+        Datum of its heights where its coordinate system has none.
     site
-        Where the photos were taken by their own tags; None: they state no place.
+        Place of the photos from their own tags; None where they have none.
 
     Raises
     ------
     InputError
         Names file and line of every mistake: an unknown coordinate system, text for a number, a
-        line without height, a photo that stands twice, a place outside the earth, and one that is
+        line without height, a photo that occurs twice, a place outside the earth, and one that is
         at the site only with x and y exchanged.
     """
     path = Path(path)
@@ -73,7 +73,7 @@ def read_geo_txt(
     latitude, longitude = geodetic(path, crs, xyz, [row.line for row in rows], site)
     nadir = np.radians([row.angles for row in rows])
     messages: tuple[Message, ...] = ()
-    if not nadir.any():  # what the format says for "not available"
+    if not nadir.any():  # the format's value for "not available"
         nadir = np.full_like(nadir, np.nan)
         text = f"{path.name}: all angles are zero, which stands for unknown"
         messages = (Message("info", "geo-without-angles", text),)
@@ -150,7 +150,7 @@ def read_mrk(path: str | Path, photos: Photos) -> tuple[PhotoPoses, tuple[Messag
     Raises
     ------
     InputError
-        A line is malformed, a number stands twice, a photo's name has no number, two photos have
+        A line is malformed, a number occurs twice, a photo's name has no number, two photos have
         the same one, or the capture times contradict the join.
     """
     path = Path(path)
@@ -240,7 +240,7 @@ def _photo_numbers(path: Path, photos: Photos) -> list[int]:
 
 
 def _check_times(path: Path, photos: Photos, rows: _Rows, photo: Ints, row: Ints) -> None:
-    """The camera's clock may be off, but by the same for all photos."""
+    """Check that the offset of the camera's clock is the same for all photos."""
     gap = photos.file_time_s[photo] - rows.utc_s[row]
     known = np.isfinite(gap)
     if known.sum() < 2:
@@ -296,7 +296,7 @@ def read_pose_csv(
     heights
         Datum of its heights.
     site
-        Where the photos were taken by their own tags; None: they state no place.
+        Place of the photos from their own tags; None where they have none.
     may_lack_places
         Whether another source has places, so that a row may have none: all three numbers, or none.
 

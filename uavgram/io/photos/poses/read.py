@@ -1,4 +1,4 @@
-"""Poses of the photos from whatever a project names in `poses`."""
+"""Poses of the photos from one source that a project names in `poses`."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def read_photo_poses(
     photos
         The project's photos.
     heights
-        Datum of heights in files that name none.
+        Datum of heights in files that state none.
 
     Returns
     -------
     poses
-        Of those photos that have one, in the order of `photos`.
+        Poses of the photos that have one, in the order of `photos`.
     messages
-        What was odd, or assumed.
+        Oddities and assumptions.
 
     Raises
     ------
@@ -66,9 +66,9 @@ def read_stated_poses(
     Returns
     -------
     poses
-        Places may be NaN; None where the photos' tags state neither a place nor an attitude.
+        Places may be NaN; None where the photos' tags have neither a place nor an attitude.
     messages
-        What was odd, or assumed.
+        Oddities and assumptions.
     """
     if source == FROM_PHOTOS:
         return read_stated_tags(photos)
@@ -78,7 +78,7 @@ def read_stated_poses(
 
 
 def height_guess(poses: PhotoPoses) -> tuple[Message, ...]:
-    """Say so where the datum of the heights was assumed."""
+    """Create a message where the datum of the heights was assumed."""
     if not poses.datum_guess:
         return ()
     text = (
@@ -102,7 +102,7 @@ def _of_file(
 def _of_photos(
     source: str, poses: PhotoPoses, photos: Photos
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
-    """Rows of the project's photos, in their order; and a message on those that have no photo."""
+    """Select the rows of the project's photos, in their order; report rows without a photo."""
     row = {name: k for k, name in enumerate(poses.frame_id)}
     index = [row[name] for name in photos.frame_id if name in row]
     if not index:

@@ -1,7 +1,7 @@
-"""Poses of the photos from several sources: each quantity from the one that knows it best.
+"""Poses of the photos from several sources: each quantity from the most accurate one.
 
-An image log has the place to centimetres and no attitude, the photos' own tags have the gimbal's
-angles and a place to metres: together they are a pose.
+An image log has the place to centimetres and no attitude; the photos' own tags have the gimbal's
+angles and a place to metres. Together they are a pose.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 
 _ASSUMED = 1e9
-"""Rank of what comes without a standard deviation: after all that has one."""
+"""Rank of values without a standard deviation: after all that have one."""
 
 _PLACE = ("latitude_deg", "longitude_deg", "height_m", "sigma_horizontal_m", "sigma_vertical_m")
 _ATTITUDE = ("ypr_rad", "vehicle_ypr_rad", "sigma_attitude_rad")
 
 
 class _Reading(NamedTuple):
-    """What one source states; `row` (N,) of each photo in its poses, -1 where it has none."""
+    """Poses of one source; `row` (N,) of each photo in its poses, -1 where it has none."""
 
     name: str
     poses: PhotoPoses
     row: Ints
 
     def column(self, name: str) -> Floats:
-        """One quantity of all N photos; NaN where this source does not have the photo."""
+        """Return one quantity of all N photos; NaN where this source does not have the photo."""
         value = np.asarray(getattr(self.poses, name), dtype=np.float64)[self.row]
         value[self.row < 0] = np.nan
         return value
@@ -52,9 +52,9 @@ def read_pose_sources(
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
     """Read the photos' poses from one source or several.
 
-    Of several, place and attitude of each photo come from the source that states the smallest
-    standard deviation; one that states any goes before one that states none, and of equals the
-    one named first.
+    With several, place and attitude of each photo come from the source with the smallest standard
+    deviation; a source with a standard deviation has priority over one without, and among equal
+    ones the first named.
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def read_pose_sources(
     photos
         The project's photos.
     heights
-        Datum of heights in files that name none.
+        Datum of heights in files that state none.
 
     Returns
     -------
     poses
-        Of those photos that have a place, in the order of `photos`.
+        Poses of the photos that have a place, in the order of `photos`.
     messages
-        What was odd, or assumed, and of several sources which gave what.
+        Oddities and assumptions, and with several sources their contributions.
 
     Raises
     ------
@@ -108,7 +108,7 @@ def _merged(
         )
     most = int(np.bincount(place[place >= 0]).argmax())
     datum = readings[most].poses.datum
-    # Heights above different datums are tens of metres apart: they are never mixed.
+    # Heights above different datums differ by tens of metres: use the most frequent datum only.
     usable = [
         _place_rank(each) if each.poses.datum == datum else np.full(len(place), np.inf)
         for each in readings
@@ -149,7 +149,7 @@ def _attitude_rank(reading: _Reading) -> Floats:
 
 
 def _best(ranks: list[Floats], count: int) -> Ints:
-    """(N,) which source has the smallest rank; -1 where none has a finite one."""
+    """Find the source (N,) with the smallest rank; -1 where none has a finite one."""
     if not ranks:
         return np.full(count, -1)
     table = np.stack(ranks)
@@ -158,7 +158,7 @@ def _best(ranks: list[Floats], count: int) -> Ints:
 
 
 def _taken(readings: list[_Reading], chosen: Ints, name: str) -> Floats:
-    """(N, ...) a quantity, of each photo from the source chosen; NaN where none is."""
+    """Collect a quantity (N, ...), for each photo from the chosen source; NaN where none is."""
     value = np.full_like(readings[0].column(name), np.nan)
     for k, reading in enumerate(readings):
         value[chosen == k] = reading.column(name)[chosen == k]
@@ -166,7 +166,7 @@ def _taken(readings: list[_Reading], chosen: Ints, name: str) -> Floats:
 
 
 def _first(readings: list[_Reading], name: str) -> Floats:
-    """(N,) a quantity from the first source that states it."""
+    """Collect a quantity (N,) from the first source that has it."""
     value = readings[0].column(name)
     for reading in readings[1:]:
         value = np.where(np.isfinite(value), value, reading.column(name))
@@ -176,7 +176,10 @@ def _first(readings: list[_Reading], name: str) -> Floats:
 def _another_datum(
     photos: Photos, readings: list[_Reading], lost: Ints, datum: HeightDatum
 ) -> list[Message]:
-    """Photos (`lost` (N,): their source, or -1) whose only height is above something else."""
+    """Warn of photos whose only height is above another datum.
+
+    `lost` (N,) is their source, or -1.
+    """
     names = [photos.frame_id[k] for k in np.flatnonzero(lost >= 0)]
     if not names:
         return []
@@ -190,7 +193,7 @@ def _another_datum(
 
 
 def _summary(readings: list[_Reading], place: Ints, attitude: Ints) -> Message:
-    """Which source gave what."""
+    """Report the contributions of the sources."""
     of_place, of_attitude = _shares(readings, place), _shares(readings, attitude)
     there = place >= 0
     without = int((there & (attitude < 0)).sum())

@@ -1,7 +1,7 @@
-"""Poses from the photos themselves: EXIF GPS, and what drone makers add in XMP.
+"""Poses from the photos themselves: EXIF GPS, and drone makers' tags in XMP.
 
-`MAKERS` is the table of tag readers: a new maker is one more function in it. Each is asked in
-turn; the first that finds its tags decides, and EXIF alone comes last.
+`MAKERS` is the table of tag readers: a new maker is one more function in it. They are tried in
+order; the first that finds its tags is used, and plain EXIF comes last.
 """
 
 from __future__ import annotations
@@ -36,16 +36,18 @@ from uavgram.model.naming import counted, listed_photos
 Angles = tuple[float, float, float]
 NONE: Angles = (math.nan, math.nan, math.nan)
 
-# An RTK receiver states its own noise; base, antenna phase centre and the way from the antenna to
-# the camera are not in it.
+# An RTK receiver states its own noise only, without the errors of the base, the antenna's phase
+# centre and the lever arm to the camera.
 RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M = 0.05, 0.10
-# Programs that turn photos on a click, and leave the pose tags as they were.
+# Programs that rotate photos on a click, and leave the pose tags unchanged.
 _EDITORS = re.compile(r"windows|viewer|picasa|photoshop|lightroom|gimp|irfan|photos", re.IGNORECASE)
 _UPSIDE_DOWN_DEG = 90.0
 _NEAR_NADIR_DEG = 30.0
-# An altitude by barometer may be some tens of metres off, and below the sea by as much.
+# A barometric altitude may be some tens of metres off, and below the sea by as much.
 _LEAST_DEPTH_M = 30.0
-_MIRRORED_SHARE = 0.15  # of the difference to the others that is left where the sign is changed
+_MIRRORED_SHARE = (
+    0.15  # share of the difference to the others that remains after a change of the sign
+)
 
 DJI_GUESS = (
     "DJI writes no datum; without RTK its AbsoluteAltitude is roughly above sea level (barometer "
@@ -55,7 +57,7 @@ RTK_GUESS = "DJI writes ellipsoidal heights where RTK is in use"
 EXIF_GUESS = "EXIF altitude references 0 and 1 name no datum; sea level was assumed"
 
 _HEIGHTS = {"height_m": "altitude", "height_home_m": "height above take-off"}
-"""Heights that tags state."""
+"""Heights in the tags, and their names in messages."""
 
 _COLUMNS = (
     *("latitude_deg", "longitude_deg", "height_m", "height_home_m"),
@@ -65,7 +67,7 @@ _COLUMNS = (
 
 @dataclass(frozen=True, kw_only=True)
 class TagPose:
-    """What the tags of one photo say, in degrees and metres; NaN for what they do not."""
+    """Pose in the tags of one photo, in degrees and metres; NaN where missing."""
 
     latitude_deg: float
     longitude_deg: float
@@ -82,7 +84,7 @@ class TagPose:
 
 
 def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
-    """DJI: attitude of the gimbal (NED, Z-Y-X), heights above take-off, RTK sigmas.
+    """Read DJI's tags: attitude of the gimbal (NED, Z-Y-X), heights above take-off, RTK sigmas.
 
     Names after the manuals of Zenmuse P1 (page 22) and Mavic 3M (page 89); older firmware writes
     ``GpsLongtitude``, the oldest leaves the place to EXIF.
@@ -99,6 +101,7 @@ def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
     altitude = number("AbsoluteAltitude")
     flag = number("RtkFlag")
     has_rtk = xmp.get((DJI, "AltitudeType"), "").lower().startswith("rtk") or flag >= 16
+    # Mean variance of the two horizontal axes.
     horizontal = float(np.hypot(number("RtkStdLat"), number("RtkStdLon")) / math.sqrt(2))
     vertical = number("RtkStdHgt")
     stated = has_rtk and horizontal > 0 and vertical > 0
@@ -118,7 +121,7 @@ def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
 
 
 def pix4d_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
-    """Pix4D's Camera tags (nadir angles), which this program's `geotag --exif` writes too."""
+    """Read Pix4D's Camera tags (nadir angles), which this program's `geotag --exif` writes too."""
     if (PIX4D, "Yaw") not in xmp and (PIX4D, "GPSXYAccuracy") not in xmp:
         return None
     nadir = np.radians([_angles(xmp, PIX4D, "{}")])
@@ -139,7 +142,7 @@ def pix4d_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
 
 
 def exif_pose(_xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
-    """EXIF alone: a place without attitude."""
+    """Read plain EXIF: a place without attitude."""
     return TagPose(
         latitude_deg=exif.latitude_deg,
         longitude_deg=exif.longitude_deg,
@@ -150,16 +153,16 @@ def exif_pose(_xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
 
 
 MAKERS: tuple[Callable[[XmpTags, ExifPlace], TagPose | None], ...] = (
-    pix4d_pose,  # first: a copy that `geotag` wrote keeps its maker's tags beside the better ones
+    pix4d_pose,  # first: a copy by `geotag` keeps its maker's tags beside the better ones
     dji_pose,
     exif_pose,
 )
 
 
 def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
-    """Read the poses that the photos carry; photos without place are left out.
+    """Read the poses in the tags of photos; photos without place are left out.
 
-    Heights are NaN where a photo states none, or one that cannot be right.
+    Heights are NaN where a photo has none, or an impossible one.
 
     Raises
     ------
@@ -178,9 +181,9 @@ def read_photo_tags(photos: Photos) -> tuple[PhotoPoses, tuple[Message, ...]]:
 
 
 def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
-    """`read_photo_tags` where another source has places: photos with an attitude alone count too.
+    """Read the poses in the tags where another source has places, so that an attitude is enough.
 
-    None, with a message, where no photo states either.
+    As `read_photo_tags`; None, with a message, where no photo has a place or an attitude.
     """
     readings = _read_poses(photos)
     rows = [k for k, pose in enumerate(readings) if _has_place(pose) or _has_attitude(pose)]
@@ -196,7 +199,7 @@ def read_stated_tags(photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, 
 def _of_tags(
     photos: Photos, rows: list[int], readings: list[TagPose]
 ) -> tuple[PhotoPoses, tuple[Message, ...]]:
-    """The tags of some photos as columns."""
+    """Convert the tags of some photos to columns."""
     frame_id = tuple(photos.frame_id[k] for k in rows)
     chosen, unused = _without_fillers(frame_id, [readings[k] for k in rows])
     guesses = dict.fromkeys(pose.datum_guess for pose in chosen if pose.datum_guess)
@@ -215,7 +218,10 @@ def _of_tags(
 
 
 def first_maker(photos: Photos) -> str:
-    """Say whose pose tags the first photo carries beside EXIF; empty where none, or unreadable."""
+    """Return the maker of the first photo's pose tags; empty if there are none besides EXIF.
+
+    It is also empty if the tags are unreadable.
+    """
     try:
         pose = _read_pose(photos.path[0])
     except InputError:
@@ -239,7 +245,7 @@ def _read_poses(photos: Photos) -> list[TagPose]:
 def _without_fillers(
     frame_id: tuple[str, ...], poses: list[TagPose]
 ) -> tuple[list[TagPose], list[Message]]:
-    """The poses without angles and altitudes that stand for nothing, and messages on these."""
+    """Remove angles and altitudes that are mere fillers; return messages about them."""
     messages = []
     angles = [pose.ypr_deg for pose in poses if _has_attitude(pose)]
     if angles and not np.any(angles):
@@ -271,9 +277,10 @@ def _without_fillers(
 
 
 def _is_odd(name: str, height: Floats, poses: list[TagPose]) -> Bools:
-    """(N,) whether the altitude of a place is missing, or a height is 0 or of the wrong sign.
+    """Mark the photos (N,) with a missing altitude, or a height that is 0 or of the wrong sign.
 
-    The sign is wrong of one that mirrors those of the other photos, or where all are negative.
+    An altitude is missing where there is a place without it. The sign is wrong if the height
+    mirrors those of the other photos, or if all are negative.
     """
     above = height[height > 0]
     usual = float(np.median(above)) if above.size else math.nan
@@ -287,7 +294,7 @@ def _is_odd(name: str, height: Floats, poses: list[TagPose]) -> Bools:
 
 
 def _one_datum(photos: Photos, placed: list[int], readings: list[TagPose]) -> HeightDatum:
-    """Datum of the heights of the photos that have a place; sea level where none has."""
+    """Determine the datum of the heights of photos with a place; sea level where none has one."""
     if not placed:
         return "msl"
     first = readings[placed[0]].datum
@@ -304,7 +311,7 @@ def _one_datum(photos: Photos, placed: list[int], readings: list[TagPose]) -> He
 
 
 def _oddities(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message, ...]:
-    """Messages on cameras that hang upside down, at nadir (a way of writing) or elsewhere."""
+    """Report cameras that are upside down, at nadir (a matter of notation) or elsewhere."""
     over = [
         (name, pose.ypr_deg)
         for name, pose in zip(frame_id, poses, strict=True)
@@ -343,13 +350,13 @@ def _edited(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message, .
 
 
 def _angles(xmp: XmpTags, namespace: str, pattern: str) -> Angles:
-    """Yaw, pitch, roll [deg]; all NaN where one is absent."""
+    """Read yaw, pitch, roll [deg]; all NaN where one is missing."""
     values = [_first_number(xmp, namespace, (pattern.format(a),)) for a in ("Yaw", "Pitch", "Roll")]
     return NONE if any(math.isnan(v) for v in values) else (values[0], values[1], values[2])
 
 
 def _first_number(xmp: XmpTags, namespace: str, names: Iterable[str]) -> float:
-    """The first of the tags that is there and finite; a fraction (1/50) is one number."""
+    """Return the first of the tags that is present and finite; a fraction (1/50) is one number."""
     for name in names:
         over, _, under = xmp.get((namespace, name), "").partition("/")
         try:
@@ -362,7 +369,7 @@ def _first_number(xmp: XmpTags, namespace: str, names: Iterable[str]) -> float:
 
 
 def _is_place(latitude_deg: float, longitude_deg: float) -> bool:
-    """Whether this is a place on earth; (0, 0) stands for "no fix"."""
+    """Return whether this is a place on earth; (0, 0) means "no fix"."""
     inside = abs(latitude_deg) <= 90 and abs(longitude_deg) <= 180
     return inside and not (latitude_deg == 0 and longitude_deg == 0)
 

@@ -32,7 +32,7 @@ Tags = dict[tuple[str, str], str]
 
 
 def write_tagged_photo(tags: GeoTags, k: int, target: Path) -> None:
-    """Write a copy of photo `k` with its pose: EXIF GPS, Pix4D's Camera tags, DJI's if it has any.
+    """Write a copy of photo `k` with its pose: EXIF GPS, Pix4D's tags, DJI's if it has any.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def write_tagged_photo(tags: GeoTags, k: int, target: Path) -> None:
     Raises
     ------
     InputError
-        The photo is no JPEG, or its EXIF or XMP cannot be read, or has no room.
+        The photo is not a JPEG, or its EXIF or XMP cannot be read, or has no room.
     """
     path = Path(tags.path[k])
     jpeg = parse_jpeg(path.read_bytes())
@@ -69,7 +69,7 @@ def write_tagged_photo(tags: GeoTags, k: int, target: Path) -> None:
 
 
 def _replaced(jpeg: Jpeg, exif: bytes, xmp: bytes) -> list[Segment]:
-    """Segments with the new EXIF and XMP in front, behind a JFIF header."""
+    """Put new EXIF and XMP before the other segments, after a JFIF header."""
     rest = [
         segment
         for segment in jpeg.segments
@@ -80,7 +80,7 @@ def _replaced(jpeg: Jpeg, exif: bytes, xmp: bytes) -> list[Segment]:
 
 
 def _pose_tags(tags: GeoTags, k: int, old: XmpTags) -> Tags:
-    """Tags to set: Pix4D's always; DJI's where they stand already and would contradict."""
+    """Collect the tags to set: Pix4D's always; DJI's where old ones exist and would contradict."""
     yaw, pitch, roll = np.degrees(tags.nadir_ypr_rad[k])
     new: Tags = {
         (PIX4D, "Yaw"): f"{yaw:.4f}",
@@ -89,7 +89,7 @@ def _pose_tags(tags: GeoTags, k: int, old: XmpTags) -> Tags:
         (PIX4D, "GPSXYAccuracy"): f"{tags.sigma_horizontal_m[k]:.3f}",
         (PIX4D, "GPSZAccuracy"): f"{tags.sigma_vertical_m[k]:.3f}",
         (PIX4D, "HorizCS"): "EPSG:4326",
-        # EGM96, the geoid of autopilots and receivers, stands for "above sea level"
+        # EGM96, the geoid of autopilots and receivers, represents "above sea level"
         (PIX4D, "VertCS"): "ellipsoidal" if tags.datum == "ellipsoid" else "EPSG:5773",
     }
     yaw, pitch, roll = np.degrees(tags.gimbal_ypr_rad[k])
@@ -112,5 +112,5 @@ def _pose_tags(tags: GeoTags, k: int, old: XmpTags) -> Tags:
 
 
 def _half_turn(degrees: float) -> float:
-    """An angle within [-180, 180)."""
+    """Reduce an angle to [-180, 180)."""
     return math.remainder(degrees, 360.0)

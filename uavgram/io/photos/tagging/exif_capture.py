@@ -1,4 +1,4 @@
-"""Put capture time and camera into a JPEG: the EXIF segment of CIPA DC-008 (Exif 2.32)."""
+"""Writing of capture time and camera into a JPEG: EXIF segment of CIPA DC-008 (Exif 2.32)."""
 
 from __future__ import annotations
 
@@ -10,24 +10,24 @@ from uavgram.io.photos.metadata import APP1, START, Segment, build_jpeg
 
 
 def with_exif(jpeg: bytes, *, time_utc_s: float, zone_h: float, make: str, model: str) -> bytes:
-    """Insert an EXIF segment behind the JPEG's start marker.
+    """Insert an EXIF segment after the JPEG's start marker.
 
     Parameters
     ----------
     jpeg
         A JPEG file without EXIF.
     time_utc_s
-        The camera clock's reading with its zone taken off, seconds since the Unix epoch; written
-        to the millisecond.
+        The camera clock's reading less its zone, seconds since the Unix epoch; written to the
+        millisecond.
     zone_h
-        The zone it is set to, hours east of Greenwich.
+        Zone of the camera clock, hours east of Greenwich.
     make, model
         ASCII names of the camera.
 
     Raises
     ------
     ValueError
-        `jpeg` is none.
+        `jpeg` is not a JPEG.
     """
     if not jpeg.startswith(START):
         raise ValueError("not a JPEG: it does not start with FF D8")

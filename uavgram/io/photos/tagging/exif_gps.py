@@ -1,7 +1,7 @@
-"""Put a place into the EXIF of a JPEG, and leave all its other tags where they are.
+"""Writing of a place into the EXIF of a JPEG; all other tags keep their offsets.
 
-TIFF 6.0 directories may lie anywhere in the block: the new first directory and the new GPS
-directory go behind what is there, so no offset of another tag changes.
+TIFF 6.0 directories may be anywhere in the block: the new first directory and the new GPS directory
+are appended to the existing block, so no offset of another tag changes.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ Entries = dict[int, bytes]  # tag -> its 12 bytes
 
 
 class TiffError(ValueError):
-    """The EXIF block is not as TIFF 6.0 wants it."""
+    """EXIF block that does not conform to TIFF 6.0."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExifGps:
-    """A place to write: WGS 84 degrees, height and horizontal standard deviation in metres."""
+    """Place to write: WGS 84 degrees, height and horizontal standard deviation in metres."""
 
     latitude_deg: float
     longitude_deg: float
@@ -37,7 +37,7 @@ class ExifGps:
 def with_gps(tiff: bytes | None, gps: ExifGps) -> bytes:
     """Set the GPS tags of an EXIF block (without its ``Exif`` head); None starts a new one.
 
-    Time and other GPS tags that are there already stay.
+    Time and other GPS tags that exist already stay.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def _entry(block: bytearray, order: str, tag: int, kind: int, content: tuple[int
 
 
 def _append(block: bytearray, data: bytes) -> int:
-    """Add data behind the block at an even offset; where it begins."""
+    """Append data to the block at an even offset; return the offset."""
     block.extend(b"\x00" * (len(block) % 2))
     at = len(block)
     block.extend(data)
@@ -93,7 +93,7 @@ def _append(block: bytearray, data: bytes) -> int:
 
 
 def _gps_values(order: str, gps: ExifGps) -> list[tuple[int, int, int, bytes]]:
-    """Tag, type, count and value."""
+    """List tag, type, count and value of each GPS tag."""
     millimetres = round(abs(gps.height_m) * 1000)
     error = max(round(gps.sigma_horizontal_m * 1000), 1)
     south, west = gps.latitude_deg < 0, gps.longitude_deg < 0
@@ -111,7 +111,7 @@ def _gps_values(order: str, gps: ExifGps) -> list[tuple[int, int, int, bytes]]:
 
 
 def _sexagesimal(order: str, degrees: float) -> bytes:
-    """Whole degrees, whole minutes, seconds: rounded once, so that none of them overflows."""
+    """Encode whole degrees, whole minutes and seconds, rounded once, so that none overflows."""
     steps = round(abs(degrees) * 3600 * _SECOND_STEPS)
     minutes, seconds = divmod(steps, 60 * _SECOND_STEPS)
     return struct.pack(f"{order}6I", minutes // 60, 1, minutes % 60, 1, seconds, _SECOND_STEPS)

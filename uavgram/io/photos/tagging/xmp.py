@@ -1,4 +1,4 @@
-"""Set tags in an XMP packet and keep all others."""
+"""Setting of tags in an XMP packet, keeping all others."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uavgram.io.photos.metadata import DJI, PIX4D, parse_xmp
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 META = "adobe:ns:meta/"
 _PREFIXES = {"x": META, "rdf": RDF, "Camera": f"{PIX4D}/", "drone-dji": f"{DJI}/"}
-_RESERVED = re.compile(r"ns\d+|xml|")  # ElementTree keeps these for itself
+_RESERVED = re.compile(r"ns\d+|xml|")  # reserved by ElementTree
 _EMPTY = (
     f'<x:xmpmeta xmlns:x="{META}"><rdf:RDF xmlns:rdf="{RDF}"><rdf:Description rdf:about=""/>'
     "</rdf:RDF></x:xmpmeta>"
@@ -22,19 +22,19 @@ _END = '\n<?xpacket end="w"?>'
 
 
 def with_tags(packet: bytes | None, tags: Mapping[tuple[str, str], str]) -> bytes:
-    """Set tags in a packet (its ``x:xmpmeta``), and wrap it as a file wants it.
+    """Set tags in a packet (its ``x:xmpmeta``), and wrap it for a file.
 
     Parameters
     ----------
     packet
-        What the photo has; None starts a new one.
+        The photo's packet; None starts a new one.
     tags
-        (namespace without its last slash, name) -> text; they replace those of the same name.
+        Text by (namespace without its last slash, name); they replace those of the same name.
 
     Raises
     ------
     xml.parsers.expat.ExpatError, ValueError
-        The packet is no XML, declares entities, or describes nothing.
+        The packet is not XML, declares entities, or has no description.
     """
     source = _EMPTY if packet is None else packet
     parse_xmp(source)  # refuses declarations of entities
@@ -59,7 +59,7 @@ def _prefixes(packet: bytes) -> dict[str, str]:
 
 
 def _remove(place: ET.Element, tags: Mapping[tuple[str, str], str]) -> None:
-    """Take the tags away, as attributes and as elements."""
+    """Remove the tags, both as attributes and as elements."""
     for key in [key for key in place.attrib if _key(key) in tags]:
         del place.attrib[key]
     for child in [child for child in place if _key(child.tag) in tags]:
