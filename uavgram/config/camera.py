@@ -258,7 +258,7 @@ def _row(values: Floats) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Return a text in double quotes, whatever characters it contains."""
+    """Return a text in double quotes, with all special characters escaped."""
     dumped: str = yaml.safe_dump(text, default_style='"', allow_unicode=True, width=math.inf)
     return dumped.strip()
 
