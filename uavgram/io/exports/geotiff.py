@@ -57,8 +57,7 @@ def write_colour_geotiff(
 
     Overviews are averaged from the given windows: reading back and averaging the written file, as
     GDAL does, takes longer than all the rest. The first overview is kept in memory until the
-    picture is done: a byte for each pixel
-    of the picture.
+    picture is done: a byte for each pixel of the picture.
 
     Parameters
     ----------
