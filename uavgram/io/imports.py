@@ -104,6 +104,7 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
     _check(path, rows)
     known = None
     if sigmas is not None:
+        # coordinates of each label from its first row
         first = list({row.label: row for row in reversed(rows)}.values())[::-1]
         xyz = np.array([row.xyz for row in first], dtype=np.float64)
         site = site_of(_beside(path, {row.image for row in rows}))

@@ -66,9 +66,11 @@ def record(
     errors, site, boot_s = scenario.errors, scenario.site, scenario.flight.boot_s
     position, gps = _estimated_positions(scenario, motion, biases, rng)
     body, gimbal = _estimated_angles(errors, motion, biases, rng)
+    # logged times of exposures: jitter, and a fixed delay
     events = motion.exposure_time_s
     events = events + errors.event_jitter_s * rng.standard_normal(len(events))
     events = events + scenario.habits.lag_s
+    # the receiver's rows are late: the position of an earlier time
     gps_rows = slice(GPS_LAG_STEPS, None, GPS_EVERY)
     gps_position = gps[: len(motion.time_s) - GPS_LAG_STEPS : GPS_EVERY]
     every = {

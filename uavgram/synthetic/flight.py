@@ -143,6 +143,7 @@ def _hovers(plan: FlightPlan, site: Site) -> list[_Leg]:
         return [_Leg(place, place, 0.0, pitch)]
     if plan.pattern == "orbit":
         legs = []
+        # each photo of an orbit looks at the ground in the circle's middle
         down = -float(np.arctan2(height - site.ground_height_m, plan.radius_m))
         for angle in 2.0 * np.pi * np.arange(plan.frames) / plan.frames:
             place = (plan.radius_m * np.cos(angle), plan.radius_m * np.sin(angle), height)

@@ -101,10 +101,12 @@ def pick(
     habits, corners = scenario.habits, len(scenario.plates.labels)
     sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
     shown, people = inside(calibration, pixel_px), len(scenario.points)
+    # corners of a plate are found together, if all are inside the photo and it is large enough
     whole = shown[:, people:].reshape(len(shown), -1, CORNERS).all(axis=2)
     shown[:, people:] = np.repeat(whole, CORNERS, axis=1) & large_plates(pixel_px[:, people:])
     frame, point = np.nonzero(shown)
     sigma = sigmas[point]
+    # normal noise, with a share of picks in the heavy tail
     noise = sigma[:, None] * rngs[0].standard_normal((len(frame), 2))
     if habits.heavy_tails:
         noise *= np.where(rngs[1].random((len(frame), 1)) < habits.heavy_tails, TAIL, 1.0)
@@ -113,6 +115,7 @@ def pick(
         [p.height_m if p.stated == "height" else 0.0 for p in points] + [0.0] * corners
     )
     free = np.array([p.stated == "free" for p in points] + [False] * corners)
+    # labels with swaps; the stated heights follow the labels
     label = [truth.label[i] for i in point]
     for first, second in habits.swapped:
         _swap(label, frame.tolist(), first, second)
@@ -166,6 +169,7 @@ def tape(
         ends = [[row[line.start], row[line.end]] for line in scenario.lines]
         leg = np.diff(truth.point_world_m[np.reshape(ends, (-1, 2))], axis=1)[:, 0]
         length = np.linalg.norm(leg[:, :2], axis=1)
+    # reading = length (1 + scale) + noise + gross error
     scale = errors.tape_scale * rngs[1].standard_normal() + habits.tape_long
     wrong = {one.name: one.by_m for one in habits.wrong_lengths}
     blunder = np.array([wrong.get(line.name, 0.0) for line in scenario.lines])

@@ -99,23 +99,28 @@ def simulate(
     draw = _streams(scenario.seed, repetition)
     if exact:
         draw = _Streams(draw.motion, *(Still() for _ in _Streams._fields[1:]))
+    # true flight and its log
     motion = fly(scenario.flight, scenario.site, draw.motion)
     biases = draw_biases(scenario, draw.biases)
     log = record(scenario, motion, biases, draw.log)
     calibration = calibration or calibration_of(scenario.camera)
+    # true camera, drawn from its calibration
     intrinsics = draw.camera.multivariate_normal(calibration.parameters, calibration.covariance)
     intrinsics[:2] *= 1.0 + scenario.habits.focal_wrong
     lost = scenario.lost_exposure
     stored = np.arange(len(motion.exposure_time_s)) != (-1 if lost is None else lost)
     requests = with_true_friction(scenario.measurements, draw.road)
+    # true ground and points
     surface = draw_surface(scenario, draw.ground)
     ground = surface, point_positions(scenario, surface, draw.ground)
     truth = survey_truth(scenario, requests, (motion, biases), ground, intrinsics, stored)
     errors = scenario.errors
+    # readings of the camera clock
     jitter = errors.exif_jitter_s * draw.people.standard_normal(len(truth.frame_id))
     file_time = truth.time_utc_s + errors.camera_clock_offset_s + jitter
     if not scenario.flight.tells_clock:
         file_time += scenario.stated.clock_sigma_s * draw.habits.standard_normal()
+    # observations of people
     lines = tape(scenario, truth, (draw.people, draw.habits))
     checked = [i for i, point in enumerate(scenario.points) if point.mark == "disc"]
     check_noise = errors.check_m * draw.people.standard_normal((len(checked), 3))

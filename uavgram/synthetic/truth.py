@@ -96,6 +96,7 @@ def survey_truth(
     exposed = motion.exposure_time_s[stored]
     center, rotation = true_poses(motion, biases, exposed)
     row = {label: i for i, label in enumerate(scenario.labels)}
+    # ends of the taped lengths, as rows of the points
     ends = np.array([[row[line.start], row[line.end]] for line in scenario.lines], dtype=int)
     ends = ends.reshape(-1, 2)
     names, values, units = measured_values(requests, row, points)

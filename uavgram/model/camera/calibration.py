@@ -218,7 +218,7 @@ FOCAL_OF_A_STRIP = 0.08
 """Relative focal error of a photo that is not a full frame: 0.9 and 11.7 % above, rms 8.3 %."""
 
 CENTRE_OF_A_STRIP = 0.02
-"""Relative error of its principal point: rms of the six coordinates above is 1.9 % of the width."""
+"""Principal point error of such a photo: rms of the six coordinates above, 1.9 % of the width."""
 
 RADIAL_UNKNOWN = (0.16, 0.25, 0.23)
 """Standard deviations of k1 k2 k3 of an unknown lens.

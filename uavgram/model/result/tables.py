@@ -79,7 +79,7 @@ class ProfileResults(FrozenArrays):
         (N,) name of the point.
     place_m
         (N, 4) station from the first point; offset, to the right of the line positive; height above
-        the first point; height of the ground below above the first point.
+        the first point; height of the ground at the point above the first point.
     sigma_m
         (N, 4) their standard deviations; 0 where that holds by definition.
     """

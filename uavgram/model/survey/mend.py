@@ -71,7 +71,7 @@ class Cause:
     mend
         Changes that correct it; None where only a person can.
     gain
-        Decrease of the weighted sum of squares, including observations left out for it.
+        Decrease of the weighted sum of squares, plus that of observations left out for it.
     settles
         Names of lengths and frames whose misfit it explains.
     """

@@ -237,17 +237,21 @@ def _of_raster(raster: GroundRaster, sheet: Surface | None) -> Detail:
 
 def _plate(survey: SimulatedSurvey, number: int, corner_m: Floats) -> Detail:
     """Draw a coded plate, its paper flat on the plane of its corners (4, 3)."""
+    # picture of the code: one block of pixels for each cell
     cells = np.pad(cells_of(FAMILY, number), WHITE_CELLS, constant_values=True)
     side = survey.scenario.plates.side_m
     cell_px = max(1, round(side / (len(cells) - 2 * WHITE_CELLS) / PLATE_RESOLUTION_M))
     white = np.kron(cells, np.ones((cell_px, cell_px), np.bool_))
     image = np.where(white[..., None], np.array(WHITE, np.uint8), np.array(BLACK, np.uint8))
+    # affine map from the scene to the picture by the corners of the black square
     low, high = WHITE_CELLS * cell_px - 0.5, (len(cells) - WHITE_CELLS) * cell_px - 0.5
     corner_px = np.array([[low, low], [high, low], [high, high], [low, high]])
     scene = survey.scenario.site.in_scene(corner_m[:, :2])
     affine = np.linalg.lstsq(np.column_stack([scene, np.ones(CORNERS)]), corner_px)[0].T
+    # corners of the paper in the scene
     rim = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * len(image) - 0.5
     place = (rim - affine[:, 2]) @ np.linalg.inv(affine[:, :2]).T
+    # plane through the corners, on which the paper is
     ground = survey.truth.surface
     offset = corner_m[:, :2] - ground.middle_m
     rows = np.column_stack([np.ones(CORNERS), offset])

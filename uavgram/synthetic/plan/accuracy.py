@@ -219,6 +219,7 @@ def gains(
     options = choice.possible
     aim, candidates = plain_mean(options), options.candidates
     one_each = choice.laid.removesuffix("s")
+    # the best of the remaining candidates, with the layout fixed
     information = options.aim.information + candidates.information(lines)
     among = np.flatnonzero(candidates.apart_from(lines))
     larger = None

@@ -63,6 +63,7 @@ def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
     count, core = layout.points, layout.size - first
     base = np.zeros((core, core))
     found: list[tuple[Ints, Floats, Floats]] = []
+    # priors of the core; split rows with a point into the parts of point and core
     for block in blocks.values():
         own = block.columns < layout.first_tie
         if not own.any():
@@ -82,6 +83,7 @@ def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
     a[label[order], slot], b[label[order], slot] = own_rows[order], core_rows[order]
     # QR decomposition of each point's own part: A = Q R
     q, r = np.linalg.qr(a, mode="complete")
+    # rotated core part: the first rows determine the point, the others are the reduced rows
     turned = np.swapaxes(q, 1, 2) @ b
     inverse = np.linalg.inv(r[:, :size])
     return Eliminated(

@@ -168,6 +168,7 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
     used = np.flatnonzero(seen.any(axis=0))
     row = np.full(len(places.world_m), -1)
     row[used] = np.arange(len(used))
+    # possible ends that at least one photo shows, picked in all photos that show them
     pick_label, pick_frame = np.nonzero(seen[:, used].T)
     candidate = _only(survey, len(used), row[pairs], adjustment.problem.tapes, sigma_m)
     candidate = replace(
@@ -182,6 +183,7 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
     )
     point = np.zeros((len(used), problem.layout.point_size))
     point[:, :2] = places.world_m[used, :2]
+    # linearise at the adjusted state of the survey, with the possible ends as points
     there = replace(
         state,
         point=point,
@@ -193,6 +195,7 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
     if blocks is None:
         raise ValueError("places that photos show lie in front of them")
     tapes = blocks["lengths"]
+    # eliminate the possible ends; whitened rows of the tape readings on the core
     points = eliminated(problem, {k: v for k, v in blocks.items() if k in OF_POINTS})
     ends = row[pairs]
     whitened = whitened_readings(

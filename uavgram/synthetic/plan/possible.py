@@ -150,6 +150,7 @@ def _groups(
     scene: PlanScene, spot_m: Floats, certain: Bools, lengths_m: tuple[float, float] | None
 ) -> tuple[Ints, Ints]:
     """Return (N, m) spots of each candidate, and (q, 2) pairs of them with known lengths."""
+    # pairs of ends that a photo shows together; plates that are completely in a photo
     shown = certain.astype(np.float64)
     if lengths_m is None:
         four = np.arange(len(spot_m)).reshape(-1, 4)

@@ -134,6 +134,7 @@ def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Line
     """
     plates = scene.plates
     name = tuple(f"P{i + 1}" for i in range(len(cameras.center_m)))
+    # picks: every certain sighting; lengths: between the marks, without errors
     mark, frame = np.nonzero(marks.seen.certain.T)
     length = np.linalg.norm(np.diff(marks.world_m[lines.ends], axis=1)[:, 0], axis=1)
     frames = _frames(name, cameras)
@@ -172,6 +173,7 @@ def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Line
             photos=name,
         )
     ).survey
+    # rows of marks and photos that are in the survey, in its order
     row = {one: k for k, one in enumerate(marks.label)}
     mark = np.array([row[one] for one in survey.label])
     flown = {one: k for k, one in enumerate(name)}

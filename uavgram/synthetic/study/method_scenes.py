@@ -111,9 +111,11 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
     truth = study_camera(setting.bulge)
     drawn = [_scene(setting, lines, truth, rng) for _ in range(count)]
     center, rotation, ends, pairs = (np.stack(part) for part in zip(*drawn, strict=True))
+    # picks with the true lens and relief, positions and lengths on level ground
     measured = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1)
     pixel = _seen(truth, center, rotation, _raised(ends, setting.relief_m, rng))
     check = _raised(pairs, setting.relief_m, rng)
+    # logged pose with normal errors
     sigma = np.array(LOG_SIGMA)
     error = sigma * rng.normal(size=(count, 6))
     return MethodScenes(

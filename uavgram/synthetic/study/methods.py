@@ -167,6 +167,7 @@ def row_of(setting: str, method: str, parts: list[Found]) -> MethodRow:
     rms = np.concatenate([one.rms_m for one in parts])
     failed = np.concatenate([one.failed for one in parts])
     told = np.concatenate([one.told for one in parts])
+    # errors in predicted sigmas, of scenes with a determined pose
     z = np.concatenate([(one.error_m / one.sigma_m).ravel() for one in parts])
     z = z[np.isfinite(z) & np.isfinite(np.concatenate([one.sigma_m.ravel() for one in parts]))]
     return MethodRow(

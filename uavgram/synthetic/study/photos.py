@@ -243,10 +243,12 @@ def photo_cell(place: Place, repetitions: int) -> Cell:
         rng = np.random.default_rng([19, crc32(repr(scene).encode())])
         draws, true = draw(photo, repetitions, rng)
         found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
+    # errors of the distances in the repetitions that converged
     ends = found.place_m[:, photo.pairs]
     error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2) - true
     good = found.converged & np.isfinite(error).all(axis=1)
     error = error[good]
+    # root mean square of errors over predicted errors, and its 95 % range
     low, middle, high = ratio_of(error / expected.error_m)
     total = expected.variance.sum()
     return Cell(

@@ -219,6 +219,7 @@ def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
         return None, ()
     mine, notes = _of_one_mount(topic, speaks)
     roll, pitch, earth, vehicle = (column[mine] for column in angles)
+    # yaw from north, if known in at least as many rows as yaw from the nose
     known, nose = int(np.isfinite(earth).sum()), int(np.isfinite(vehicle).sum())
     use_earth = known > 0 and known >= nose
     samples, remarks = gimbal_from_angles(

@@ -153,6 +153,7 @@ def events_of(
     if missed is not None:
         time, number = (np.concatenate(pair) for pair in zip(exposures[:2], missed, strict=True))
         confirmed = np.append(confirmed, np.zeros(len(missed[0])))
+    # sort by time and drop repeated times
     order = np.argsort(time, kind="stable")
     rows = order[np.diff(time[order], prepend=-np.inf) > 0]
     if not len(rows):

@@ -368,6 +368,7 @@ def merged_sigmas(
         for key, column in zip(("horizontal", "vertical"), stated.columns, strict=True)
     ]
     parts += [(stated, "tilt", stated.columns[0], _LARGEST_SIGMA_RAD) for stated in tilts]
+    # interpolate each at the times of the first; of two for the same quantity take the larger
     for stated, key, values, limit in parts:
         rows = plausible_rows(stated.time_s, (values > 0) & (values < limit))
         if not len(rows):

@@ -85,6 +85,7 @@ def checksums(
     edges = np.append(0, np.cumsum(np.bincount(pairs))).tolist()
     initial = _of_zeros(int(short.max()))
     for count, (begin, stop) in enumerate(itertools.pairwise(edges)):
+        # long lists of rows in parts that fit into the cache
         for low in range(begin, stop, _ROWS_OF_SUMS):
             rows = order[low : min(low + _ROWS_OF_SUMS, stop)]
             own = short[rows]
@@ -274,12 +275,14 @@ def scan_frames(data: bytes) -> FrameTable:
     """
     array = np.frombuffer(data, dtype=np.uint8)
     sound, others = _tested(array)
+    # keep records that do not overlap: sound ones first, then others next to them
     sound = sound.only(_apart(sound))
     others = others.only(~_overlaps(others, sound))
     others = others.only(_apart(others))
     failed = int((checksum_extra(others.number) >= 0).sum())
     read = _bytes_of(sound) + _bytes_of(others)
     sender = sound.start + np.where(sound.second, 5, 3)
+    # system and component follow three (version 1) or five bytes after the mark
     return FrameTable(
         data=array,
         start=sound.start,
@@ -475,6 +478,7 @@ def vehicles(frames: FrameTable) -> list[int]:
 
 def boots(frames: FrameTable, system: int) -> list[Stream]:
     """Return one stream for each start of the vehicle's boot clock."""
+    # boot times of all periodic messages of this autopilot, in the order of the file
     mine = (frames.system == system) & (frames.component == _AUTOPILOT_COMPONENT)
     rows_of = [frames.rows(name, mine) for name in _CLOCKED]
     if not any(len(rows) for rows in rows_of):
@@ -490,6 +494,7 @@ def boots(frames: FrameTable, system: int) -> list[Stream]:
     row, time = row[order], time[order]
     if not len(row):
         return []
+    # split where the clock restarts
     edges = [0, *restarts(time).tolist(), len(row)]
     streams = []
     for k in range(len(edges) - 1):
