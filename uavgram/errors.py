@@ -1,12 +1,12 @@
-"""The errors that a user can act on.
+"""Exceptions that a user can act on.
 
-``UavgramError`` is the root; the command line turns it into one message and exit status 1.
-Anything else that is raised is a bug and keeps its traceback.
+``UavgramError`` is the root; the command line prints it as one message, with exit status 1. All
+other exceptions are bugs and keep their traceback.
 
 ::
 
     UavgramError
-    ├── InputError        a file that a person wrote or handed over: names file and line
+    ├── InputError        an invalid input file: names file and line
     ├── GeometryError     the scene, as given, has no solution: names frame or label
     └── OutputError       a result that could not be written
 """
@@ -23,20 +23,20 @@ MOST_FAULTS_SHOWN = 20
 
 
 class UavgramError(Exception):
-    """A problem that the user can solve: says what, where, and what to do."""
+    """Problem that the user can solve; the message gives finding, place and action."""
 
 
 class InputError(UavgramError):
-    """A wrong input file.
+    """Invalid input file.
 
     Parameters
     ----------
     path
         The file.
     message
-        What is wrong, and the way out.
+        Finding and remedy.
     line
-        Line number in the file, from 1; None where lines mean nothing.
+        Line number in the file, from 1; None for files without lines.
     """
 
     def __init__(self, path: str | os.PathLike[str], message: str, line: int | None = None) -> None:
@@ -50,15 +50,15 @@ class InputError(UavgramError):
     def of_all(
         cls, path: str | os.PathLike[str], faults: Sequence[tuple[int | None, str]]
     ) -> InputError:
-        """Make one error of all mistakes of a file, in the order of their lines.
+        """Make one error of all mistakes in a file, in the order of their lines.
 
         Parameters
         ----------
         path
             The file.
         faults
-            At least one pair of line number (None where lines mean nothing) and message; each
-            message but the first gets its own ``path:line:``, as compilers do.
+            At least one pair of line number (None for files without lines) and message; each
+            message but the first gets its own ``path:line:``, as in compilers.
         """
         ordered = sorted(faults, key=lambda fault: fault[0] or 0)
         (line, message), rest = ordered[0], ordered[1:MOST_FAULTS_SHOWN]
@@ -69,29 +69,29 @@ class InputError(UavgramError):
 
 
 class GeometryError(UavgramError):
-    """The scene, as given, has no solution; the message names the frame or label."""
+    """Scene without a solution, as given; the message names the frame or label."""
 
 
 class OutputError(UavgramError):
-    """A result that could not be written; earlier results are untouched."""
+    """Result that could not be written; earlier results are unchanged."""
 
 
-# Letters that look like others in small letters, the Cyrillic and Greek ones too.
+# Letters that look alike in lower case, including Cyrillic and Greek ones.
 _ALIKE = str.maketrans("il|oавекмнорстухαβεηικμνορτυχ", "1110abekmh0pctyxabeh1kmn0ptyx")
 
 
 def alike(name: str) -> str:
-    """Make equal what one cannot tell apart in print: ``Pl`` and ``P1``, ``O`` and ``0``."""
+    """Replace characters that look alike in print: ``Pl`` and ``P1`` become equal."""
     return "".join(name.casefold().translate(_ALIKE).split())
 
 
 def near_miss(word: str, known: Iterable[str]) -> str:
-    """Suggest the known word that is spelled most like `word`.
+    """Suggest the known word whose spelling is closest to `word`.
 
     Returns
     -------
     str
-        ``did you mean 'boresight_sigma_deg'?``, or an empty string where nothing is close.
+        ``did you mean 'boresight_sigma_deg'?``, or an empty string where none is close.
     """
     by_look = {alike(name): name for name in known}
     close = difflib.get_close_matches(alike(word), by_look, n=1, cutoff=0.6)
@@ -108,12 +108,12 @@ _KINDS = (
 
 
 def no_file(path: str | os.PathLike[str]) -> str:
-    """Say what stands where a file should: opening a FIFO or a device may never come back.
+    """Return the kind of a path that is not a file; opening a FIFO or a device may block forever.
 
     Returns
     -------
     str
-        ``a folder, no file`` and the like; empty where it is a file, or nothing that can be seen.
+        ``a folder, no file`` and the like; empty where it is a file, or does not exist.
     """
     try:
         mode = Path(path).stat().st_mode

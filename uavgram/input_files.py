@@ -1,6 +1,6 @@
-"""Input files as bytes and as text, with one message for each way in which they cannot be read.
+"""Input files as bytes and as text, with one message for each reason why they cannot be read.
 
-Among these are formats that people hand in and no reader here knows, each with the way out.
+Known formats without a reader in this program have a message with a remedy.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ _READ = (b"\xff\xd8\xff", b"\x89PNG")
 
 
 class UnreadFormat(NamedTuple):
-    """A format: its name, how its files begin, their suffixes, the way out."""
+    """Format: its name, pattern of its first bytes, suffixes, remedy."""
 
     name: str
     begins: bytes
@@ -75,9 +75,9 @@ _FORMATS = (
 
 
 def unread_format(path: str | Path) -> UnreadFormat | None:
-    """Recognise a format that is not read, by how the file begins, else by its suffix.
+    """Recognise a format without a reader, by its first bytes, else by its suffix.
 
-    None where it is another one, or the file cannot be read.
+    None for any other format, or if the file cannot be read.
     """
     if no_file(path):
         return None
@@ -93,31 +93,31 @@ def unread_format(path: str | Path) -> UnreadFormat | None:
 
 
 def refuse_unread(path: str | Path) -> None:
-    """Refuse a file of a format that is not read.
+    """Raise an error for a file of a format without a reader.
 
     Raises
     ------
     InputError
-        Names the format, and the way out.
+        Names the format and the remedy.
     """
     if known := unread_format(path):
         raise InputError(path, f"is a {known.name}, which is not read: {known.way_out}")
 
 
 def read_bytes(path: str | Path, way_out: str = "name a file") -> bytes:
-    """Content of a file.
+    """Read the content of a file.
 
     Parameters
     ----------
     path
         The file.
     way_out
-        What to do where a folder, a pipe or a device stands there.
+        Remedy in the message for a folder, a pipe or a device.
 
     Raises
     ------
     InputError
-        It is no file, of a format that is not read, or cannot be read.
+        It is not a file, has a format without a reader, or cannot be read.
     """
     with opened(path, way_out) as file:
         return file.read()
@@ -125,7 +125,7 @@ def read_bytes(path: str | Path, way_out: str = "name a file") -> bytes:
 
 @contextmanager
 def opened(path: str | Path, way_out: str = "name a file") -> Iterator[BinaryIO]:
-    """A file to read piece by piece; parameters and errors as of `read_bytes`."""
+    """Open a file to read it piece by piece; parameters and errors as of `read_bytes`."""
     if what := no_file(path):
         raise InputError(path, f"is {what}: {way_out}")
     refuse_unread(path)
@@ -137,19 +137,19 @@ def opened(path: str | Path, way_out: str = "name a file") -> Iterator[BinaryIO]
 
 
 def read_text(path: str | Path, what_to_do: str) -> str:
-    """Text of a UTF-8 file, without byte order mark.
+    """Read the text of a UTF-8 file, without byte order mark.
 
     Parameters
     ----------
     path
         The file.
     what_to_do
-        Ends the message where it is no such text.
+        End of the message for a file with other content.
 
     Raises
     ------
     InputError
-        It is no file, cannot be read, or is no UTF-8 text: names the line.
+        It is not a file, cannot be read, or is not UTF-8 text: names the line.
     """
     data = read_bytes(path)
     try:

@@ -1,1 +1,1 @@
-"""The YAML that a person writes, parsed into model types; only here yaml and pydantic."""
+"""Parser of YAML input files into model types, the only place that uses yaml and pydantic."""

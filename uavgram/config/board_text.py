@@ -1,4 +1,4 @@
-"""A calibration board as a person writes it: ``chessboard:9x6:25mm``."""
+"""Text notation of calibration boards, such as ``chessboard:9x6:25mm``."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FORMS = (
     "charuco:8x6:30mm:22mm:DICT_5X5_100 (8 x 6 squares; sides of a square and of a marker; "
     "the markers' dictionary)"
 )
-LEAST_CORNERS = 3  # each way: with fewer nothing tells a board from any other crossing lines
+LEAST_CORNERS = 3  # each way: with fewer, any other crossing lines look like a board
 MOST_CORNERS = 200  # each way: no camera resolves more of them
 _LARGEST_SQUARE_M = 5.0
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
@@ -23,7 +23,7 @@ _LENGTH = re.compile(r"(\d+(?:\.\d*)?|\.\d+)(mm|cm|m)")
 
 
 def parse_board(text: str) -> Board:
-    """Read a board.
+    """Parse the notation of a calibration board.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def parse_board(text: str) -> Board:
     Raises
     ------
     InputError
-        It cannot be read, or is no board.
+        It cannot be parsed, or is not a board.
     """
     kind, *parts = text.strip().split(":")
     if kind == "chessboard" and len(parts) == 2:

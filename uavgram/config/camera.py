@@ -1,4 +1,4 @@
-"""camera.yaml, in both directions: every digit, and readable."""
+"""Reader and writer of camera.yaml, with every digit and readable."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ from uavgram.model.camera.tags import TABLE_SIGMA_S, Readout
 from uavgram.model.limits import LARGEST_SIGMA, number_text
 
 LONGEST_READOUT_MS = 1000.0
-RELATIVE_TOLERANCE = 1e-6  # of symmetry and definiteness: files are rounded to some digits
+RELATIVE_TOLERANCE = 1e-6  # of symmetry and definiteness, as numbers in files are rounded
 
 
 @dataclass(frozen=True, kw_only=True)
 class _CameraFile:
-    """The keys of camera.yaml."""
+    """Keys of camera.yaml."""
 
     model: LensModel
     width_px: int
@@ -47,18 +47,18 @@ class _CameraFile:
 
 
 def load_camera(path: str | Path) -> Calibration:
-    """Read the calibration of a camera file of this program; see `load_camera_file`."""
+    """Read the calibration in a camera file of this program; see `load_camera_file`."""
     return load_camera_file(path)[0]
 
 
 def load_camera_file(path: str | Path) -> tuple[Calibration, CameraProvenance | None]:
-    """Read a camera file of this program, and where it comes from (None where it does not say).
+    """Read the calibration and its provenance (None where missing) from a camera file.
 
     Raises
     ------
     InputError
-        Names file, line and key of every mistake: those of the YAML, a wrong number of
-        parameters, a parameter out of range, a covariance that is none.
+        Names file, line and key of every mistake: those of the YAML, a wrong number of parameters,
+        a parameter out of range, an invalid covariance.
     """
     path = Path(path).absolute()
     document = read_yaml(path)
@@ -81,7 +81,7 @@ def load_camera_file(path: str | Path) -> tuple[Calibration, CameraProvenance | 
 
 
 def _readout(camera: _CameraFile) -> Readout | None:
-    """The stated readout time; 0 without a sigma is a shutter that exposes all rows at once."""
+    """Return the stated readout time; 0 without a sigma means all rows are exposed at once."""
     if camera.readout_ms is None:
         return None
     usual_ms = 1e3 * TABLE_SIGMA_S if camera.readout_ms else 0.0
@@ -90,7 +90,7 @@ def _readout(camera: _CameraFile) -> Readout | None:
 
 
 def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
-    """List what is wrong with sizes, counts and ranges, as pairs of key and message."""
+    """List faults of sizes, counts and ranges, as pairs of key and message."""
     faults = [
         (key, f"must be greater than 0 (got {getattr(camera, key)})")
         for key in ("width_px", "height_px")
@@ -169,14 +169,14 @@ def _parameter_faults(camera: _CameraFile) -> list[tuple[str, str]]:
                 )
             )
     for name, centre_px, size in (("cx", cx, camera.width_px), ("cy", cy, camera.height_px)):
-        if not -size <= centre_px <= 2 * size:  # of a crop it may lie outside
+        if not -size <= centre_px <= 2 * size:  # it may be outside a crop
             text = f"{name} must be in pixels, inside the image (got {centre_px}, size {size})"
             faults.append(("parameters", text))
     return faults
 
 
 def _covariance(camera: _CameraFile, document: Document) -> Floats:
-    """(P, P) covariance from either key; symmetric and positive semidefinite, or an error."""
+    """Return the (P, P) covariance from either key, or raise if it is not positive semidefinite."""
     if camera.covariance is None:
         return np.diag(np.square(np.array(camera.sigma, dtype=np.float64)))
     names = _names(camera)
@@ -190,6 +190,7 @@ def _covariance(camera: _CameraFile, document: Document) -> Floats:
         )
     correlation = correlation_of(matrix)
     _check_symmetric(correlation, matrix, names, document)
+    # test the correlation matrix, whose eigenvalues do not depend on units
     lowest = float(np.linalg.eigvalsh((correlation + correlation.T) / 2)[0])
     if lowest < -RELATIVE_TOLERANCE:
         raise InputError(
@@ -219,7 +220,7 @@ _SIGMA_DIGITS = 3
 
 
 def camera_text(calibration: Calibration, provenance: CameraProvenance) -> str:
-    """Text of a camera.yaml with the full covariance; `load_camera` gives both back to the bit."""
+    """Return the text of a camera.yaml with the full covariance, for an exact round trip."""
     names = calibration.parameter_names
     sigma = calibration.covariance.diagonal() ** 0.5
     lines = [
@@ -257,7 +258,7 @@ def _row(values: Floats) -> str:
 
 
 def _quoted(text: str) -> str:
-    """Text in double quotes, whatever is in it."""
+    """Return a text in double quotes, with all special characters escaped."""
     dumped: str = yaml.safe_dump(text, default_style='"', allow_unicode=True, width=math.inf)
     return dumped.strip()
 

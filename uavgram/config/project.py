@@ -1,4 +1,4 @@
-"""project.yaml -> `Project`."""
+"""Reader of project.yaml, with checks of its input files."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ _INPUT_FILES = (
 )
 PROJECT_FILE = "project.yaml"
 PICKED_FILES = ("picks", "lines", "measure", "ties")
-"""Inputs that the program makes: a project that is not finished may lack them."""
+"""Inputs made by the program, which may be missing in an unfinished project."""
 
 _WAYS_OUT = {"ties": "; `uavgram picks ties` finds tie points, or write `ties: auto`"}
-"""What to do about files that the program can make."""
+"""Remedies for missing files that the program can make."""
 
 FROM_PHOTOS = "exif"
-"""Value of `poses` that names no file."""
+"""Value of `poses` that is not a path."""
 
 _NO_PATHS = {
     ("poses", FROM_PHOTOS),
@@ -56,7 +56,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
     path
         The file, or its folder (see `project_file`). Its paths are relative to its folder.
     unfinished
-        Whether picks, ties, lengths and measurements may name files that are not there yet.
+        Whether picks, ties, lengths and measurements may name files that do not exist yet.
 
     Returns
     -------
@@ -64,7 +64,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
         With absolute paths and patterns (the folder's own glob characters escaped), and the
         folder's name where the file gives none. `units`: ``metric`` (metres and km/h, the default),
         ``imperial`` (feet and inches, and mph), or ``{length: m | ft | ft-in, speed: km/h | mph |
-        m/s}``: only what people read is in them, all files keep metres and m/s.
+        m/s}``: only for display, all files keep metres and m/s.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
 
 
 def project_file(path: str | Path) -> Path:
-    """The project file that is meant: in a folder, its project.yaml.
+    """Return the project file for a path: project.yaml for a folder.
 
     Raises
     ------
@@ -110,7 +110,7 @@ def project_file(path: str | Path) -> Path:
 
 
 def relative_paths(project: Project, folder: Path) -> Project:
-    """The project with its paths relative to its folder, as a person would write them there.
+    """Return the project with paths relative to its folder, as written in its file.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def _from_folder(path: str, folder: str) -> str:
 
 
 def _missing_files(data: dict[str, Plain], folder: Path, keys: Sequence[str]) -> tuple[Fault, ...]:
-    """Find the input files named by `keys` that are not there."""
+    """Find the input files named by `keys` that do not exist."""
     faults = []
     for key in keys:
         for name in _names(data.get(key)):
@@ -144,13 +144,13 @@ def _missing_files(data: dict[str, Plain], folder: Path, keys: Sequence[str]) ->
 
 
 def _names(value: Plain) -> list[str]:
-    """Texts of a value, or of a list of values, that are not empty."""
+    """Return the non-empty texts of a value or a list of values."""
     values = value if isinstance(value, list) else [value]
     return [name for name in values if isinstance(name, str) and name]
 
 
 def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
-    """Find a coordinate system that maps in metres cannot use."""
+    """Find a coordinate system that is unsuitable for maps in metres."""
     crs = data.get("crs", "auto")
     if not isinstance(crs, str) or crs in ("", "auto"):
         return ()
@@ -162,7 +162,7 @@ def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
 
 
 def _with_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, ...]]:
-    """Short forms of `units` in full; those that there are not, left out and told."""
+    """Expand short forms of `units`; remove invalid units and return their faults."""
     units = data.get("units")
     length = units.get("length") if isinstance(units, dict) else units
     fault = ""
@@ -185,7 +185,7 @@ def _with_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, 
 
 
 def _no_board(data: dict[str, Plain]) -> tuple[Fault, ...]:
-    """Find a ChArUco board among the targets that is none."""
+    """Find an invalid ChArUco board among the targets."""
     targets = data.get("targets")
     family = targets.get("family") if isinstance(targets, dict) else None
     if not isinstance(family, str) or not family.startswith(f"{BOARD_PLATE}:"):
@@ -224,7 +224,7 @@ def _with_absolute_paths(project: Project, folder: Path) -> Project:
 def _with_paths(
     project: Project, of_pattern: Callable[[str], str], of_file: Callable[[str], str]
 ) -> Project:
-    """The project with other patterns of photos, and other names of files."""
+    """Return the project with other patterns of photos, and other names of files."""
     changed: dict[str, str | tuple[str, ...]] = {"images": tuple(map(of_pattern, project.images))}
     for key in (*_INPUT_FILES, "output"):
         named = getattr(project, key)

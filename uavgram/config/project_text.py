@@ -1,4 +1,4 @@
-"""A project file with comments, for a person to go on with."""
+"""Template of a new project file with comments, and changes of single settings."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ _OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y
 
 Scalar = str | float
 Settings = Mapping[str, "Scalar | Mapping[str, Scalar]"]
-"""New values by key; of a section, by the keys in it."""
+"""New values by key, or for a section by the keys in it."""
 
 _VALUE = r"""(?:"[^"\n]*"|'[^'\n]*'|\{[^{}\n]*\}|[^\s#"'|>&*!\[{][^#\n]*?)"""
 _END = r"(?P<end>[ \t]*(?:[ \t]\#.*)?\r?)$"
 _HEAD = rf"(?:\#[ ]?)?KEY:(?:[ \t]+(?P<value>{_VALUE}))?{_END}"
-"""A key of the file, or the template's comment for it."""
+"""Pattern of a key of the file, or of the template's comment for it."""
 
 _INNER = rf"(?P<indent>\#[ ]+|[ ]+)KEY:(?:[ \t]+(?P<value>{_VALUE}))?{_END}"
-"""A key of a section, or the template's comment for it."""
+"""Pattern of a key of a section, or of the template's comment for it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AssumedOrigin:
-    """A place on the ground: WGS 84 degrees, and how high it is, with sigma and datum."""
+    """Assumed origin on the ground: WGS 84 degrees, height with sigma and datum."""
 
     latitude_deg: float
     longitude_deg: float
@@ -38,12 +38,12 @@ class AssumedOrigin:
 
 @dataclass(frozen=True, kw_only=True)
 class ProjectText:
-    """What a new project names; paths are relative to it, in the form of YAML's patterns.
+    """Values of a new project file; paths are relative to it, in the form of YAML's patterns.
 
     Attributes
     ----------
     name
-        Of the project.
+        Name of the project.
     images
         Patterns.
     camera
@@ -55,9 +55,9 @@ class ProjectText:
     offset_s
         Camera clock minus UTC [s]; None: from the log's camera events.
     origin
-        Place and height of the ground, where neither log nor poses state them.
+        Position and height of the ground, where neither log nor poses state them.
     name_format
-        By which the photos' names are read as their times; None: EXIF states them.
+        Pattern of the times in the photos' names; None: EXIF states them.
     """
 
     name: str
@@ -142,7 +142,7 @@ _OPTIONS = {
 
 
 def project_text(project: ProjectText) -> str:
-    """The file: every key has a comment, what is not there stands as a comment."""
+    """Return the project file: every key has a comment, and unused keys are commented out."""
     images = [_scalar(pattern) for pattern in project.images]
     values: dict[str, str | None] = {
         "name": _scalar(project.name),
@@ -198,17 +198,17 @@ def _time_lines(project: ProjectText) -> list[str]:
 
 
 def with_settings(text: str, settings: Settings) -> str | None:
-    """Set values in a project file; comments and everything else stay as they are.
+    """Set values in a project file; comments and everything else stay unchanged.
 
-    Where the file has a key, or the template's comment for it, its line is changed in place. A key
-    that is not there is added below the head of its section, and a section at the end.
+    If the file has a key, or the template's comment for it, its line is changed in place. A missing
+    key is added below the head of its section, and a missing section at the end.
 
     Parameters
     ----------
     text
         The project file.
     settings
-        What is to be set.
+        Values to set.
 
     Returns
     -------
@@ -260,7 +260,7 @@ def _set_section(lines: list[str], key: str, values: Mapping[str, Scalar]) -> No
 
 
 def _append(lines: list[str], *added: str) -> None:
-    """Add a key at the end of a file, unless it is there in a form that no line can replace."""
+    """Add a key at the end of a file, unless it exists in a form that no line can replace."""
     if not any(line.startswith(added[0].partition(":")[0] + ":") for line in lines):
         at = len(lines) - (lines[-1] == "")
         lines[at:at] = added
@@ -275,7 +275,7 @@ def _find(lines: Sequence[str], pattern: str, key: str) -> tuple[int, re.Match[s
 
 
 def _is_inside(line: str) -> bool:
-    """Whether a line is of the section above it: indented, or a comment of the template."""
+    """Return whether a line belongs to the section above it: indented, or a template comment."""
     return line.startswith((" ", "#  "))
 
 
@@ -292,7 +292,7 @@ def _says(text: str) -> dict[str, object]:
 
 
 def _merged(said: dict[str, object], settings: Settings) -> dict[str, object]:
-    """What a file should say with the settings in it."""
+    """Return the expected content of a file after the settings are applied."""
     merged = dict(said)
     for key, value in settings.items():
         before = merged.get(key)
@@ -302,7 +302,7 @@ def _merged(said: dict[str, object], settings: Settings) -> dict[str, object]:
 
 
 def _scalar(text: str) -> str:
-    """A YAML scalar; in double quotes (as in JSON) where it could mean something else."""
+    """Return a YAML scalar, in double quotes (as in JSON) where it is ambiguous."""
     if _PLAIN.fullmatch(text.replace("*", "x")) and not text.startswith("*"):
         return json.dumps(text) if text.lower() in _OTHER_MEANINGS else text
     return json.dumps(text, ensure_ascii=False)

@@ -1,8 +1,8 @@
-"""YAML as people mean it: the core schema of YAML 1.2, with the line of every key and value.
+"""Strict YAML: the core schema of YAML 1.2, with the line of every key and value.
 
-PyYAML on its own reads ``1e-3`` as text, ``no`` as false, ``12:30`` as 750 and ``010`` as 8, and
-lets the last of two equal keys win. Here numbers are those of YAML 1.2.2, section 10.3.2 (decimal
-ones; a leading zero makes text), only true and false are booleans, and equal keys are mistakes.
+PyYAML on its own reads ``1e-3`` as text, ``no`` as false, ``12:30`` as 750 and ``010`` as 8, and of
+two equal keys keeps the last. Here numbers are those of YAML 1.2.2, section 10.3.2 (decimal ones; a
+leading zero makes text), only true and false are booleans, and equal keys are mistakes.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from uavgram.model.limits import unshowable, with_point
 KeyPath = tuple[str | int, ...]
 Plain = str | int | float | bool | None | list["Plain"] | dict[str, "Plain"]
 
-DEEPEST = 20  # composing is recursive; no file of ours nests deeper than 3
+DEEPEST = 20  # composing is recursive; no file of this program nests deeper than 3
 MOST_ITEMS = 100_000
-"""Of all lists of a file together, such as the names of a project's photos: a minute to read."""
+"""Limit of the list items in a file, such as photo names: a minute of reading."""
 _PREFIX = "tag:yaml.org,2002:"
 
 
@@ -50,27 +50,27 @@ class Document:
     faults: tuple[tuple[int, str], ...]
 
     def line_of(self, key_path: KeyPath) -> int:
-        """Line of a key or item, or of the nearest thing around it that the file has."""
+        """Return the line of a key or item, or of the innermost enclosing one in the file."""
         while key_path and key_path not in self.lines:
             key_path = key_path[:-1]
         return self.lines.get(key_path, 1)
 
 
 def read_yaml(path: Path, most_items: int = MOST_ITEMS) -> Document:
-    """Read a YAML file that a person wrote.
+    """Read a YAML file written by a person.
 
     Parameters
     ----------
     path
         The file.
     most_items
-        How many items all its lists may have together, those of lists in lists too.
+        Limit of the items of all its lists together, including nested lists.
 
     Raises
     ------
     InputError
-        The file cannot be read, is not UTF-8, is no YAML, is empty, is nested too deeply, has too
-        many items, or uses what this program does not know (several documents, aliases, tags).
+        The file cannot be read, is not UTF-8, is not YAML, is empty, is nested too deeply, has too
+        many items, or uses unsupported features (several documents, aliases, tags).
     """
     text = read_text(path, "save it as UTF-8")
     try:
@@ -100,7 +100,7 @@ def _compose(path: Path, text: str, most_items: int) -> yaml.Node | None:
 
 
 class _Loader(yaml.SafeLoader):
-    """Looks at each event as nodes are made of it: reading takes long enough once."""
+    """Loader that checks each event while nodes are composed, to avoid a slow second pass."""
 
     def __init__(self, path: Path, text: str, most_items: int) -> None:
         super().__init__(text)
@@ -129,7 +129,7 @@ class _Loader(yaml.SafeLoader):
 
 
 def _refuse_sigils(path: Path, event: yaml.NodeEvent) -> None:
-    """Refuse aliases (*), anchors (&) and tags (!): here they are slips for quoted text."""
+    """Reject aliases (*), anchors (&) and tags (!), which are text without its quotes here."""
     tag = getattr(event, "tag", None)
     if isinstance(event, yaml.AliasEvent):
         what = f"*{event.anchor} is an alias"
@@ -161,14 +161,14 @@ _EXPLANATIONS = {
 
 
 def _explain(fault: yaml.MarkedYAMLError) -> str:
-    """Say in plain words what the parser stumbled over."""
+    """Return a parser error in plain words."""
     problem = f"{fault.problem or ''} ({fault.context or 'here'})"
     plain = (text for part, text in _EXPLANATIONS.items() if part in problem)
     return next(plain, f"is not valid YAML: {problem}")
 
 
 class _Builder:
-    """Plain data from YAML nodes, noting lines and faults on the way."""
+    """Converter of YAML nodes to plain data, which records lines and faults."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -181,13 +181,13 @@ class _Builder:
             return self._mapping(node, at)
         if isinstance(node, yaml.SequenceNode):
             return [self.build(item, (*at, i)) for i, item in enumerate(node.value)]
-        # PyYAML tags a plain scalar by the rules of YAML 1.1: resolve what was written again.
+        # PyYAML resolves a plain scalar by the rules of YAML 1.1: resolve its text again.
         self._refuse_unseen(str(node.value), dotted(at), node)
         is_quoted = isinstance(node, yaml.ScalarNode) and node.style is not None
         return str(node.value) if is_quoted else resolve_scalar(str(node.value))
 
     def _refuse_unseen(self, text: str, what: str, node: yaml.Node) -> None:
-        if fault := unshowable("".join(text.split())):  # texts of several lines may be meant
+        if fault := unshowable("".join(text.split())):  # a text of several lines may be intended
             self.faults.append((_line(node), f"{what}: holds {fault}: type it again"))
 
     def _mapping(self, node: yaml.MappingNode, at: KeyPath) -> dict[str, Plain]:
@@ -225,12 +225,11 @@ _RESOLVERS: tuple[tuple[re.Pattern[str], Callable[[str], Plain]], ...] = (
 
 
 def resolve_scalar(written: str) -> Plain:
-    """Read an unquoted scalar by YAML 1.2.2, section 10.3.2, decimal and finite numbers only.
+    """Convert an unquoted scalar by YAML 1.2.2, section 10.3.2, decimal and finite numbers only.
 
-    But for a decimal comma that can mean nothing else (``1,5``), which is a number here.
-
-    Whatever is no such number stays text (``010``, ``12:30``, ``.nan``, ``0x10``, ``1_000``), so
-    that it is refused where a number is wanted, with the text in the message.
+    In addition, an unambiguous decimal comma (``1,5``) makes a number. Other texts stay text
+    (``010``, ``12:30``, ``.nan``, ``0x10``, ``1_000``), so that they are rejected where a number is
+    required, with the text in the message.
     """
     for pattern, convert in _RESOLVERS:
         if pattern.fullmatch(pointed := with_point(written)):
@@ -245,17 +244,17 @@ def _line(node: yaml.Node) -> int:
 
 
 def dotted(key_path: KeyPath) -> str:
-    """Write a path the way people name it: ``telemetry.position_sigma_m[0]``."""
+    """Write a key path in dotted notation: ``telemetry.position_sigma_m[0]``."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key_path)
     return text.removeprefix(".")
 
 
 WIDTH = 110
-"""Of lines that are written."""
+"""Largest number of characters in a written line."""
 
 
 def yaml_text(data: Plain) -> str:
-    """Write plain data as YAML, in the order that it has."""
+    """Write plain data as YAML, in its order."""
     text: str = yaml.safe_dump(
         data, sort_keys=False, allow_unicode=True, width=WIDTH, default_flow_style=None
     )

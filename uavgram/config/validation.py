@@ -1,7 +1,7 @@
-"""Plain data from a file to frozen data classes, with every mistake of the file in one error.
+"""Validation of plain data against frozen data classes, with all mistakes of a file in one error.
 
 The dataclasses of the model are the schema: pydantic reads them, unknown keys are mistakes at every
-level, and nothing is converted silently (strict: text is no number, true is no number).
+level, and values are not converted silently (strict: text is no number, true is no number).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ LONGEST_VALUE_SHOWN = 60
 
 @dataclass(frozen=True)
 class Fault:
-    """One mistake: where it is, and what is wrong with what value."""
+    """One mistake: its place, and a text with the invalid value."""
 
     at: KeyPath
     text: str
@@ -34,10 +34,10 @@ class Fault:
 
 @dataclass(frozen=True)
 class _Found:
-    """One of pydantic's errors, with its place in the data instead of in the schema."""
+    """One error of pydantic, with its place in the data instead of in the schema."""
 
     at: KeyPath
-    union_at: KeyPath | None  # where the types of a union part ways, if it comes from one of them
+    union_at: KeyPath | None  # place of the union, if the error comes from one of its types
     kind: str
     details: ErrorDetails
 
@@ -48,7 +48,7 @@ def faults_of(errors: Sequence[ErrorDetails], schema: type, data: Plain) -> list
     Parameters
     ----------
     errors
-        What it found in ``{"root": data}``.
+        Errors of ``{"root": data}``.
     schema
         The data class that `data` should fit.
     data
@@ -70,7 +70,7 @@ def faults_of(errors: Sequence[ErrorDetails], schema: type, data: Plain) -> list
 
 
 def _locate(details: ErrorDetails, data: Plain) -> _Found:
-    """Follow pydantic's location through the data; parts that lead nowhere name union types."""
+    """Follow pydantic's location through the data; parts that are not in it name union types."""
     at: KeyPath = ()
     union_at: KeyPath | None = None
     here = data
@@ -89,7 +89,7 @@ def _locate(details: ErrorDetails, data: Plain) -> _Found:
 
 
 def _is_meant(found: _Found) -> bool:
-    """Whether the value is of this branch of a union, only with something wrong inside."""
+    """Return whether the value has this type of a union, with a fault inside."""
     return found.at != found.union_at or found.kind in {"value_error", "too_long"}
 
 
@@ -120,7 +120,7 @@ _EXPECTED = {
 
 
 def _explain(found: _Found, schema: type, data: Plain) -> list[Fault]:
-    """Say in the file's words what one error means."""
+    """Explain one error in terms of the file."""
     at, details = found.at, found.details
     if found.kind == "value_error":
         return _out_of_range(at, details["ctx"]["error"], data)
@@ -186,7 +186,7 @@ def _number_hint(value: Plain) -> str:
 
 
 def value_at(data: Plain, at: KeyPath) -> Plain:
-    """Value at a path in plain data; None where there is none."""
+    """Return the value at a path in plain data; None where there is none."""
     for part in at:
         if isinstance(data, dict):
             data = data.get(str(part))
@@ -198,7 +198,7 @@ def value_at(data: Plain, at: KeyPath) -> Plain:
 
 
 def show(value: Plain) -> str:
-    """Write an offending value, cut to a length that a message can hold."""
+    """Write an invalid value, shortened for a message."""
     text = repr(value) if isinstance(value, str) else _as_yaml(value)
     return text if len(text) <= LONGEST_VALUE_SHOWN else text[: LONGEST_VALUE_SHOWN - 3] + "..."
 
@@ -214,7 +214,7 @@ def _as_yaml(value: Plain) -> str:
 
 
 def type_at(schema: Any, at: KeyPath) -> Any:  # noqa: ANN401
-    """Type annotation of a key of nested dataclasses; None where the schema has no such key.
+    """Return the type annotation of a key of nested dataclasses; None for an unknown key.
 
     A mapping has keys of any name, with values of one type.
     """
@@ -241,7 +241,7 @@ Schema = TypeVar("Schema")
 
 
 class _Root(BaseModel, Generic[Schema]):
-    """Carries the configuration: plain dataclasses, nested ones too, inherit it from here only."""
+    """Root model, the only source of configuration for plain dataclasses, also nested ones."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
     root: Schema
@@ -249,23 +249,23 @@ class _Root(BaseModel, Generic[Schema]):
 
 @cache
 def _root_of(schema: type[Schema]) -> type[_Root[Schema]]:
-    """Made once: building what checks a project's settings takes longer than reading its file."""
+    """Return a cached model: building the validator takes longer than reading the file."""
     return _Root[schema]  # type: ignore[valid-type]
 
 
 def validate(
     schema: type[Schema], document: Document, more_faults: tuple[Fault, ...] = ()
 ) -> Schema:
-    """Make a `schema` of a file's data.
+    """Convert a file's data to a `schema`.
 
     Parameters
     ----------
     schema
-        A frozen dataclass of keyword-only fields, nested at will.
+        A frozen dataclass of keyword-only fields, nested to any depth.
     document
         The file; its root must be a mapping.
     more_faults
-        Mistakes that the caller found, to be reported together with the others.
+        Mistakes found by the caller, to be reported together with the others.
 
     Raises
     ------
@@ -293,25 +293,25 @@ def _validate_all(
 ) -> tuple[Schema | None, list[Fault]]:
     """Validate, and find every mistake.
 
-    A dataclass checks the ranges of its fields only once all of them have the right type. So
-    what is wrong is taken out (its default steps in) and the rest tried again, until nothing new
-    turns up.
+    A dataclass checks the ranges of its fields only when all of them have the right type. So
+    invalid values are removed (their defaults are used) and the rest is validated again, until no
+    new faults are found.
     """
     faults: dict[KeyPath, Fault] = {}
     taken: set[KeyPath] = set()
     while True:
         try:
-            # Strict JSON mode: mappings become dataclasses and lists tuples, and nothing else is
-            # converted; strict Python mode would want instances.
+            # Strict JSON mode: mappings become dataclasses and lists tuples, without other
+            # conversions; strict Python mode would require instances.
             text = json.dumps({"root": data})
             root = _root_of(schema)  # type: ignore[arg-type]  # a class is hashable
             return root.model_validate_json(text).root, list(faults.values())
         except ValidationError as error:
             new = [f for f in faults_of(error.errors(), schema, data) if f.at not in faults]
-        new = [fault for fault in new if fault.at not in taken]  # a key taken out is not missing
+        new = [fault for fault in new if fault.at not in taken]  # a removed key is not missing
         faults |= {fault.at: fault for fault in new}
-        # Only required keys are left, which no default can stand in for; or parts that are right by
-        # themselves do not go together, and nothing says which of them to take out.
+        # Stop: only required keys without a default are left; or parts that are valid alone are
+        # inconsistent, and it is unknown which of them to remove.
         if not all(fault.at for fault in new) or not new:
             return None, list(faults.values())
         data, out = _without(data, [fault.at for fault in new])
@@ -319,7 +319,7 @@ def _validate_all(
 
 
 def _without(data: dict[str, Plain], paths: list[KeyPath]) -> tuple[dict[str, Plain], set[KeyPath]]:
-    """Copy `data` without the named keys, of the top two levels at most; and which these are."""
+    """Copy `data` without the named keys, of the top two levels at most; return their paths too."""
     copy: dict[str, Plain] = json.loads(json.dumps(data))
     out: set[KeyPath] = set()
     for path in paths:

@@ -1,1 +1,1 @@
-"""Files to model types and back, one file per format; computes nothing."""
+"""Readers and writers of files as model types, one file per format, without computations."""

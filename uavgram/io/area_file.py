@@ -1,4 +1,4 @@
-"""Polygons and named points of maps: GeoJSON (RFC 7946) and KML (OGC 2.3), in degrees."""
+"""Reader of polygons and named points: GeoJSON (RFC 7946) and KML (OGC 2.3), in degrees."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from uavgram.model.arrays import Floats
 FORMATS = "a GeoJSON file (.geojson, .json) or a KML file (.kml)"
 _DECLARED = re.compile(rb"""\s*<\?xml[^>]*?\sencoding\s*=\s*["']([^"'>]*)""")
 _BYTE_BY_BYTE = re.compile(r"ascii|iso8859-\d+|cp125\d")
-"""Encodings in which old programs save KML beside UTF-8, as Python calls them."""
+"""Encodings besides UTF-8 in which old programs save KML, by their Python names."""
 
 
 class Area(NamedTuple):
@@ -30,7 +30,7 @@ class Area(NamedTuple):
 
 
 class AreaFile(NamedTuple):
-    """What a file of areas holds.
+    """Contents of a file of areas.
 
     Attributes
     ----------
@@ -71,7 +71,7 @@ def read_areas(path: Path) -> AreaFile:
 
 
 def _decoded(path: Path, data: bytes) -> str:
-    """Text in the encoding that XML declares, or in UTF-8."""
+    """Decode a text with the encoding declared in XML, or as UTF-8."""
     declared = _DECLARED.match(data.removeprefix(codecs.BOM_UTF8))
     if declared is None:
         return data.decode("utf-8-sig", errors="replace")
@@ -111,7 +111,7 @@ def _geojson(path: Path, text: str) -> AreaFile:
 
 
 def _geometries(root: object) -> list[tuple[str, dict[str, Any]]]:
-    """Names and geometries of a collection, a feature or a geometry."""
+    """Return names and geometries of a collection, a feature or a geometry."""
     if not isinstance(root, dict):
         raise TypeError("no object")
     if root["type"] == "FeatureCollection":
@@ -127,7 +127,7 @@ def _ring(at: list[list[float]]) -> Floats:
 
 
 def _kml(path: Path, text: str) -> AreaFile:
-    if "<!ENTITY" in text:  # no KML has any, and they can be made to fill the memory
+    if "<!ENTITY" in text:  # never used in KML, and a way to exhaust the memory
         raise InputError(path, "defines entities, which no KML does: save it again")
     try:
         root = fromstring(text)  # noqa: S314  (text: the declaration no longer counts)
@@ -155,7 +155,7 @@ def _kml(path: Path, text: str) -> AreaFile:
 
 
 def _coordinates(element: Element | None) -> list[list[float]]:
-    """``lon,lat[,height]`` separated by blanks."""
+    """Parse ``lon,lat[,height]`` separated by blanks."""
     text = "" if element is None else element.text or ""
     return [[float(part) for part in one.split(",")] for one in text.split()]
 

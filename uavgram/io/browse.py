@@ -1,4 +1,4 @@
-"""Folders of this computer that a page may show: names below the user's home and mounted drives."""
+"""Folders of this computer that a page may show, below the user's home and mounted drives."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uavgram.errors import InputError
 from uavgram.io.photos.files import PHOTO_SUFFIXES
 
 MOST_FOLDERS = 500
-"""Folders of one folder that are listed; of each, so many entries and inner folders are counted."""
+"""Limit of the listed subfolders; the next two limit entries and inner folders counted in each."""
 MOST_ENTRIES = 5000
 MOST_INNER = 20
 
@@ -25,16 +25,16 @@ _MOUNTS = {"linux": ("/media/{user}", "/run/media/{user}", "/mnt"), "darwin": ("
 
 @dataclass(frozen=True, kw_only=True)
 class Listed:
-    """A folder: what it is called, and what is in it.
+    """A listed folder.
 
     Attributes
     ----------
     path
         Without links.
     photos
-        Number of photos in it; where there are none, of those in its folders.
+        Number of photos in it; if there are none, in its subfolders.
     has_project
-        Whether a project file is there.
+        Whether it contains a project file.
     """
 
     path: Path
@@ -43,12 +43,12 @@ class Listed:
 
 
 class Browsable:
-    """Folders below a few roots; nothing above them, nothing hidden, and nothing behind a link.
+    """Folders below a few roots; none above them, none hidden, and none behind a link.
 
     Parameters
     ----------
     roots
-        Such as `home_and_drives()`; those that are not there are left out.
+        Such as `home_and_drives()`; missing ones are left out.
     """
 
     def __init__(self, roots: Sequence[Path]) -> None:
@@ -56,12 +56,12 @@ class Browsable:
         self.roots = tuple(dict.fromkeys(found))
 
     def checked(self, folder: Path) -> Path:
-        """The folder itself, where it may be shown.
+        """Return the folder itself, if it may be shown.
 
         Raises
         ------
         InputError
-            It is outside of the roots, hidden, behind a link, gone, or no folder.
+            It is outside of the roots, hidden, behind a link, gone, or not a folder.
         """
         root = self.root_of(folder)
         inside = () if root is None else folder.relative_to(root).parts
@@ -74,12 +74,12 @@ class Browsable:
         return folder
 
     def root_of(self, folder: Path) -> Path | None:
-        """The innermost root that holds the folder; None where there is none."""
+        """Return the innermost root that contains the folder; None without any."""
         holding = [root for root in self.roots if folder.is_relative_to(root)]
         return max(holding, key=lambda root: len(root.parts), default=None)
 
     def folders_in(self, folder: Path) -> tuple[Listed, ...]:
-        """Folders in a folder by their names, without those that are hidden or links.
+        """Return the subfolders by their names, without hidden ones and links.
 
         Raises
         ------
@@ -98,7 +98,7 @@ class Browsable:
 
 
 def look_into(folder: Path) -> Listed:
-    """Count the photos of a folder, or of those in it; what cannot be read holds none."""
+    """Count the photos of a folder, or of its subfolders; unreadable ones count as empty."""
     names = _names(folder)
     photos = _photos(names)
     if not photos:
@@ -136,7 +136,7 @@ def _folders(folder: Path) -> list[Path]:
 def home_and_drives(
     platform: str = sys.platform, environ: Mapping[str, str] = os.environ
 ) -> tuple[Path, ...]:
-    """The user's home, and drives that are mounted: memory cards, disks, shares.
+    """Return the user's home, and mounted drives: memory cards, disks, shares.
 
     Parameters
     ----------

@@ -1,7 +1,8 @@
-"""Who may write into an output folder, where several processes could believe that they may.
+"""Claims of output folders, for several processes that may write into the same one.
 
-A worker of a cluster that was stopped or cut off is given up, and its work done by another; when it
-wakes up it must not write over what the other one wrote. Locks do not help: it would hold them.
+A cluster's worker that was stopped or cut off is abandoned, and another one repeats its work; when
+it resumes, it must not overwrite the results of the other. Locks do not help, as it would hold
+them.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ CLAIM = ".uavgram-claim"
 
 
 class SupersededError(OutputError):
-    """Another process measures the same survey, or did meanwhile: this one writes nothing."""
+    """Another process measures the same survey, or did meanwhile: this one writes no results."""
 
     def __init__(self, folder: Path | str) -> None:
         super().__init__(folder)
@@ -33,17 +34,17 @@ class SupersededError(OutputError):
 
 @contextmanager
 def claimed(folder: str | Path) -> Iterator[Callable[[], None]]:
-    """Claim an output folder: whoever did last may write. What is given raises if that is another.
+    """Claim an output folder; the last claim wins. The yielded function raises if it is another's.
 
     Parameters
     ----------
     folder
-        Made where there is none, and removed at the end if nothing came into it.
+        Made where there is none, and removed at the end if it is still empty.
 
     Raises
     ------
     OutputError
-        The folder cannot be written to; `SupersededError` by what is given.
+        The folder cannot be written to; `SupersededError` by the yielded function.
     """
     folder, token = Path(folder).absolute(), uuid.uuid4().hex
     existed = folder.is_dir()

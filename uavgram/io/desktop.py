@@ -1,4 +1,4 @@
-"""An icon on the desktop that starts the program: a file of the form that each system knows."""
+"""Desktop icon that starts the program, in the file format of each system."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Computer:
 
 
 def desktop_folder(computer: Computer) -> Path:
-    """Find the user's desktop, by the name that the system gives it in its language.
+    """Find the user's desktop, by its name in the system's language.
 
     Raises
     ------
@@ -63,9 +63,9 @@ def desktop_folder(computer: Computer) -> Path:
 
 
 def _of_registry() -> list[Path]:
-    """The desktop as Windows has it, also where it was moved."""
+    """Return the desktop in the Windows registry, which also records a moved one."""
     try:
-        import winreg  # noqa: PLC0415 - there on Windows alone
+        import winreg  # noqa: PLC0415 - exists on Windows only
     except ImportError:
         return []
     key = r"Software\Microsoft\Windows\CurrentVersion\Explorer\User Shell Folders"
@@ -78,7 +78,7 @@ def _of_registry() -> list[Path]:
 
 
 def _of_user_dirs(home: Path, environ: Mapping[str, str]) -> list[Path]:
-    """The desktop as freedesktop.org's user-dirs.dirs names it, such as ``$HOME/Schreibtisch``."""
+    """Return the desktop in freedesktop.org's user-dirs.dirs, such as ``$HOME/Schreibtisch``."""
     file = Path(environ.get("XDG_CONFIG_HOME") or home / ".config") / "user-dirs.dirs"
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
@@ -119,7 +119,7 @@ def write_shortcut(computer: Computer, folder: Path) -> tuple[Path, ...]:
 
 
 def _windows(python: str) -> str:
-    """A batch file; a folder that is dropped on its icon is opened."""
+    """Return a batch file; a folder that is dropped on its icon is opened."""
     said = python.replace("%", "%%")
     return (
         "@echo off\r\nchcp 65001 >nul\r\ntitle uavgram - close this window to end it\r\n"
@@ -132,7 +132,7 @@ def _macos(python: str) -> str:
 
 
 def _freedesktop(python: str, icon: Path) -> str:
-    """A desktop entry, https://specifications.freedesktop.org/desktop-entry-spec/latest/."""
+    """Return a desktop entry, https://specifications.freedesktop.org/desktop-entry-spec/latest/."""
     quoted = python.replace("\\", "\\\\\\\\").replace("`", "\\\\`").replace("$", "\\\\$")
     quoted = quoted.replace("%", "%%")
     return (
@@ -144,7 +144,7 @@ def _freedesktop(python: str, icon: Path) -> str:
 
 
 def _written(path: Path, text: str, *, runs: bool = False) -> Path:
-    """Write a file; one that is a link, or somebody else's, is left alone."""
+    """Write a file; a link, or a file of another program, is left unchanged."""
     if path.is_symlink() or (path.exists() and b"uavgram" not in path.read_bytes()[:4000]):
         raise OutputError(f"{path}: is there already, and no shortcut of uavgram: move it away")
     replace_bytes(path, text.encode())

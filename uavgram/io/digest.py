@@ -1,4 +1,4 @@
-"""Chain of custody: SHA-256 of every input file."""
+"""SHA-256 digests of input files, for the chain of custody."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uavgram.model.result.tables import FrameResults
 def digest_inputs(
     paths: Iterable[str | Path], folder: str | Path | None = None
 ) -> tuple[InputDigest, ...]:
-    """Digest input files, each once, in the order given.
+    """Digest input files, each once, in the given order.
 
     Parameters
     ----------
@@ -23,7 +23,7 @@ def digest_inputs(
         The files.
     folder
         Paths inside this folder (the project's) are named relative to it, with ``/``, so that
-        results do not depend on where a project lies; others stay as they are.
+        results do not depend on the project's location; others are unchanged.
 
     Raises
     ------
@@ -47,11 +47,11 @@ def digest_file(path: str | Path, folder: str | Path | None = None) -> InputDige
 
 
 def name_inside(path: str | Path, folder: str | Path) -> str:
-    """Return a path relative to a folder, with ``/``; one outside of it as it is."""
+    """Return a path relative to a folder, with ``/``; one outside of it unchanged."""
     whole = Path(path).absolute()
     return whole.relative_to(folder).as_posix() if whole.is_relative_to(folder) else str(path)
 
 
 def photo_files(frames: FrameResults) -> tuple[str, ...]:
-    """(F,) paths by which the photos of a result can be opened."""
+    """Return the (F,) paths by which the photos of a result can be opened."""
     return tuple(str(Path(frames.folder) / path) for path in frames.path)

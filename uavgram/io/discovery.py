@@ -1,6 +1,6 @@
-"""Discover what a folder holds that a project could use, and folders of photos near it.
+"""Search of a folder for inputs of a project, and for folders of photos near it.
 
-Files are told by their content where names could mislead: a ``.log`` or ``.bin`` may be anything.
+Files are recognised by their content where names are ambiguous, such as ``.log`` or ``.bin``.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from uavgram.io.photos.size import image_size
 from uavgram.io.results.plan_json import is_plan
 
 DEEPEST = 3
-"""Levels of folders that are looked into below the project's own."""
+"""Levels of folders below the project's own that are searched."""
 
 MOST_FOLDERS = 400
-"""Folders that are looked into: a home folder must not take minutes."""
+"""Limit of searched folders, so that a home folder does not take minutes."""
 
 _RESULTS = {"results.json", "calibration.json"}
 
@@ -52,9 +52,9 @@ class PhotoFolder:
 
 
 def folders_with_photos(folder: Path, least: int) -> tuple[PhotoFolder, ...]:
-    """Folders in a folder, and those beside it, that hold at least so many photos.
+    """Return subfolders and neighbouring folders with at least a number of photos.
 
-    Hidden folders and those of results are passed over, and so is what cannot be read.
+    Hidden folders, those of results and unreadable ones are skipped.
     """
     inside = _folders(folder, DEEPEST)
     beside = (path for path in _subfolders(folder.parent) if path != folder)
@@ -69,7 +69,7 @@ def folders_with_photos(folder: Path, least: int) -> tuple[PhotoFolder, ...]:
 
 
 def _folders(folder: Path, depth: int) -> Iterator[Path]:
-    """A folder and those in it, down to a depth; outer ones first."""
+    """Iterate over a folder and its subfolders to a depth; outer ones first."""
     yield folder
     if depth:
         for inner in _subfolders(folder):
@@ -87,7 +87,7 @@ def _subfolders(folder: Path) -> list[Path]:
 
 def _with_photos(folder: Path, least: int) -> PhotoFolder | None:
     try:
-        names = sorted(os.listdir(folder))  # noqa: PTH208  (names alone: no file is looked at)
+        names = sorted(os.listdir(folder))  # noqa: PTH208  (names alone: files are not opened)
         files = tuple(
             folder / name
             for name in names
@@ -104,13 +104,13 @@ _CAMERA_SUFFIXES = (".yaml", ".yml", ".json", ".xml", ".txt")
 _RESULTS_FILE = "results.json"
 _CALIBRATION, _CALIBRATED = "calibration.json", "camera.yaml"
 _LARGEST_CAMERA_BYTES = 1_000_000
-_HIDDEN = re.compile(r"\.(?!_)")  # what macOS writes beside files, as ._x, is told of
+_HIDDEN = re.compile(r"\.(?!_)")  # the companion files of macOS, ._x, are kept and reported
 
 TableRole = Literal[
     "picks", "lines", "known", "measure", "control", "control_lines", "check", "poses", "plan"
 ]
 
-# Columns that tell a table, the most telling first.
+# columns by which a table is recognised, the most specific first
 _TABLES: tuple[tuple[TableRole, frozenset[str]], ...] = (
     ("picks", frozenset({"image", "label", "u_px", "v_px"})),
     ("lines", frozenset({"name", "from", "to", "length_m"})),
@@ -136,7 +136,7 @@ class PhotoGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class Holdings:
-    """What a folder holds, each in the order of its path; `others` are none of these."""
+    """Usable files of a folder, each kind in the order of paths; `others` are all the rest."""
 
     photos: tuple[PhotoGroup, ...]
     logs: tuple[Path, ...]
@@ -148,14 +148,14 @@ class Holdings:
 
 
 def search_folder(folder: Path) -> Holdings:
-    """Look through a folder and those in it; hidden ones and those of results are passed over.
+    """Search a folder and its subfolders; hidden ones and those of results are skipped.
 
-    Of a calibration's results the camera file counts.
+    From a calibration's results the camera file is used.
 
     Raises
     ------
     InputError
-        It cannot be read, or is no folder.
+        It cannot be read, or is not a folder.
     """
     files = tuple(path for path in bounded(_files(folder), folder) if path.is_file())
     tables: dict[TableRole, tuple[Path, ...]] = {}
@@ -183,14 +183,14 @@ def search_folder(folder: Path) -> Holdings:
 
 
 def _role(path: Path) -> TableRole | None:
-    """What a table is of, or that it is a plan; None where neither."""
+    """Return the kind of a table, or ``plan``; None for other files."""
     if path.suffix.lower() == ".csv":
         return _table_role(path)
     return "plan" if path.suffix.lower() == ".json" and is_plan(path) else None
 
 
 def grouped(photos: Iterable[Path]) -> tuple[PhotoGroup, ...]:
-    """Photos by folder, suffix and size; files that are none are left out."""
+    """Group photos by folder, suffix and size; files that are not photos are left out."""
     groups: dict[tuple[Path, str, tuple[int, int]], list[Path]] = {}
     for path in photos:
         try:
@@ -216,7 +216,7 @@ def _files(folder: Path) -> Iterable[Path]:
         if _RESULTS_FILE in names and Path(here) != folder:
             folders.clear()
             continue
-        if _CALIBRATION in names and Path(here) != folder:  # its pictures are no photos
+        if _CALIBRATION in names and Path(here) != folder:  # its pictures are not photos
             folders.clear()
             names = [name for name in names if name == _CALIBRATED]
         yield from (Path(here, name) for name in sorted(names) if not _HIDDEN.match(name))

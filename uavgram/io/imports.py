@@ -1,13 +1,14 @@
-"""Picks of other programs: OpenDroneMap's gcp_list.txt, and LabelMe's JSON.
+"""Import of picks from other programs: OpenDroneMap's gcp_list.txt, and LabelMe's JSON.
 
-After docs.opendronemap.org, "Ground Control Points": a coordinate system, then for each pick
-``x y z column row image [label]``, separated by blanks or tabs; z may be NaN where a height is not
-known (OpenSfM, ``io.py``: ``_read_gcp_list_lines``). Columns and rows count from the centre of the
+After docs.opendronemap.org, "Ground Control Points": a coordinate system, then for each pick ``x y
+z column row image [label]``, separated by blanks or tabs; z may be NaN where a height is unknown
+(OpenSfM, ``io.py``: ``_read_gcp_list_lines``). Columns and rows count from the centre of the
 top-left pixel (OpenSfM, ``features.py``: ``normalized_image_coordinates`` adds half a pixel).
 
-A ``point`` is a pick at its place, a ``circle`` one at its centre; other shapes are no picks.
-LabelMe counts from the corner of the top-left pixel, and shows a photo turned as its EXIF asks
-(``labelme/utils/image.py``, ``apply_exif_orientation``), so its numbers are turned back here.
+A ``point`` is a pick at its position, a ``circle`` one at its centre; other shapes are not picks.
+LabelMe counts from the corner of the top-left pixel, and shows a photo rotated by its EXIF
+orientation (``labelme/utils/image.py``, ``apply_exif_orientation``), so its coordinates are rotated
+back here.
 """
 
 from __future__ import annotations
@@ -38,25 +39,25 @@ from uavgram.model.survey.observations import ImportedPicks, KnownPoints
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2
 _PHOTO = re.compile(rf".*(?:{'|'.join(map(re.escape, PHOTO_SUFFIXES))})(?=\s|$)", re.IGNORECASE)
-"""A photo's name, which may hold blanks: up to the last word that ends as photos' names do."""
+"""Pattern of a photo's name, which may contain blanks: up to the last word with a photo suffix."""
 _NO_HEIGHT = "has no height (NaN), which a control point needs: add it, or leave the control out"
 UNKNOWN_HEIGHT_SIGMA_M = 10_000.0
-"""Of a height that says nothing: so wide that it has no weight."""
+"""Sigma of an unknown height [m], so large that it has no weight."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GcpSigmas:
-    """Standard deviations of the coordinates, which the format does not hold.
+    """Standard deviations of the coordinates, which the format does not contain.
 
     Attributes
     ----------
     sigma_m
-        Of each coordinate of a point that has none of its own; None: every point has.
+        Of each coordinate of a point without own sigmas; None: every point has some.
     sigma_up_m
-        Of its height, where that is another. Stated, it is believed of heights of 0 too.
+        Of its height, where it differs. If stated, heights of 0 are used too.
     in_columns
-        Whether the cells behind the label are the point's own: horizontal, and vertical where
-        that is another.
+        Whether the cells behind the label are the point's own sigmas: horizontal, and vertical
+        where it differs.
     """
 
     sigma_m: float | None = None
@@ -82,14 +83,14 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
     path
         The file.
     sigmas
-        Of the coordinates. A height of exactly 0, which programs write where they know none, is
-        given one without weight.
+        Of the coordinates. A height of exactly 0, which programs write for unknown heights, gets
+        one without weight.
 
     Raises
     ------
     InputError
-        Names file and line of every mistake: an unknown coordinate system, text for a number, a
-        row without photo, one label with two places, two picks of a label in one photo.
+        Names file and line of every mistake: an unknown coordinate system, text for a number, a row
+        without photo, one label with two positions, two picks of a label in one photo.
     """
     path = Path(path)
     head, *lines = content_lines(path, "a line for each pick")
@@ -103,6 +104,7 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
     _check(path, rows)
     known = None
     if sigmas is not None:
+        # coordinates of each label from its first row
         first = list({row.label: row for row in reversed(rows)}.values())[::-1]
         xyz = np.array([row.xyz for row in first], dtype=np.float64)
         site = site_of(_beside(path, {row.image for row in rows}))
@@ -158,7 +160,7 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
 
 
 def _cells(text: str) -> list[str]:
-    """Cells of a line; where tabs separate them, blanks are part of a name."""
+    """Split a line into cells; where tabs separate them, blanks are part of a name."""
     words = text.split(None, _NUMBERS)
     if len(words) <= _NUMBERS:
         return words
@@ -171,21 +173,21 @@ def _cells(text: str) -> list[str]:
 
 
 def _surplus_words(text: str, cells: list[str]) -> str:
-    """Find words behind the label that only blanks separate from it: part of a name, perhaps."""
+    """Find words behind the label that only blanks separate from it, perhaps part of a name."""
     words = [cell for cell in cells[_NUMBERS + 2 :] if parse_number(cell) is None]
     own_cells = {cell.strip() for cell in text.split("\t")} if "\t" in text else set()
     return " ".join(word for word in words if word not in own_cells)
 
 
 def _beside(path: Path, images: set[str]) -> Iterator[Path]:
-    """Where photos may be: beside the file, or in a folder there."""
+    """Iterate over possible paths of photos: next to the file, or in a subfolder."""
     for image in sorted(images):
         yield path.parent / image
         yield from path.parent.glob(f"*/{glob.escape(image)}")
 
 
 def _named(rows: list[_Row]) -> list[_Row]:
-    """The same place is the same point."""
+    """Name unlabelled picks by number: equal coordinates are the same point."""
     number: dict[tuple[float, float, float | None], int] = {}
     for row in rows:
         number.setdefault(row.xyz, len(number) + 1)
@@ -193,7 +195,7 @@ def _named(rows: list[_Row]) -> list[_Row]:
 
 
 def _sigmas(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> Floats:
-    """(N, 3) east, north, up of points, each by its first row."""
+    """Return (N, 3) east, north, up sigmas of points, each by its first row."""
     result = np.empty((len(rows), 3))
     faults: list[tuple[int, str]] = []
     for k, row in enumerate(rows):
@@ -240,7 +242,7 @@ def _zero_heights(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> list[Messa
 
 
 def _two_heights(path: Path, rows: list[_Row]) -> list[Message]:
-    """A warning where points with different names, or without any, differ in height alone."""
+    """Warn of points with different names, or without any, that differ in height alone."""
     at: dict[tuple[float, float], dict[str, _Row]] = {}
     for row in rows:
         x, y, z = row.xyz
@@ -283,8 +285,8 @@ def _check(path: Path, rows: list[_Row]) -> None:
 
 
 _PICKS = ("point", "circle")
-# Stored (x, y) of what is shown at (x, y), from corner to corner of a stored photo of w by h, as
-# rows (by x, by y, of w, of h); EXIF 2.32, tag 274 "Orientation".
+# Stored (x, y) of a displayed (x, y), from corner to corner of a stored photo of w by h, as rows
+# (by x, by y, of w, of h); EXIF 2.32, tag 274 "Orientation".
 _STORED = {
     1: ((1, 0, 0, 0), (0, 1, 0, 0)),
     2: ((-1, 0, 1, 0), (0, 1, 0, 0)),
@@ -298,13 +300,13 @@ _STORED = {
 
 
 def read_labelme(path: str | Path) -> ImportedPicks:
-    """Read the picks of one photo.
+    """Read the picks of one photo from LabelMe.
 
     Raises
     ------
     InputError
-        The file is no LabelMe file, holds no pick, picks a label twice, or its size is not that
-        of the photo beside it.
+        The file is not of LabelMe, holds no pick, picks a label twice, or its size is not that of
+        the photo next to it.
     """
     path = Path(path)
     content = _content(path)
@@ -350,7 +352,7 @@ def read_labelme(path: str | Path) -> ImportedPicks:
 def _place(
     path: Path, name: str, point: Sequence[float], content: dict[str, Any]
 ) -> tuple[float, float]:
-    """Where a shape lies, from the corner of the photo."""
+    """Return the position of a shape, from the corner of the photo."""
     x, y = float(point[0]), float(point[1])
     width, height = content.get("imageWidth") or math.inf, content.get("imageHeight") or math.inf
     if not (0 <= x <= width and 0 <= y <= height):
@@ -369,7 +371,7 @@ def _content(path: Path) -> dict[str, Any]:
 
 
 def _checked(content: object) -> dict[str, Any]:
-    """The content as an object; raises what `_content` tells in words."""
+    """Return the content as an object; raises the errors that `_content` explains."""
     if not isinstance(content, dict):
         raise TypeError("no object")
     if not isinstance(content["imagePath"], str):
@@ -382,7 +384,7 @@ def _checked(content: object) -> dict[str, Any]:
 
 
 def _turned_back(path: Path, photo: Path, content: dict[str, Any], corner: Floats) -> Floats:
-    """Places in the stored photo of what was picked in the photo as LabelMe showed it."""
+    """Convert positions in the photo as displayed by LabelMe to the stored photo."""
     width, height = image_size(photo)
     values = exif_numbers(read_exif_tags(photo).get("Image Orientation"))
     orientation = int(values[0]) if values and values[0] in _STORED else 1

@@ -1,4 +1,4 @@
-"""JSON that somebody else wrote -> plain data, whatever stands in it."""
+"""Parser of JSON from unknown sources, safe against malformed content."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ def parse_json(
     text
         Its content; bytes are UTF-8.
     constant
-        Called with NaN, Infinity and -Infinity, which are no JSON; None takes them for numbers.
+        Called with NaN, Infinity and -Infinity, which are not JSON; None reads them as numbers.
 
     Raises
     ------
     InputError
-        It is nested without end, or holds a number of thousands of digits.
+        It is nested too deeply, or holds a number of thousands of digits.
     json.JSONDecodeError
-        It is no JSON; whose file it is knows what to say of that.
+        It is not JSON; the caller knows the file and explains that.
     """
 
     def whole(digits: str) -> int:

@@ -1,6 +1,6 @@
-"""Files that are locks: held by one process, and given up by the operating system when it ends.
+"""File locks: held by one process, and released by the operating system when it ends.
 
-What a killed process left behind is no lock. A lock on a project's tables names its process.
+A file left by a killed process is not a lock. A lock on a project's tables names its process.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 LOCK = "pick.lock"
 
 _LOCKED_BYTE = 1 << 30
-"""Windows locks bytes, and nobody else may read them: one behind the end, as files may have."""
+"""Locked byte on Windows, behind the end of the file, since other processes cannot read it."""
 
 
 def lock(handle: int) -> None:
@@ -36,7 +36,7 @@ def lock(handle: int) -> None:
     BlockingIOError
         Another one has locked it.
     OSError
-        There are no locks here, as on some network file systems.
+        Locks are not available, as on some network file systems.
     """
     if sys.platform == "win32":
         os.lseek(handle, _LOCKED_BYTE, os.SEEK_SET)
@@ -59,12 +59,12 @@ class FileLock:
     Attributes
     ----------
     why_not
-        Why the system locks no files here; empty where it does.
+        Why the system cannot lock files here; empty where it can.
 
     Raises
     ------
     BlockingIOError
-        Another process holds it; its text is what that process wrote into the file.
+        Another process holds it; its text is the note of that process in the file.
     OutputError
         The path is a link.
     OSError
@@ -95,8 +95,8 @@ class FileLock:
         os.write(self._handle, note.encode())
 
     def release(self) -> None:
-        """Give it up."""
-        if sys.platform == "win32":  # removes no open file: not ours, nor that of the next process
+        """Release the lock and remove the file."""
+        if sys.platform == "win32":  # cannot remove open files, nor the next process's
             os.close(self._handle)
             with suppress(OSError):
                 self.path.unlink()
@@ -112,7 +112,7 @@ class FileLock:
 
 
 class ProjectLock:
-    """The right to write a project's tables, held until `release` or the end of the process.
+    """Exclusive right to write a project's tables, held until `release` or the end of the process.
 
     Parameters
     ----------
@@ -126,7 +126,7 @@ class ProjectLock:
     UavgramError
         Another process has the project; names it.
     OutputError
-        The folder cannot be written to, or a link stands where the lock should be.
+        The folder cannot be written to, or the lock's path is a link.
     """
 
     def __init__(self, folder: Path, project: str) -> None:
@@ -148,7 +148,7 @@ class ProjectLock:
             log.warning("a second writer of this project is not noticed: %s", self._lock.why_not)
 
     def release(self) -> None:
-        """Let others write."""
+        """Release the right to write."""
         self._lock.release()
 
 
@@ -162,7 +162,7 @@ def is_locked(path: Path) -> bool:
         lock(handle)
     except BlockingIOError:
         return True
-    except OSError:  # no locks here
+    except OSError:  # locks are not available
         return False
     finally:
         os.close(handle)

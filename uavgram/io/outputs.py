@@ -1,4 +1,4 @@
-"""The output folder: results appear complete, or not at all."""
+"""Output folder in which results appear completely, or not at all."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ log = logging.getLogger(__name__)
 
 PREFIX = ".uavgram-unfinished-"
 IN_USE = ".uavgram-in-use-"
-"""A lock with the rest of the hidden folder's name, held by the run that writes into it."""
-LAST = "results.json"  # whoever finds a new one finds everything else new too
+"""Prefix of a lock, followed by the rest of the hidden folder's name, held by the writing run."""
+LAST = "results.json"  # moved last: a reader of a new one finds all other files new too
 NEW, EARLIER, MOVING = "files", "earlier", "moving.txt"
-"""In the hidden folder: what is to be moved, what it replaces, and its list while it is moved."""
-_END = Path()  # ends the list
+"""Names in the hidden folder: new files, replaced files, and their list during the move."""
+_END = Path()  # end of the list
 _DEVICES = {"CON", "PRN", "AUX", "NUL"} | {f"{s}{k}" for s in ("COM", "LPT") for k in range(10)}
-_MOST_LETTERS = 259  # of a path on Windows, unless its user allows long ones
+_MOST_LETTERS = 259  # of a path on Windows, unless long paths are enabled
 _PATIENCE_S = (0.05, 0.1, 0.2, 0.4)
-"""Between attempts to replace a file that another program holds, perhaps only for a moment."""
+"""Waits before retries to replace a file that another program holds, perhaps only for a moment."""
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
@@ -39,14 +39,14 @@ def staged_output(
     photos: Iterable[str | Path] = (),
     hold: Callable[[], None] | None = None,
 ) -> Iterator[Path]:
-    """Give a hidden folder to write into; move its files into `folder` once all are complete.
+    """Yield a hidden folder to write into; move its files into `folder` once all are complete.
 
-    The hidden folder lies inside `folder`, so on the same file system. Its files replace those of
-    the same name one by one (``os.replace``), `results.json` last; other files stay. On any
-    failure, Ctrl-C included, the files of `folder` are as before, and the hidden folder is gone;
-    what a killed run left behind goes when the next run starts, and what it had moved already is
-    put back. A file that another program keeps from being replaced, as Excel does, is written
-    beside it under another name (`newer`), with a warning.
+    The hidden folder is inside `folder`, so on the same file system. Its files replace those of the
+    same name one by one (``os.replace``), `results.json` last; other files stay. On any failure,
+    Ctrl-C included, the files of `folder` are as before, and the hidden folder is removed; the
+    remains of a killed run are removed when the next run starts, and files that it had already
+    moved are put back. A file that another program keeps from being replaced, as Excel does, is
+    written next to it under another name (`newer`), with a warning.
 
     Parameters
     ----------
@@ -55,10 +55,10 @@ def staged_output(
     inputs
         Files that no output may replace.
     photos
-        The originals: nothing is written into their folders.
+        The originals: no file is written into their folders.
     hold
-        Raises where somebody else may write now (`uavgram.io.claims.claimed`). What others were
-        moving when they were stopped is put back, and they cannot go on.
+        Raises where another process may write now (`uavgram.io.claims.claimed`). Files that stopped
+        processes were moving are put back, and they cannot continue.
 
     Raises
     ------
@@ -86,7 +86,7 @@ def staged_output(
             shutil.rmtree(staging, ignore_errors=True)
             held.release()
             if not existed:
-                with suppress(OSError):  # it holds results now, or someone else's files
+                with suppress(OSError):  # it contains results now, or files of others
                     folder.rmdir()
 
 
@@ -96,12 +96,12 @@ def replace_text(path: Path, text: str) -> None:
 
 
 def replace_bytes(path: Path, content: bytes) -> None:
-    """Write a file in one step: the old one, or the new one, and nothing between.
+    """Write a file atomically: a reader finds the old one or the new one.
 
     Raises
     ------
     OutputError
-        The file cannot be written; an earlier one is untouched.
+        The file cannot be written; an earlier one is unchanged.
     """
     path = path.absolute()
     unfinished = path.with_name(f".{path.name}.unfinished")
@@ -118,10 +118,10 @@ def replace_bytes(path: Path, content: bytes) -> None:
 
 
 def replace(source: Path, target: Path) -> None:
-    """Put a file in the place of another one.
+    """Replace a file by another one.
 
-    On Windows, what another program has open is not replaced: a virus scanner that looks at a new
-    file is waited for.
+    On Windows, a file that another program has open cannot be replaced: the function waits for a
+    virus scanner that reads a new file.
 
     Raises
     ------
@@ -139,13 +139,13 @@ def replace(source: Path, target: Path) -> None:
 
 
 def newer(path: Path) -> Path:
-    """Name of a file that was to replace one which another program has open."""
+    """Return the name of a file whose target another program has open."""
     return path.with_name(f"{path.stem}.newer{path.suffix}")
 
 
 @contextmanager
 def as_output_errors(folder: Path) -> Iterator[None]:
-    """Turn failures to write below `folder` into errors that say what to do."""
+    """Convert failures to write below `folder` to errors with a remedy."""
     _refuse_reserved(folder)
     try:
         yield
@@ -171,23 +171,23 @@ def as_output_errors(folder: Path) -> Iterator[None]:
 
 
 def _hidden_folder(folder: Path) -> tuple[FileLock, Path]:
-    """A lock that marks a hidden folder as in use, and that folder, which is not there yet."""
+    """Create a lock for a hidden folder; return it and the folder's path, which is not made yet."""
     while True:
         handle, name = tempfile.mkstemp(prefix=IN_USE, dir=folder)
         os.close(handle)
-        with suppress(BlockingIOError):  # another run looks whether its owner was killed
+        with suppress(BlockingIOError):  # another run tests whether its owner was killed
             return FileLock(Path(name)), folder / f"{PREFIX}{name.rpartition(IN_USE)[2]}"
 
 
 def _remove_stale(folder: Path) -> None:
-    """Remove hidden folders whose process is no more."""
+    """Remove hidden folders whose process has ended."""
     for stale in folder.glob(f"{PREFIX}*"):
         in_use = folder / stale.name.replace(PREFIX, IN_USE, 1)
-        with suppress(OSError, OutputError):  # locked by a living run, or gone already
+        with suppress(OSError, OutputError):  # locked by a living run, or already gone
             held = FileLock(in_use) if stale.is_dir() and not stale.is_symlink() else None
             if held is None:
                 continue
-            if held.why_not:  # without locks, what killed runs left behind stays
+            if held.why_not:  # without locks, the remains of killed runs stay
                 held.release()
                 continue
             try:
@@ -202,11 +202,11 @@ def _remove_stale(folder: Path) -> None:
 
 
 def _stop_moving(folder: Path, own: Path) -> None:
-    """Take their hidden folders from all others that are moving files, and put those back."""
+    """Take over the hidden folders of all others that are moving files, and put these back."""
     for other in folder.glob(f"{PREFIX}*"):
         if other != own and (other / MOVING).is_file():
             taken = own / other.name
-            with suppress(FileNotFoundError):  # it came to its end
+            with suppress(FileNotFoundError):  # it has ended
                 other.rename(taken)
                 _put_back(taken, folder)
 
@@ -223,7 +223,7 @@ def _keep_apart(photo_folders: Set[Path], folder: Path) -> None:
 def _check_targets(
     source: Path, folder: Path, inputs: Iterable[str | Path], photo_folders: Set[Path]
 ) -> None:
-    """Refuse to write over what the outputs were made of, or through links that lead elsewhere."""
+    """Refuse to overwrite inputs, or to write through links that lead elsewhere."""
     kept = {Path(path).resolve() for path in inputs}
     for path in sorted(source.rglob("*")):
         target = folder / path.relative_to(source)
@@ -254,7 +254,7 @@ def _commit(staging: Path, folder: Path) -> None:
     for name in names:
         _flush(source / name)
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        with suppress(PermissionError):  # what nobody may read now is not replaced either
+        with suppress(PermissionError):  # an unreadable file is not replaced either
             for one in _names_for(name):
                 if (folder / one).is_file():
                     (backup / one).parent.mkdir(parents=True, exist_ok=True)
@@ -267,22 +267,22 @@ def _commit(staging: Path, folder: Path) -> None:
         for name in names:
             _move(source / name, folder / name)
     except BaseException:
-        # Whoever takes the hidden folder away puts back what is in it.
+        # if the hidden folder was taken over, the other process restores it
         for name in kept if (staging / MOVING).is_file() else ():
             _restore(staging, folder, name)
         raise
-    # What is whole now is never put back, by whoever finds what could not be removed.
+    # the output is complete: remove the list, so that it is never put back by another run
     (staging / MOVING).unlink(missing_ok=True)
 
 
 def _names_for(path: Path) -> list[Path]:
-    """Names under which a result may be written: the first that no other program keeps."""
+    """Return names for a result; the first one that no other program holds is used."""
     again = (path.with_name(f"{path.stem}.newer-{k}{path.suffix}") for k in (2, 3))
     return [path, newer(path), *again]
 
 
 def _move(source: Path, target: Path) -> None:
-    """Move a file into its place, or beside it where another program keeps that."""
+    """Move a file into its place, or next to it where another program holds that."""
     names = _names_for(target)
     for name in names:
         try:
@@ -306,21 +306,21 @@ def _move(source: Path, target: Path) -> None:
 
 
 def _put_back(stale: Path, folder: Path) -> None:
-    """Undo what a run had moved when it was killed, unless it had moved everything."""
+    """Undo the moves of a killed run, unless it had moved everything."""
     if not (stale / MOVING).is_file():
         return
     *names, end = map(Path, (stale / MOVING).read_text(encoding="utf-8").split("\n"))
     if not all(_is_own(stale, folder, name) for name in names):
         log.warning("%s is not of this program's making: nothing of it is put back", stale)
         return
-    # Killed while the list was written: nothing had moved.
+    # killed while the list was written: no file had been moved
     if end == _END and any((stale / NEW / name).exists() for name in names):
         for name in names:
             _restore(stale, folder, name)
 
 
 def _is_own(stale: Path, folder: Path, name: Path) -> bool:
-    """Whether a name leads nowhere else, as one in somebody's unpacked archive may."""
+    """Return whether a name leads nowhere else, as one in an unpacked archive may."""
     homes = {stale / NEW: stale, stale / EARLIER: stale, folder: folder}
     return ".." not in name.parts and all(
         (home / name).parent.resolve().is_relative_to(own.resolve()) for home, own in homes.items()
@@ -333,9 +333,9 @@ def _flush(path: Path) -> None:
 
 
 def _keep(path: Path, backup: Path) -> None:
-    """Keep a second name of a file, which costs nothing; a copy where that is not possible.
+    """Keep a second name of a file by a hard link; a copy where that is not possible.
 
-    Windows removes no name of a file that another program has open.
+    Windows cannot remove a name of a file that another program has open.
     """
     try:
         if sys.platform == "win32":
@@ -347,9 +347,9 @@ def _keep(path: Path, backup: Path) -> None:
 
 
 def _restore(staging: Path, folder: Path, name: Path) -> None:
-    """Put back a file that was moved already, and what was beside it."""
+    """Put back a file that was already moved, and those next to it."""
     if (staging / NEW / name).exists():
-        return  # was not moved yet
+        return  # not moved yet
     for one in _names_for(name):
         backup, target = staging / EARLIER / one, folder / one
         with suppress(PermissionError):  # open in another program: it could not be replaced either
@@ -360,7 +360,7 @@ def _restore(staging: Path, folder: Path, name: Path) -> None:
 
 
 def _refuse_reserved(folder: Path) -> None:
-    """Refuse the names that Windows keeps for devices.
+    """Reject the names that Windows reserves for devices.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Files of our own: no link in somebody's unpacked folder leads what we write elsewhere."""
+"""Files written by this program, protected against links in an unpacked folder."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from pathlib import Path
 
 from uavgram.errors import OutputError
 
-# Not there on Windows, where links need a right that few have.
+# missing on Windows, where links need a rare right
 NO_FOLLOW: int = getattr(os, "O_NOFOLLOW", 0)
-# There alone: without it, Windows writes two bytes for the end of a line.
+# only on Windows, which otherwise writes two bytes for the end of a line
 _BINARY: int = getattr(os, "O_BINARY", 0)
 
 
 def open_own(path: Path, flags: int, mode: int = 0o600) -> int:
-    """Open a file that this program alone writes; returns its handle.
+    """Open a file that only this program writes; return its handle.
 
     Parameters
     ----------
@@ -28,7 +28,7 @@ def open_own(path: Path, flags: int, mode: int = 0o600) -> int:
     Raises
     ------
     OutputError
-        What stands there is a link, a pipe or a device, or has a second name elsewhere.
+        The path is a link, a pipe or a device, or has a second name elsewhere.
     OSError
         It cannot be opened for another reason.
     """
@@ -37,12 +37,12 @@ def open_own(path: Path, flags: int, mode: int = 0o600) -> int:
 
 
 def check_own(path: Path) -> None:
-    """Refuse a link, a pipe or a device, and what has a second name elsewhere.
+    """Reject a link, a pipe or a device, and a file with a second name elsewhere.
 
     Raises
     ------
     OutputError
-        Such a thing stands there.
+        The path is one of these.
     """
     try:
         status = path.lstat()
@@ -55,12 +55,12 @@ def check_own(path: Path) -> None:
 
 
 def read_own(path: Path) -> bytes:
-    """Content of a file that this program wrote; no link leads the reading elsewhere.
+    """Read the content of a file written by this program, without following links.
 
     Raises
     ------
     OutputError
-        What stands there is a link, a pipe or a device, or has a second name elsewhere.
+        The path is a link, a pipe or a device, or has a second name elsewhere.
     OSError
         It cannot be read for another reason.
     """
@@ -69,19 +69,19 @@ def read_own(path: Path) -> bytes:
 
 
 def remove_link(path: Path) -> Path:
-    """The same path, where no link stands any more: what is written there now stays there."""
+    """Remove a link at a path and return the path: a file written there stays there."""
     if path.is_symlink():
         path.unlink()
     return path
 
 
 def check_folder_of_project(folder: Path, home: Path) -> None:
-    """Refuse an output folder that looks like one of the project's own, and is a link out of it.
+    """Reject an output folder that appears to be inside the project, but is a link out of it.
 
     Parameters
     ----------
     folder
-        As the project names it.
+        Path in the project file.
     home
         The project's folder.
 
@@ -95,19 +95,19 @@ def check_folder_of_project(folder: Path, home: Path) -> None:
 
 
 def check_inside(path: Path, home: Path, what: str) -> None:
-    """Refuse what does not lie in a folder, links followed.
+    """Reject a path that is outside a folder after its links are followed.
 
     Parameters
     ----------
     path, home
-        The file or folder, and the folder that it must lie in.
+        The file or folder, and the folder that must contain it.
     what
-        How messages name the path.
+        Name of the path in messages.
 
     Raises
     ------
     OutputError
-        It lies elsewhere.
+        It is elsewhere.
     """
     real, own = path.resolve(), home.resolve()
     if real.is_relative_to(own):
@@ -124,17 +124,17 @@ def check_inside(path: Path, home: Path, what: str) -> None:
 
 
 def _lies_in(path: Path, home: Path) -> bool:
-    """Whether a path lies in a folder as it is written, links not followed."""
+    """Return whether a path is textually inside a folder, without following links."""
     return Path(os.path.abspath(path)).is_relative_to(os.path.abspath(home))  # noqa: PTH100
 
 
 def check_no_originals(folder: Path, photos: Iterable[str]) -> None:
-    """Refuse to write pictures into a folder in which the photos themselves lie.
+    """Refuse to write pictures into a folder that contains the photos themselves.
 
     Raises
     ------
     OutputError
-        One of them does.
+        One of them is in it.
     """
     if any(Path(path).resolve().parent == folder.resolve() for path in photos):
         raise OutputError(

@@ -1,4 +1,4 @@
-"""Arrays that cannot change: every data class of the model passes its arrays through here."""
+"""Read-only arrays with checked shapes, used by every data class of the model."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ Ints = NDArray[np.int64]
 Bools = NDArray[np.bool_]
 
 NAN_IS_NONE = "nan"
-"""Mark of a field in which NaN stands for "there is none"; infinities are refused all the same."""
+"""Marker of a field in which NaN means "there is none"; infinities are refused all the same."""
 
 _DTYPES: list[tuple[Any, type]] = [(Floats, np.float64), (Ints, np.int64), (Bools, np.bool_)]
 
 
 class FrozenArrays:
-    """Base of frozen data classes that hold arrays: a field's annotation says its shape.
+    """Base class of frozen data classes with arrays, whose annotations give the shapes.
 
-    ``Annotated[Floats, "n", 3]`` is an array of n rows of three numbers. A letter stands for any
-    size, but for the same one wherever it stands in the class. ``Annotated[tuple[str, ...], "n"]``
-    are n texts. `NAN_IS_NONE` behind the shape lets NaN pass.
+    ``Annotated[Floats, "n", 3]`` is an array of n rows of three numbers. A letter is any size, the
+    same wherever the letter occurs in the class. ``Annotated[tuple[str, ...], "n"]`` are n texts.
+    `NAN_IS_NONE` after the shape permits NaN.
     """
 
     def __post_init__(self) -> None:
@@ -39,8 +39,8 @@ def freeze(owner: Any, **sizes: int) -> None:
     owner
         The dataclass instance, from its ``__post_init__``.
     **sizes
-        Letters of the annotations, and the sizes that they must have; of any other letter the
-        first field that has it decides.
+        Required sizes of letters in the annotations; other letters get the size of the first field
+        that uses them.
 
     Raises
     ------
@@ -48,13 +48,13 @@ def freeze(owner: Any, **sizes: int) -> None:
         A field has another shape, or is not finite; the message names class and field.
     """
     for name, dtype, dimensions, may_be_nan in _array_fields(cast("Hashable", type(owner))):
-        if dtype is None:  # a tuple: frozen as it is
+        if dtype is None:  # a tuple is immutable
             _check_shape(owner, name, (len(getattr(owner, name)),), dimensions, sizes)
             continue
-        # copies: nothing stays aliased
+        # copied, so that no array is shared with the caller
         value: NDArray[Any] = np.array(getattr(owner, name), dtype=dtype)
         _check_shape(owner, name, value.shape, dimensions, sizes)
-        if dtype is np.float64:  # others have no infinities
+        if dtype is np.float64:  # only floats can be infinite or NaN
             bad = np.isinf(value) if may_be_nan else ~np.isfinite(value)
             if bad.any():
                 raise ValueError(
@@ -66,14 +66,14 @@ def freeze(owner: Any, **sizes: int) -> None:
 
 
 def rows_of(owner: Any, index: Ints, size: str = "n") -> dict[str, Any]:
-    """Some rows of all fields of one length, by name: for ``dataclasses.replace``.
+    """Return selected rows of all fields of one length, by name, for ``dataclasses.replace``.
 
     Parameters
     ----------
     owner
-        A dataclass whose annotations say the shapes of its arrays.
+        A dataclass whose annotations give the shapes of its arrays.
     index
-        (m,) which rows, in their new order.
+        (m,) rows to select, in their new order.
     size
         Letter of the first axis of those fields.
     """
@@ -87,7 +87,7 @@ def rows_of(owner: Any, index: Ints, size: str = "n") -> dict[str, Any]:
 
 
 class _ArrayField(NamedTuple):
-    """A field with a shape; its type is None where it is no array but a tuple."""
+    """Field with a shape; its dtype is None where it is a tuple instead of an array."""
 
     name: str
     dtype: type | None
@@ -110,7 +110,7 @@ def _array_fields(owner: Hashable) -> tuple[_ArrayField, ...]:
 
 
 def _dimensions(hint: Any) -> tuple[int | str, ...]:
-    """Return the shape in an annotation, which may have marks of other kinds beside it."""
+    """Return the shape in an annotation, which may also hold marks of other kinds."""
     marks = (mark for mark in get_args(hint)[1:] if isinstance(mark, int | str))
     return tuple(mark for mark in marks if mark != NAN_IS_NONE)
 
@@ -122,7 +122,7 @@ def _check_shape(
     dimensions: tuple[int | str, ...],
     sizes: dict[str, int],
 ) -> None:
-    """Compare a shape with the annotation's; letters that have no size yet get theirs from it."""
+    """Compare a shape with its annotation; letters without a size yet take theirs from it."""
     known = [
         size if isinstance(size, int) else sizes.setdefault(size, n)
         for size, n in zip(dimensions, have, strict=False)

@@ -1,6 +1,6 @@
-"""Many surveys run as one batch: what each gave, and what all of them say together.
+"""Batch of several surveys: result of each, and statistics of all together.
 
-NaN and empty texts stand for "there is none".
+NaN and empty texts mean "there is none".
 """
 
 from __future__ import annotations
@@ -11,22 +11,25 @@ from typing import Literal
 from uavgram.model.result.verdict import VerdictLevel
 
 SurveyStatus = Literal["done", "unchanged", "failed", "waiting"]
-"""Of one survey: measured now; measured before, with the same inputs, options and version; its
-message says why it gave nothing; not begun, as the batch was interrupted."""
+"""State of one survey in the batch.
+
+Measured now; measured before with the same inputs, options and version; failed, with the reason in
+its message; or not begun, since the batch was interrupted.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """How one survey fits observations of a kind, in the sigmas that were stated.
+    """Fit of one kind of observations in one survey, relative to the stated sigmas.
 
     Attributes
     ----------
     kind
-        ``checks``: what was withheld, else a group of observations.
+        ``checks``: the withheld observations, else a group of observations.
     squares
-        Sum of squared errors over their (joint) covariance.
+        Sum of squared errors, weighted by their (joint) inverse covariance.
     freedom
-        What that sum is expected to be: numbers compared, or the group's redundancy.
+        Expected value of that sum: count of the compared numbers, or redundancy of the group.
     """
 
     kind: str
@@ -36,7 +39,7 @@ class Fit:
 
 @dataclass(frozen=True, kw_only=True)
 class SeenParameter:
-    """A camera's parameter as its file states it, and as one survey adjusted it."""
+    """Camera parameter as stated in the camera file and as adjusted in one survey."""
 
     name: str
     stated: float
@@ -47,7 +50,7 @@ class SeenParameter:
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyRow:
-    """One survey in the batch's table.
+    """Row of one survey in the table of the batch.
 
     Attributes
     ----------
@@ -58,23 +61,23 @@ class SurveyRow:
     level, sentence
         The verdict; None and empty where there is none.
     taken_utc
-        ISO 8601, of its photos; empty where nothing tells.
+        Time of its photos, ISO 8601; empty where unknown.
     latitude_deg, longitude_deg
-        Of its origin; NaN where it has no place on the earth.
+        Position of its origin; NaN where it is not georeferenced.
     camera, drone
-        The name in the camera file; make, model and serial number in the photos.
+        Name in the camera file; make, model and serial number in the photos.
     mean_sigma_m
-        Of its measurements in metres.
+        Mean standard deviation of its measurements in metres.
     worst_w
-        The largest standardised residual of a pick, a length or a withheld length, with its sign.
+        Largest standardised residual of a pick, a length or a withheld length, with its sign.
     warnings
         Codes of its warnings, each once.
     output
         Folder of its results.
     seconds
-        Of computing time.
+        Computing time.
     tries
-        How many workers it took: more than one where one died.
+        Number of worker processes used: more than one where one died.
     """
 
     name: str
@@ -102,7 +105,7 @@ class SurveyRow:
 
 @dataclass(frozen=True, kw_only=True)
 class FileState:
-    """A file as it was when a survey was measured: path, size, time of its last change, SHA-256."""
+    """State of a file when a survey was measured: path, size, modification time, SHA-256."""
 
     path: str
     size_bytes: int
@@ -112,18 +115,18 @@ class FileState:
 
 @dataclass(frozen=True, kw_only=True)
 class SurveyRecord:
-    """What is kept of a measured survey, so that it need not be measured again.
+    """Record of a measured survey, kept so that it need not be measured again.
 
     Attributes
     ----------
     row
         Its row in the table.
     version
-        Of the program that measured it.
+        Version of the program that measured it.
     asked
-        The options of the batch.
+        Options of the batch.
     inputs, results
-        Every file that was read, and its results.json.
+        Every input file that was read, and its results.json.
     """
 
     row: SurveyRow
@@ -135,18 +138,18 @@ class SurveyRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class Pooled:
-    """Errors over stated sigmas of several surveys together.
+    """Ratio of errors to stated sigmas, pooled over several surveys.
 
     Attributes
     ----------
     of, name
-        ``all``, ``camera`` or ``drone``, and which.
+        ``all``, ``camera`` or ``drone``, and its name.
     kind
-        Of the observations.
+        Kind of the observations.
     surveys, freedom
-        How many there are, and how many independent numbers they compare.
+        Number of surveys, and number of independent values compared.
     ratio
-        Root mean square of errors over sigmas: 1 where the sigmas are honest.
+        Root mean square of errors over sigmas: 1 where the sigmas are correct.
     low, high
         Its 95 % range.
     """
@@ -162,27 +165,28 @@ class Pooled:
 
     @property
     def is_small(self) -> bool:
-        """Whether sigmas are too small: errors are larger than they say."""
+        """Whether the sigmas are too small: the errors exceed them."""
         return self.low > 1.0
 
     @property
     def is_large(self) -> bool:
-        """Whether sigmas are too large."""
+        """Whether the sigmas are too large."""
         return self.high < 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class Drift:
-    """What the surveys of one camera say of a parameter of it, apart from its file.
+    """Offset and drift of a camera parameter from its file, from all surveys of one camera.
 
     Attributes
     ----------
     offset, offset_sigma
-        Mean of the surveys minus the file; the sigma contains the file's own.
+        Mean of the surveys minus the file; the sigma includes the file's own.
     per_year, per_year_sigma
-        Its change with time; NaN where the surveys span no time.
+        Change with time; NaN where the surveys span no time.
     is_off, drifts
-        Whether either is beyond what chance does once in a hundred tests of this batch.
+        Whether offset or drift exceeds the limit that chance exceeds once in a hundred tests of
+        this batch.
     """
 
     camera: str
@@ -198,7 +202,7 @@ class Drift:
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """The content of the batch's table and page."""
+    """Content of the batch's table and page."""
 
     rows: tuple[SurveyRow, ...]
     pooled: tuple[Pooled, ...]
@@ -208,5 +212,5 @@ class Batch:
     seconds: float
 
     def count(self, status: SurveyStatus) -> int:
-        """How many surveys have a status."""
+        """Return the number of surveys with a status."""
         return sum(row.status == status for row in self.rows)

@@ -1,4 +1,4 @@
-"""Numbers and names of a person's files: how they are typed, and their limits."""
+"""Limits of numbers and names in a user's files, and how they are typed."""
 
 from __future__ import annotations
 
@@ -8,16 +8,21 @@ import unicodedata
 from uavgram.model.naming import FOOT_M
 
 LARGEST_NUMBER = 1e10
-"""Of any number: metres, pixels, degrees and seconds since 1970 stay below it; beyond it they
-overflow what follows."""
+"""Largest magnitude of any number.
+
+Metres, pixels, degrees and seconds since 1970 are below it; larger values would overflow later
+computations.
+"""
 
 SMALLEST_SIGMA, LARGEST_SIGMA = 1e-6, 1e6
-"""In metres, pixels, degrees and seconds: beyond them weights lose all digits of what they are
-added to."""
+"""Limits of a standard deviation in metres, pixels, degrees or seconds.
+
+Weights beyond them make the other terms of a sum lose all their digits.
+"""
 
 
 def sigma_fault(value: float) -> str:
-    """Say why a number can be no standard deviation; empty where it can."""
+    """Return why a number cannot be a standard deviation; empty where it can."""
     if value <= 0:
         return "must be greater than 0"
     if not SMALLEST_SIGMA <= value <= LARGEST_SIGMA:
@@ -26,7 +31,7 @@ def sigma_fault(value: float) -> str:
 
 
 def require(condition: bool, message: str) -> None:  # noqa: FBT001
-    """Refuse a value, in words that name its key.
+    """Raise an error whose message names the key, unless a condition holds.
 
     Raises
     ------
@@ -38,12 +43,12 @@ def require(condition: bool, message: str) -> None:  # noqa: FBT001
 
 
 def require_sizes(owner: object, *names: str) -> None:
-    """Refuse standard deviations and sizes below 0.
+    """Reject negative standard deviations and sizes.
 
     Raises
     ------
     ValueError
-        One of the named values, or of the values in it, is negative.
+        One of the named values, or an entry of a named tuple, is negative.
     """
     for name in names:
         value = getattr(owner, name)
@@ -52,19 +57,23 @@ def require_sizes(owner: object, *names: str) -> None:
 
 
 UNSHOWABLE = re.compile(
-    "[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff"  # break lines, drive terminals
-    "\u202a-\u202e\u2066-\u2069\u200e\u200f\u061c"  # turn the order of what is read
-    # unseen
+    "[\x00-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff"  # line breaks, control characters
+    "\u202a-\u202e\u2066-\u2069\u200e\u200f\u061c"  # reverse the reading direction
+    # invisible characters
     "\u00ad\u180e\u200b\u2060-\u2065\u206a-\u206f\ufeff\ufff9-\ufffb\U000e0000-\U000e007f]"
-    # Joiners belong to Persian, Indic scripts and emoji; behind a Latin letter they only hide.
+    # Joiners are part of Persian, Indic scripts and emoji; after a Latin letter they are only
+    # invisible.
     "|(?<![^\x00-\u02ff])[\u200c\u200d]"
 )
-"""Characters that no name can hold: they break lines, are no XML, or make what is read differ from
-what is there (Unicode Technical Report 36, 2.6: bidirectional text spoofing)."""
+"""Characters forbidden in names.
+
+Line breaks, characters invalid in XML, and characters that make the displayed text differ from the
+stored one (Unicode Technical Report 36, 2.6: bidirectional text spoofing).
+"""
 
 
 def unshowable(text: str) -> str:
-    """Say which character of a text no name can hold; empty where there is none."""
+    """Return the first character of a text that is forbidden in names; empty without any."""
     found = UNSHOWABLE.search(text)
     if found is None:
         return ""
@@ -78,28 +87,28 @@ def unshowable(text: str) -> str:
 
 
 def shown(text: str) -> str:
-    """Write a text for a message: what cannot be shown stands as its code point."""
+    """Replace the forbidden characters of a text by their code points, for a message."""
     return UNSHOWABLE.sub(lambda found: ascii(found[0])[1:-1], text)
 
 
 LONGEST_NAME = 200
-"""Characters of a label, a photo, a length or a measurement."""
+"""Largest number of characters in a label, or in the name of a photo, length or measurement."""
 
 
 def length_fault(value: float) -> str:
-    """Say why a number can be no length in metres; empty where it can."""
+    """Return why a number cannot be a length in metres; empty where it can."""
     return "must be greater than 0" if value <= 0 else number_fault(value)
 
 
 def number_fault(value: float) -> str:
-    """Say why a number can be none of a person's; empty where it can."""
+    """Return why a number is out of range; empty where it is not."""
     if not abs(value) <= LARGEST_NUMBER:
         return f"must lie between {-LARGEST_NUMBER:g} and {LARGEST_NUMBER:g}"
     return ""
 
 
 def name_fault(name: str) -> str:
-    """Say why a name is too long; empty where it is not."""
+    """Return why a name is too long; empty where it is not."""
     if len(name) > LONGEST_NAME:
         return f"may have {LONGEST_NAME} characters, and this one has {len(name)}: shorten it"
     return ""
@@ -116,9 +125,9 @@ _THOUSANDS = re.compile(r"[1-9][0-9]{0,2}")
 
 
 def has_decimal_comma(text: str) -> bool:
-    """Whether a comma in a number can only be a decimal one: ``1,5`` and ``0,010``.
+    """Return whether a comma in a number can only be a decimal comma: ``1,5`` and ``0,010``.
 
-    Not in ``12,001``, which may be twelve thousand and one, nor beside a point.
+    False for ``12,001``, which may mean twelve thousand and one, and next to a decimal point.
     """
     found = _COMMA.fullmatch(text)
     if found is None:
@@ -127,26 +136,26 @@ def has_decimal_comma(text: str) -> bool:
 
 
 def with_point(text: str) -> str:
-    """``1.5`` for ``1,5``; any other text as it is."""
+    """Replace a decimal comma by a point: ``1.5`` for ``1,5``; other texts are unchanged."""
     return text.replace(",", ".") if "," in text and has_decimal_comma(text) else text
 
 
 def comma_question(text: str) -> str:
-    """What is asked of ``12,001``, as the end of a sentence; empty where nothing is unclear."""
+    """Return the question about an ambiguous comma, as in ``12,001``; empty where it is clear."""
     if _COMMA.fullmatch(text) is None or has_decimal_comma(text):
         return ""
     return f": is it {text.replace(',', '.')} or {text.replace(',', '')}? Write it without a comma"
 
 
 def number_hint(text: str, whose: str) -> str:
-    """Say why some text that looks like a number is none, as the end of a sentence.
+    """Return why a text that looks like a number is not one, as the end of a sentence.
 
     Parameters
     ----------
     text
-        As a person typed it.
+        Text as typed by the user.
     whose
-        Whose name states the unit, such as ``the column``.
+        Thing whose name states the unit, such as ``the column``.
     """
     if question := comma_question(text):
         return question
@@ -163,13 +172,13 @@ def number_hint(text: str, whose: str) -> str:
 
 
 def _metres(text: str) -> str:
-    """``4.02336`` for ``13.2 ft``; empty for what is not in feet, yards or inches."""
+    """Convert feet, yards or inches to metres: ``4.02336`` for ``13.2 ft``; empty otherwise."""
     found = _IMPERIAL.fullmatch(text)
     return "" if found is None else f"{float(found[1]) * _SCALES_M[found[2].lower()]:.7g}"
 
 
 def number_text(value: float) -> str:
-    """Shortest text that gives a float back, with a point in it: no parser takes it for text."""
+    """Return the shortest text that gives a float back, with a point: YAML reads a number."""
     text = repr(value)
     mantissa, mark, exponent = text.partition("e")
     return text if "." in mantissa or not mark else f"{mantissa}.0e{exponent}"

@@ -16,7 +16,7 @@ Attribute = tuple[str, ...] | tuple[float, ...]
 
 
 HIDDEN = ("footprints", "ellipses_95")
-"""Layers that files hide at first; the ellipses are metres wide by the receiver's bias."""
+"""Layers that exported files hide at first; the receiver's bias makes ellipses metres wide."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,16 +26,16 @@ class Layer:
     Attributes
     ----------
     name
-        Such as ``measurements``; plain letters, as files and tables name it.
+        Layer name in files and tables, in plain letters, such as ``measurements``.
     kind
-        What every shape is.
+        Kind of every shape.
     vertices_m
-        N arrays (v, 3) of east, north, up; v is 1 for a point; a polygon is not closed and goes
-        counterclockwise seen from above; v = 0 where a shape has no place.
+        N arrays (v, 3) of east, north, up; v is 1 for a point; a polygon is not closed and runs
+        counterclockwise seen from above; v = 0 where a shape has no position.
     attributes
-        Name to N values: text or numbers, NaN where there is none. Names carry the unit.
+        Name to N values: text or numbers, NaN where there is none. Names end in the unit.
     above_ground_m
-        N arrays (v,) of how high each vertex stands over the ground; left out where all lie on it.
+        N arrays (v,) of the height of each vertex above the ground; empty where all are on it.
     """
 
     name: str
@@ -60,7 +60,7 @@ class Layer:
 
 
 def placed(shapes: tuple[Floats, ...], place: Callable[[Floats], Floats]) -> tuple[Floats, ...]:
-    """Vertices (v, 3) of shapes in other coordinates: all are placed in one call."""
+    """Transform the vertices (v, 3) of all shapes to other coordinates, in one call."""
     counts = [len(vertices) for vertices in shapes]
     if not sum(counts):
         return shapes
@@ -69,19 +69,19 @@ def placed(shapes: tuple[Floats, ...], place: Callable[[Floats], Floats]) -> tup
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Features:
-    """A survey as layers, and where it lies.
+    """Survey as layers, with its position on the earth.
 
     Attributes
     ----------
     name
-        Of the project.
+        Name of the project.
     layers
-        In drawing order: what is drawn last lies on top.
+        Layers in drawing order: the last one is on top.
     origin
-        Latitude [deg], longitude [deg], height [m] of the local zero; None where nothing ties the
-        survey to the earth.
+        Latitude [deg], longitude [deg], height [m] of the local origin; None where the survey is
+        not georeferenced.
     height_datum
-        What the origin's height is above.
+        Datum of the origin's height.
     crs
         Projected coordinate system for maps, such as ``EPSG:32756``; None without an origin.
     profiles
@@ -102,16 +102,16 @@ class Features:
 
 @dataclass(frozen=True, kw_only=True)
 class GroundRaster:
-    """North up, square pixels; row 0 is the northernmost.
+    """Raster geometry: north up, square pixels; row 0 is the northernmost.
 
     Attributes
     ----------
     west_m, north_m
         Outer corner of pixel [0, 0], in `crs`, or in local metres where that is None.
     pixel_m
-        Edge of a pixel.
+        Side of a pixel.
     width, height
-        In pixels.
+        Size in pixels.
     crs
         Projected coordinate system; None: local east and north.
     """
@@ -124,13 +124,13 @@ class GroundRaster:
     crs: str | None
 
     def centers(self, columns: Floats, rows: Floats) -> Floats:
-        """(len(rows), len(columns), 2) east and north of pixel centres; fractions are allowed."""
+        """Return (len(rows), len(columns), 2) east and north of (fractional) pixel centres."""
         east = self.west_m + (np.asarray(columns, np.float64) + 0.5) * self.pixel_m
         north = self.north_m - (np.asarray(rows, np.float64) + 0.5) * self.pixel_m
         return np.stack(np.meshgrid(east, north), axis=-1)
 
     def coarser(self, factor: int) -> GroundRaster:
-        """The same ground with pixels `factor` times as large, the last ones reaching over."""
+        """Return a raster of the same ground with `factor` times larger pixels, rounded up."""
         return GroundRaster(
             west_m=self.west_m,
             north_m=self.north_m,
@@ -143,22 +143,23 @@ class GroundRaster:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProfileSheet(FrozenArrays):
-    """Points along a line in their order, and axes with round numbers.
+    """Profile along a line, with its points in order, and axes with round numbers.
 
     Attributes
     ----------
     name
-        Of the profile.
+        Name of the profile.
     label
         (N,) names of the points.
     station_m, height_m, ground_m
-        (N,) along the line from its first point; heights of point and ground over the first point.
+        (N,) distance along the line from its first point; heights of point and ground above the
+        first point.
     station_sigma_m, height_sigma_m, ground_sigma_m
         (N,) their standard deviations.
     station_ticks_m, height_ticks_m
         Round numbers; first and last are the ends of the axes.
     exaggeration
-        Heights are drawn so many times larger than lengths.
+        Scale of heights over scale of lengths in the drawing.
     """
 
     name: str
@@ -175,29 +176,29 @@ class ProfileSheet(FrozenArrays):
 
     @property
     def origin(self) -> str:
-        """The point from which stations and heights count."""
+        """Point at which stations and heights are zero."""
         return self.label[0]
 
 
 Paper = Literal["a4", "letter"]
-"""What is printed on."""
+"""Paper format."""
 
 PAPER_MM: dict[Paper, tuple[float, float]] = {"a4": (210.0, 297.0), "letter": (215.9, 279.4)}
-"""Width and height, upright."""
+"""Width and height of the paper in portrait format [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanSheet:
-    """One sheet: the ground that it shows, in local metres.
+    """One sheet and the ground that it shows, in local metres.
 
     Attributes
     ----------
     number
-        From 1, row by row from the north-west.
+        Counted from 1, row by row from the north-west.
     column, row
-        Its place among the sheets; row 0 is the northernmost.
+        Position among the sheets; row 0 is the northernmost.
     west_m, south_m, east_m, north_m
-        Edges of what it shows.
+        Edges of the ground that it shows.
     """
 
     number: int
@@ -211,22 +212,22 @@ class PlanSheet:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """How a plan lies on paper. Paper is measured in millimetres from its lower left corner.
+    """Layout of a plan on paper. Paper coordinates are millimetres from its lower left corner.
 
     Attributes
     ----------
     scale
-        Metres on the ground for each metre on paper.
+        Metres on the ground per metre on paper.
     paper_mm
-        Width and height of the paper as it is turned.
+        Width and height of the paper in its orientation.
     frame_mm
         Left, bottom, width and height of the frame that shows the ground.
     overlap_mm
-        That neighbouring sheets have in common.
+        Overlap of neighbouring sheets.
     columns, rows
-        Of sheets.
+        Number of sheets in each direction.
     sheets
-        All of them.
+        All sheets.
     """
 
     scale: int
@@ -238,7 +239,7 @@ class Plan:
     sheets: tuple[PlanSheet, ...]
 
     def on_paper(self, sheet: PlanSheet, world_m: Floats) -> Floats:
-        """(..., 2) millimetres on a sheet of (..., 2 or 3) places in the world."""
+        """Return (..., 2) millimetres on a sheet of (..., 2 or 3) world points."""
         corner = np.array([sheet.west_m, sheet.south_m])
         return np.asarray(
             np.array(self.frame_mm[:2]) + (world_m[..., :2] - corner) * 1000.0 / self.scale
@@ -247,7 +248,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class PlanWish:
-    """A plan that is asked for: its paper, and its scale (None: the largest that one sheet has)."""
+    """Requested plan: paper, and scale (None: the largest that fits on one sheet)."""
 
     paper: Paper
     scale: int | None = None
@@ -257,26 +258,26 @@ PLAN_PDF = "plan.pdf"
 
 
 Autopilot = Literal["ardupilot", "px4"]
-"""Whose commands a mission is written in: they take photos and turn by different ones."""
+"""Autopilot whose mission commands are used; the commands to take photos and to turn differ."""
 
 HeightFrame = Literal["relative", "terrain"]
-"""What heights of stops are above: the place of take-off, or the ground below each stop."""
+"""Reference of the heights of stops: the place of take-off, or the ground below each stop."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Mission:
-    """Where to stop, in the order of flight, and to take one photo at each stop.
+    """Stops in the order of flight; one photo is taken at each stop.
 
     Attributes
     ----------
     name
-        Of the plan.
+        Name of the plan.
     autopilot
-        Whose commands are used.
+        Autopilot whose commands are used.
     home
         Latitude [deg], longitude [deg], height above mean sea level [m] of the place of take-off.
     height_frame
-        What `height_m` is above.
+        Reference of `height_m`.
     latitude_deg, longitude_deg
         (F,) of the stops, WGS 84.
     height_m
@@ -284,11 +285,11 @@ class Mission:
     heading_deg
         (F,) of the drone's nose, from true north, clockwise, [0, 360).
     gimbal_pitch_deg
-        (F,) of the camera's axis: 0 forward, -90 straight down.
+        (F,) of the camera axis: 0 forward, -90 straight down.
     speed_m_s
-        From stop to stop.
+        Speed from stop to stop.
     hold_s
-        To hover at each stop before the photo, until drone and gimbal are at rest.
+        Hover time at each stop before the photo, until drone and gimbal have settled.
     no_go
         Rings (v, 2) of latitude and longitude [deg], not closed.
     """

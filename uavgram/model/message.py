@@ -1,4 +1,4 @@
-"""Messages beside the numbers, and remedies by name."""
+"""Messages of a result, and the corrections (remedies) that they propose."""
 
 from __future__ import annotations
 
@@ -11,29 +11,31 @@ from uavgram.model.naming import listed_photos
 Action = Literal[
     "swap", "unpick", "move", "length", "ends", "read", "remove-length", "free", "on-ground", "tape"
 ]
-"""``swap`` labels; ``unpick`` or ``move`` a pick; correct a ``length`` or its ``ends``;
-``read`` a length again, before ``remove-length`` is done to it, as one that is only withheld still
-contradicts; ``free`` a height, or state that
-a point is ``on-ground``. ``read`` and ``tape`` are work for a person, and change nothing that was
-written."""
+"""Kind of a correction.
+
+``swap`` labels; ``unpick`` or ``move`` a pick; correct a ``length`` or its ``ends``; ``read`` a
+length again, before ``remove-length``, since a length that is only withheld still contradicts;
+``free`` a height, or state that a point is ``on-ground``. ``read`` and ``tape`` are work for a
+person and change no input.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """One change of what people wrote.
+    """One change of the user's input.
 
     Attributes
     ----------
     action
-        What is changed; it says which of the rest are there.
+        Kind of change; it determines which of the other fields are set.
     frame, label
-        The pick, or the label alone. A swap without a photo is of all photos.
+        Photo and label of a pick, or the label alone. A swap without a photo applies to all photos.
     other
-        The label with which it is exchanged.
+        Label to exchange with `label`.
     pixel_px
-        Column and row where a pick should be.
+        Corrected column and row of the pick.
     length, length_m, ends
-        Name of a known length; what it should read; the labels between which it is.
+        Name of a known length; its corrected value; its corrected end labels.
     """
 
     action: Action
@@ -48,17 +50,17 @@ class Correction:
 
 @dataclass(frozen=True, kw_only=True)
 class Remedy:
-    """What would put something right.
+    """Correction proposed with a message.
 
     Attributes
     ----------
     action
-        What it does.
+        Kind of correction.
     words
-        The same for people, as on a button: ``Swap 'P1' and 'P2' in 'IMG_0046.jpg'``.
+        Text for people, as on a button: ``Swap 'P1' and 'P2' in 'IMG_0046.jpg'``.
     corrections
-        Changes, in the order in which they are made; all of them together. None where nothing that
-        was written is to be changed.
+        Changes in the order in which they are made, all of them together. Empty where no input is
+        to be changed.
     """
 
     action: Action
@@ -75,11 +77,14 @@ PLURAL: dict[Action, str] = {
     "remove-length": "Remove these {count} lengths",
     "free": "Free these {count} heights",
 }
-"""Words for several at once. Nobody should remove several picks without a look at each."""
+"""Button texts for several corrections at once.
+
+``unpick`` is missing: each pick should be looked at before it is removed.
+"""
 
 
 def together(remedies: Sequence[Remedy | None]) -> Remedy | None:
-    """Remedies of one kind as one; None where one lacks, or they are not to be done together."""
+    """Merge remedies of the same kind into one; None if one is missing or they must stay apart."""
     known = [one for one in remedies if one is not None]
     actions = {one.action for one in known}
     if len(known) < len(remedies) or len(actions) != 1:
@@ -93,7 +98,7 @@ def together(remedies: Sequence[Remedy | None]) -> Remedy | None:
 
 
 def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
-    """Picks, by photo and label, removed; None without any."""
+    """Return the remedy that removes picks, given by photo and label; None without any."""
     if not pairs:
         return None
     frames = list(dict.fromkeys(frame for frame, _ in pairs))
@@ -106,7 +111,7 @@ def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
 
 
 def without_lengths(names: Sequence[str]) -> Remedy | None:
-    """Known lengths removed; None without any, or where they have no names."""
+    """Return the remedy that removes known lengths; None without any, or if one has no name."""
     if not all(names) or not names:
         return None
     what = f"the length {names[0]}" if len(names) == 1 else f"these {len(names)} lengths"
@@ -120,7 +125,7 @@ def without_lengths(names: Sequence[str]) -> Remedy | None:
 Level = Literal["info", "warning", "error"]
 
 SUBJECTS = ("frames", "labels", "lengths", "measurements", "files")
-"""Kinds of things that a message may speak of, each a field of `Message`."""
+"""Kinds of subjects that a message may name, each a field of `Message`."""
 
 NUMBERS = ("heights_m", "heights_sigma_m")
 """Fields of `Message` with a number for each of its labels."""
@@ -128,18 +133,20 @@ NUMBERS = ("heights_m", "heights_sigma_m")
 
 @dataclass(frozen=True)
 class Several:
-    """How a message is told in one sentence with others of its kind.
+    """Parts of a message from which one sentence for several messages of its kind is made.
 
     Attributes
     ----------
     opening
-        What holds of all of them, without a full stop; ``{count}`` stands for their number.
+        Statement that holds for all of them, without a full stop; ``{count}`` is replaced by their
+        number.
     item
-        This one, in a few words.
+        This message, in a few words.
     why
-        The reason, in a few words; those that share it stand together. Empty where there is none.
+        Reason, in a few words; messages with the same reason are grouped. Empty where there is
+        none.
     ending
-        What to do, said once behind the list, as a sentence.
+        Sentence with the action, written once after the list.
     """
 
     opening: str
@@ -150,28 +157,28 @@ class Several:
 
 @dataclass(frozen=True)
 class Message:
-    """One remark for the user; it goes to results.json, to the report and on screen.
+    """Message for the user, in results.json, in the report and on screen.
 
     Attributes
     ----------
     level
-        ``info``: a choice that was made; ``warning``: look at this; ``error``: something that was
-        asked for could not be computed.
+        ``info``: a choice that was made; ``warning``: look at this; ``error``: a requested value
+        could not be computed.
     code
         Stable, machine-readable, kebab-case: ``label-unseen``, ``frame-unmatched``...
     text
-        One sentence or two: what, where, and what to do.
+        One or two sentences: the finding, its place, and the action.
     frames, labels, lengths, measurements, files
-        Names of what it speaks of.
+        Names of its subjects.
     heights_m, heights_sigma_m
-        Heights above the ground that it tells of, one for each of `labels`; else empty.
+        Heights above the ground that it reports, one for each of `labels`; else empty.
     several
-        How it is told together with others of its code and opening; None: always alone. No part of
-        what is stored.
+        Parts for one sentence with others of the same code and opening; None: always written alone.
+        Not stored.
     plain
-        What is wrong, in one sentence, where its code and subjects do not say it all.
+        Finding in one sentence, where code and subjects do not describe it completely.
     mend, instead
-        What would put it right, and what else could where nothing tells which; stored with the
+        Proposed correction, and alternatives where the observations cannot decide; stored with the
         verdict.
     """
 
@@ -191,7 +198,7 @@ class Message:
     instead: tuple[Remedy, ...] = field(default=(), compare=False, repr=False)
 
     def record(self) -> dict[str, str | list[str] | list[float]]:
-        """Everything that is stored: level, code, text, the subjects and numbers that it has."""
+        """Return all that is stored: level, code, text, and the subjects and numbers in use."""
         more = {what: getattr(self, what) for what in (*SUBJECTS, *NUMBERS)}
         told = {what: list(values) for what, values in more.items() if values}
         return {"level": self.level, "code": self.code, "text": self.text, **told}

@@ -1,4 +1,4 @@
-"""Names and numbers in plain sentences, units, and names of columns."""
+"""Display names: units, counted and listed names, rounded numbers, column names of tables."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ LengthUnit = Literal["m", "ft", "ft-in"]
 SpeedUnit = Literal["km/h", "mph", "m/s"]
 
 FOOT_M = 0.3048
-"""The international foot, exactly. The US survey foot is two millionths longer, which shows in
-coordinates of a state and never in a scene; it was given up in 2022, and is not offered."""
+"""International foot [m], exact.
+
+The US survey foot is longer by two millionths, which matters in state-plane coordinates but never
+within a scene; it was retired in 2022 and is not offered.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Units:
-    """Units of all that is shown: page, terminal, report, drawing and recording.
+    """Units of all displayed values: page, terminal, report, drawing and recording.
 
     Attributes
     ----------
@@ -34,11 +37,11 @@ class Units:
 METRIC = Units()
 IMPERIAL = Units(length="ft-in", speed="mph")
 SHORT_FORMS = {"metric": METRIC, "imperial": IMPERIAL}
-"""What project.yaml may say in one word."""
+"""One-word unit systems accepted in project.yaml."""
 
 
 def units_from_options(options: tuple[tuple[str, object], ...]) -> Units:
-    """Units as the options of a result name them; metric where none are named.
+    """Return the units given by the options of a result; metric where they are missing.
 
     Parameters
     ----------
@@ -55,21 +58,22 @@ def units_from_options(options: tuple[tuple[str, object], ...]) -> Units:
 
 EAST_NORTH_UP = ("east", "north", "up")
 POSE_AXES = ("east", "north", "up", "x", "y", "z")
-"""Of centre and turn: the axes of the world, then those of the camera."""
+"""Axes of a pose: world axes of the centre, then camera axes of the rotation."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """Names of a field of a table, beside its annotation: ``Annotated[Floats, "n", Column(...)]``.
+    """Column names of a table field, in its annotation: ``Annotated[Floats, "n", Column(...)]``.
 
-    A field without it has its own name as key; its entries are named by east, north and up.
+    A field without a `Column` uses its own name as key; its entries are east, north and up.
 
     Attributes
     ----------
     key
-        In results.json; empty: the name of the field.
+        Key in results.json; empty: the name of the field.
     keys
-        In results.json, one for each entry of a row, which then are numbers of their own.
+        Keys in results.json, one for each entry of a row; the entries are then stored as separate
+        numbers.
     axes
         Names of the entries of a row, in the columns of data frames.
     stem, unit
@@ -89,7 +93,7 @@ def columns_of(owner: type[Any]) -> dict[str, Column]:
 
 
 def row_shapes(owner: type[Any]) -> dict[str, tuple[int, ...]]:
-    """Return the fixed sizes in the annotation of each array: the shape of one of its rows."""
+    """Return the row shape of each array field: the fixed sizes in its annotation."""
     return _row_shapes(cast("Hashable", owner))
 
 
@@ -117,21 +121,21 @@ MOST_NAMED = 5
 
 
 def photo_name(frame: str) -> str:
-    """``IMG_0046`` of ``IMG_0046.jpg``."""
+    """Return the photo's name without its extension: ``IMG_0046`` for ``IMG_0046.jpg``."""
     return frame.rpartition(".")[0] or frame
 
 
 def listed(names: Iterable[str], most: int | None = MOST_NAMED, *, link: str = "and") -> str:
-    """``A, B and C``, or the first few and how many more; each once.
+    """Join names as ``A, B and C``, or the first few and the number of the rest; each name once.
 
     Parameters
     ----------
     names
-        In their order; without any, the text is empty.
+        Names in their order; the text is empty without any.
     most
-        That are named; None: all.
+        Largest number of names to write; None: all.
     link
-        What stands before the last one.
+        Word before the last name.
     """
     every = list(dict.fromkeys(names))
     if most is not None and len(every) > most:
@@ -140,36 +144,36 @@ def listed(names: Iterable[str], most: int | None = MOST_NAMED, *, link: str = "
 
 
 def listed_photos(frames: Iterable[str]) -> str:
-    """The same of photos."""
+    """Join the names of photos, without extensions, like `listed`."""
     return listed(photo_name(frame) for frame in frames)
 
 
 def counted(number: int, what: str) -> str:
-    """``1 photo``, ``2 photos``.
+    """Return a number and its noun: ``1 photo``, ``2 photos``.
 
     Parameters
     ----------
     number
-        How many.
+        Number of things.
     what
-        One of them, in a word to which an s can be added.
+        Noun in the singular; its plural must end in s.
     """
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def figures(value: float, digits: int = 2, sign: str = "") -> str:
-    """Write a number with so many significant digits, and no power of ten for a large one.
+    """Format a number with a given number of significant digits, without a power of ten if large.
 
-    ``0.012``, ``1.2``, ``960``, ``4500``: of 963 and 4510 as well.
+    ``0.012``, ``1.2``, ``960``, ``4500``; 963 and 4510 give the last two as well.
 
     Parameters
     ----------
     value
         Any number.
     digits
-        That are significant.
+        Number of significant digits.
     sign
-        ``+`` where a positive number has a sign too.
+        ``+`` to write the sign of positive numbers too.
     """
     text = format(value, f"{sign}.{digits}g")
     return format(float(text), f"{sign}.0f") if "e+" in text else text

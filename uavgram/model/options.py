@@ -1,7 +1,7 @@
-"""What a person may decide, with every default, in the units of project.yaml.
+"""Options of a project with all defaults, in the units of project.yaml.
 
-These classes are the schema of the file, the arguments of the stages, and the only place where a
-default stands. They keep the file's units (degrees); stages convert at their entry.
+These classes are the schema of the file, the arguments of the stages, and the only place of the
+defaults. They keep the file's units (degrees); stages convert them first.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ Auto = Literal["auto"]
 
 
 class OptionsError(ValueError):
-    """Options out of their range: all of one class at once.
+    """Error for options out of range: all faults of one class together.
 
     Attributes
     ----------
     faults
-        Pairs of field name and what is wrong with its value.
+        Pairs of field name and fault of its value.
     """
 
     def __init__(self, owner: object, faults: tuple[tuple[str, str], ...]) -> None:
@@ -40,7 +40,7 @@ class OptionsError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class _Options:
-    """Options that are checked at birth: numbers, standard deviations (by their names), rules."""
+    """Options checked on construction: finite numbers, fields named sigma, and own rules."""
 
     def __post_init__(self) -> None:
         rules = {f.name: _sigma(getattr(self, f.name)) for f in fields(self) if "sigma" in f.name}
@@ -54,7 +54,7 @@ class _Options:
             raise OptionsError(self, tuple(faults.items()))
 
     def _rules(self) -> dict[str, tuple[bool, str]]:
-        """Whether fields hold what they may, and else what they must do."""
+        """Return, for each field with a rule, whether it holds, and the message if it does not."""
         return {}
 
 
@@ -68,7 +68,7 @@ def _number_fault(value: object) -> str:
 
 
 def _sigma(value: float | tuple[float, ...] | Auto | None) -> tuple[bool, str]:
-    """Rule of a standard deviation, or of several."""
+    """Check one or several standard deviations; return whether they are valid, and the fault."""
     if value is None or isinstance(value, str):
         return True, ""
     values = value if isinstance(value, tuple) else (value,)
@@ -77,13 +77,13 @@ def _sigma(value: float | tuple[float, ...] | Auto | None) -> tuple[bool, str]:
 
 
 def _size(value: float | None) -> tuple[bool, str]:
-    """Rule of a standard deviation that may be 0: there is no such error."""
+    """Check a standard deviation that may be 0, for an error that does not exist."""
     return (False, "must not be negative") if (value or 0.0) < 0 else _sigma(value or None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GeodeticOrigin(_Options):
-    """A stated origin of the world: WGS 84, height above the datum that `heights` names."""
+    """Given origin of the world: WGS 84, height above the datum in `heights`."""
 
     latitude_deg: float
     longitude_deg: float
@@ -106,7 +106,7 @@ class WorldOptions:
 
 @dataclass(frozen=True, kw_only=True)
 class AreaOptions(_Options):
-    """What one named area of the ground has other than the rest; None: as `GroundOptions`."""
+    """Options of one named area of the ground; None: as in `GroundOptions`."""
 
     height_m: float | None = None
     height_sigma_m: float | None = None
@@ -130,10 +130,10 @@ def _ground_rules(options: AreaOptions | GroundOptions) -> dict[str, tuple[bool,
 
 @dataclass(frozen=True, kw_only=True)
 class GroundOptions(_Options):
-    """The ground plane and how well it is known beforehand.
+    """Prior of the ground plane.
 
-    `areas` are further planes, by the names that the column `area` of picks.csv gives to points;
-    every area that is picked has a plane of its own, whether it stands here or not.
+    `areas` are further planes, by the names in the column `area` of picks.csv; every area that is
+    picked has a plane of its own, whether it is listed here or not.
     """
 
     height_m: float = 0.0
@@ -147,11 +147,11 @@ class GroundOptions(_Options):
         super().__post_init__()
 
     def __getstate__(self) -> dict[str, object]:
-        """For other processes, to which no mapping can go that is protected."""
+        """Return the state for other processes; a MappingProxyType cannot be pickled."""
         return {**vars(self), "areas": dict(self.areas)}
 
     def __setstate__(self, state: dict[str, object]) -> None:
-        """As `__getstate__` gave it."""
+        """Restore the state returned by `__getstate__`."""
         vars(self).update(state)
         object.__setattr__(self, "areas", MappingProxyType(self.areas))
 
@@ -161,7 +161,7 @@ class GroundOptions(_Options):
         return _ground_rules(self) | {"areas": (not named, fault)}
 
     def of(self, area: str) -> GroundOptions:
-        """The options of one area: its own where it states them, else those for all."""
+        """Return the options of one area: its own where given, else the general ones."""
         own = self.areas.get(area, AreaOptions())
         stated = {name: getattr(own, name) for name in _AREA_KEYS}
         return replace(self, **{k: v for k, v in stated.items() if v is not None}, areas={})
@@ -169,11 +169,10 @@ class GroundOptions(_Options):
 
 @dataclass(frozen=True, kw_only=True)
 class MountOptions(_Options):
-    """How the camera sits on the vehicle.
+    """Orientation of the camera on the vehicle.
 
-    An angle that is stated takes the place of what the gimbal says in the log or in the photos'
-    tags. ``auto`` is the gimbal's own angle, and straight down with image up at the nose where
-    there is none.
+    A given angle replaces that of the gimbal in the log or in the photos' tags. ``auto`` is the
+    gimbal's own angle, or straight down with image up at the nose where there is none.
     """
 
     gimbal: Literal["auto", "none"] = "auto"
@@ -185,7 +184,7 @@ class MountOptions(_Options):
     lever_arm_sigma_m: float = 0.1
 
     def angles_deg(self, otherwise: Sequence[float] = (0.0, -90.0, 0.0)) -> tuple[float, ...]:
-        """Yaw, pitch and roll of the optical axis where they are stated, `otherwise` elsewhere."""
+        """Return yaw, pitch and roll of the optical axis where given, else those of `otherwise`."""
         stated = (self.yaw_deg, self.pitch_deg, self.roll_deg)
         pairs = zip(stated, otherwise, strict=True)
         return tuple(other if angle == "auto" else angle for angle, other in pairs)
@@ -193,13 +192,13 @@ class MountOptions(_Options):
 
 @dataclass(frozen=True, kw_only=True)
 class TimeOptions(_Options):
-    """Where the instants of the exposures come from.
+    """Source of the times of exposure.
 
-    `drift_sigma_ppm` is that of the camera's clock against the flight's, where photos carry the
-    camera's own times. A quartz without temperature compensation is rated +-20 ppm between 0 and
-    50 degrees, more when it ages or leaves that range ("Time synchronisation for
-    millisecond-precision on bio-loggers", Movement Ecology 12 (2024), table 1), and two of them
-    take part.
+    `drift_sigma_ppm` is the standard deviation of the camera clock's drift against the flight's
+    clock, where photos carry the camera's own times. A quartz without temperature compensation is
+    rated +-20 ppm between 0 and 50 degrees, more when it ages or leaves that range ("Time
+    synchronisation for millisecond-precision on bio-loggers", Movement Ecology 12 (2024), table 1),
+    and two of them are compared.
     """
 
     source: Literal["auto", "exif", "filename", "events"] = "auto"
@@ -215,13 +214,13 @@ class TimeOptions(_Options):
 
 @dataclass(frozen=True, kw_only=True)
 class TelemetryOptions(_Options):
-    """How far the log is to be trusted.
+    """Assumed accuracy of the flight log.
 
-    Errors of one frame go together with those of the next over some time between the two of
-    `correlation_s`, which the adjustment takes as independent. The per-frame variances of a survey
-    are therefore multiplied by the least factor that keeps its slowest change honest (see
-    estimation/survey/correlated_errors.py): 1 for a few frames, about their number / 2 pi for
-    more. What the whole flight has in common is in the biases.
+    Errors of neighbouring frames are correlated over a time between the two of `correlation_s`, but
+    the adjustment treats them as independent. The per-frame variances of a survey are therefore
+    multiplied by the smallest factor with which the variance of its slowest change is not too small
+    (see estimation/survey/correlated_errors.py): 1 for a few frames, about their number / 2 pi for
+    more. Errors common to the whole flight are in the biases.
     """
 
     position_sigma_m: tuple[float, float] | Auto = "auto"
@@ -238,10 +237,10 @@ class TelemetryOptions(_Options):
 
 @dataclass(frozen=True, kw_only=True)
 class TapeOptions(_Options):
-    """How good the tapes are.
+    """Accuracy of the tapes.
 
-    `scale_sigma` is what all lengths of one tape have in common, as a share of them;
-    `reading_sigma_m` is what the picking page proposes for a length that is entered there.
+    `scale_sigma` is the standard deviation of the scale error common to all lengths of one tape,
+    relative to the length; `reading_sigma_m` is the default of the picking page for a new length.
     """
 
     scale_sigma: float = 0.001
@@ -257,18 +256,18 @@ class TapeOptions(_Options):
 
 @dataclass(frozen=True, kw_only=True)
 class TargetOptions(_Options):
-    """Coded plates that lie in the scene.
+    """Coded plates in the scene.
 
     Attributes
     ----------
     family
-        What is printed on them: a name of `FAMILIES`, or a ChArUco board as `uavgram calibrate`
-        takes it (``charuco:8x6:300mm:220mm:DICT_5X5_100``), of which there is one.
+        Printed code: a name of `FAMILIES`, or a ChArUco board in the notation of `uavgram
+        calibrate` (``charuco:8x6:300mm:220mm:DICT_5X5_100``), of which there is one.
     side_m
         Side of the black square; a ChArUco board states its own.
     sigma_m
-        Standard deviation of that side. All plates have it in common, as one printer or one drawing
-        made them; what differs from side to side is taken as half as large.
+        Standard deviation of that side. It is common to all plates, as they come from one printer
+        or one drawing; the variation from side to side is taken as half as large.
     """
 
     family: str
@@ -305,14 +304,15 @@ class TargetOptions(_Options):
         return self.family.split(":")[0] == BOARD_PLATE
 
 
-LEAST_SIGNIFICANCE = 1e-12  # seven sigmas; far below, quantiles of the normal law overflow
+LEAST_SIGNIFICANCE = 1e-12  # seven sigmas; far smaller values overflow the normal quantile
 
 
 @dataclass(frozen=True, kw_only=True)
 class SolveOptions(_Options):
-    """What to do about blunders, and about sigmas that the residuals contradict.
+    """Handling of gross errors, and of sigmas that the residuals contradict.
 
-    `noise`: whether sigmas of picks and the roughness of the ground are learnt from the survey.
+    `noise`: whether the sigmas of picks and the roughness of the ground are estimated from the
+    survey.
     """
 
     outliers: Literal["report", "remove"] = "report"
@@ -327,30 +327,32 @@ class SolveOptions(_Options):
 
 
 CAMERA_OF_PHOTOS = "auto"
-"""Value of `camera` that names no file: assumed from what the photos say of theirs."""
+"""Value of `camera` without a file: the camera is assumed from the tags of the photos."""
 
 CAMERA_UNKNOWN = "unknown"
-"""Value of `camera` that names no file: where the photos do not say enough either, an ordinary
-drone camera, with errors as wide as such cameras differ."""
+"""Value of `camera` for photos whose tags are insufficient.
+
+An ordinary drone camera is assumed, with standard deviations that cover the range of such cameras.
+"""
 
 TIES_FOUND = "auto"
-"""Value of `ties` that names no file: tie points are found, and kept in `TIES_FILE`."""
+"""Value of `ties` without a file: tie points are found, and kept in `TIES_FILE`."""
 
 TIES_FILE = "ties.csv"
-"""Beside the project file, where it names no other."""
+"""Default name of the tie point file, next to the project file."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Project(_Options):
-    """A project file: which inputs, and every option.
+    """Project file: input files and all options.
 
     Paths are those of the file, made absolute; `images` are patterns. `camera` is ``auto``,
-    ``unknown`` or a path; `poses` is ``exif`` or a path, or several, and stands in place of
-    `log`. `crs` is the projected coordinate system of maps and drawings; ``auto``: the UTM zone.
-    `operator` is who answers for the survey. `ties` is ``auto`` or a path. `plan` is what was
-    planned before the flight. `units` are those in which people read; files keep metres. `case` is
-    what the head of the report says. `picks_identification_sigma_m` is how far people pick beside
-    what was meant, alike in all photos.
+    ``unknown`` or a path; `poses` is ``exif``, a path or several, and replaces `log`. `crs` is the
+    projected coordinate system of maps and drawings; ``auto``: the UTM zone. `operator` is the
+    person responsible for the survey. `ties` is ``auto`` or a path. `plan` is the plan made before
+    the flight. `units` are those of displayed values; files keep metres. `case` is the head of the
+    report. `picks_identification_sigma_m` is the standard deviation between picked and intended
+    point, the same in all photos.
     """
 
     name: str
@@ -411,7 +413,7 @@ class Project(_Options):
 
     @property
     def camera_file(self) -> str | None:
-        """The camera's file; None where the camera is assumed."""
+        """Path of the camera file; None where the camera is assumed."""
         return None if self.camera in (CAMERA_OF_PHOTOS, CAMERA_UNKNOWN) else self.camera
 
     @property
@@ -433,7 +435,7 @@ class Project(_Options):
 
 
 def option_pairs(options: object, prefix: str = "") -> tuple[tuple[str, object], ...]:
-    """List every option as a pair of dotted key and value, as `Provenance.options` wants them.
+    """List every option as a pair of dotted key and value, for `Provenance.options`.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Plans: what a person asks, what to fly and lay out, and what will then be known how well."""
+"""Plans: the request, the planned flight and layout, and the predicted accuracy."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ class PlannedFrames(FrozenArrays):
     center_world_m, world_from_camera
         (F, 3), (F, 3, 3) poses.
     heading_deg, gimbal_pitch_deg
-        (F,) where the drone's nose points, from north, clockwise; -90 looks straight down.
+        (F,) heading of the drone's nose, from north, clockwise; -90 is straight down.
     height_above_ground_m
-        (F,) at the place of the photo.
+        (F,) above the ground below the photo.
     footprint_world_m
-        (F, V, 3) what each photo shows of the ground, counterclockwise from above, not closed.
+        (F, V, 3) ground area in each photo, counterclockwise from above, not closed.
     safe_footprint_world_m
-        (F, V, 3) what it shows even where the drone departs from the plan.
+        (F, V, 3) ground area in each photo even where the drone departs from the plan.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -55,15 +55,16 @@ class PlannedLines(FrozenArrays):
     start_world_m, end_world_m
         (L, 3) ends on the ground.
     length_m, sigma_m
-        (L,) and the standard deviation of the tape reading.
+        (L,) length, and standard deviation of the tape reading.
     frames_seen
-        (L,) in how many photos both ends are.
+        (L,) number of photos with both ends.
     redundancy
-        (L,) 0 (nothing checks its reading) to 1.
+        (L,) 0 (no other observation checks its reading) to 1.
     mdb_m
-        (L,) the smallest mistake of its reading that the survey will notice; NaN where none is.
+        (L,) minimal detectable bias of its reading; NaN where no bias is detectable.
     mean_sigma_without
-        (L,) `FlightPlanned.mean_sigma` if this line is lost; NaN where nothing holds it then.
+        (L,) `FlightPlanned.mean_sigma` if this line is lost; NaN where the survey is then
+        undetermined.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -78,12 +79,12 @@ class PlannedLines(FrozenArrays):
 
     @property
     def start_label(self) -> tuple[str, ...]:
-        """(L,) label of the first end of each."""
+        """(L,) label of the first end of each line."""
         return tuple(f"{name}a" for name in self.name)
 
     @property
     def end_label(self) -> tuple[str, ...]:
-        """(L,) label of the other end of each."""
+        """(L,) label of the other end of each line."""
         return tuple(f"{name}b" for name in self.name)
 
 
@@ -93,20 +94,20 @@ def _none() -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedPlates(FrozenArrays):
-    """L coded plates to be laid flat; none where lines are taped.
+    """L coded plates to be laid flat; empty where lines are taped.
 
     Attributes
     ----------
     name
-        (L,) as the program calls them, ``T0``: what is printed on it has that number.
+        (L,) names in the program, ``T0``; the printed code has that number.
     corner_world_m
         (L, 4, 3) corners of the black square, counterclockwise from above.
     side_m
-        Of each.
+        Side of each plate.
     frames_seen
-        (L,) in how many photos all of it is.
+        (L,) number of photos with the entire plate.
     mean_sigma_without
-        (L,) `FlightPlanned.mean_sigma` if it is lost; NaN where nothing holds it then.
+        (L,) `FlightPlanned.mean_sigma` if it is lost; NaN where the survey is then undetermined.
     """
 
     name: Annotated[tuple[str, ...], "n"] = ()
@@ -119,13 +120,13 @@ class PlannedPlates(FrozenArrays):
 
     @property
     def center_world_m(self) -> Floats:
-        """(L, 3) their middles."""
+        """(L, 3) centres of the plates."""
         return np.asarray(self.corner_world_m.mean(axis=1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedPoints(FrozenArrays):
-    """K points that what is wanted is measured between: (K,) labels, (K, 3) places."""
+    """K end points of the wanted measurements: (K,) labels, (K, 3) world coordinates."""
 
     label: Annotated[tuple[str, ...], "n"]
     world_m: Annotated[Floats, "n", 3]
@@ -133,7 +134,7 @@ class PlannedPoints(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlannedMeasurements(FrozenArrays):
-    """M values that will be measured; none where only the map was asked for.
+    """M values to be measured; empty where only the accuracy map was requested.
 
     Attributes
     ----------
@@ -142,9 +143,9 @@ class PlannedMeasurements(FrozenArrays):
     points
         (M,) labels of `PlannedPoints`, in order.
     value, sigma
-        (M,) what it will be by the plan's points, and the standard deviation to expect.
+        (M,) value from the planned points, and its expected standard deviation.
     wanted_sigma
-        (M,) what is good enough; NaN where nobody said.
+        (M,) required standard deviation; NaN where none was given.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -158,16 +159,16 @@ class PlannedMeasurements(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AccuracyGrid(FrozenArrays):
-    """How well lengths will be known over the area.
+    """Expected accuracy of lengths over the area.
 
     Attributes
     ----------
     center_world_m
-        (K, 3) middles of square cells, on the ground.
+        (K, 3) centres of square cells, on the ground.
     cell_m
-        Their side.
+        Side of a cell.
     length_m
-        Of the length about each middle whose standard deviation is told.
+        Length, centred on each cell, whose standard deviation is given.
     sigma_m
         (K,) root mean square over lengths to the east and to the north; NaN where no photo shows
         them.
@@ -180,28 +181,28 @@ class AccuracyGrid(FrozenArrays):
 
 
 Corners = tuple[tuple[float, float], ...]
-"""Of a polygon: x, y in the scene's axes [m]."""
+"""Corners of a polygon: x, y in the scene's axes [m]."""
 
 FlightPattern = Literal["single", "strip", "grid", "orbit"]
 Laid = Literal["lines", "plates"]
-"""What is laid out to be known: lines for a tape, or coded plates."""
+"""Reference to lay out: lines for a tape, or coded plates."""
 
 MOST_CHOICES = 30
-"""Heights, pitches, numbers of photos or patterns to choose from: each is flown with each other."""
+"""Largest number of heights, pitches, photo counts or patterns; all combinations are planned."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WantedMeasurement:
-    """Something that shall be measured, and how well.
+    """Requested measurement and its required accuracy.
 
     Attributes
     ----------
     name, kind
         As in measure.csv.
     points
-        Labels of the scenario, or places (x, y) in the scene's axes [m].
+        Labels of the scenario, or points (x, y) in the scene's axes [m].
     sigma_m
-        Standard deviation that is good enough, in the unit of the kind; None: as good as may be.
+        Required standard deviation, in the unit of the kind; None: as small as possible.
     parameters
         Numbers that the kind needs, as in measure.csv.
     """
@@ -218,43 +219,43 @@ class WantedMeasurement:
 
 @dataclass(frozen=True, kw_only=True)
 class PlanRequest:
-    """What shall be planned.
+    """Request for a plan.
 
     Attributes
     ----------
     area
-        What shall be measured: corners (x, y) in the scene's axes [m], or a GeoJSON or KML file
-        with a polygon.
+        Area to be measured: corners (x, y) in the scene's axes [m], or a GeoJSON or KML file with a
+        polygon.
     no_go
-        Where neither a tape nor the drone may pass: polygons as `area`, or a file.
+        Areas closed to both tape and drone: polygons as `area`, or a file.
     longest_tape_m, shortest_line_m
-        Between which lengths a reference line lies.
+        Limits of the length of a reference line.
     lay
-        What is laid out: reference lines, coded plates of the scenario's size, or the better one.
+        Reference to lay out: lines, coded plates of the scenario's size, or the better one.
     lines
-        How many reference lines, or plates; None: as few as reach what is wanted.
+        Number of reference lines or plates; None: the fewest that meet the requirements.
     most_lines
-        The most that the program may choose.
+        Largest number that the program may choose.
     wanted
-        What shall be measured; nothing: lengths anywhere in the area.
+        Requested measurements; empty: lengths anywhere in the area.
     patterns
-        Flights to choose from.
+        Flight patterns to choose from.
     heights_m, pitches_deg, frames
         Heights above the ground, gimbal pitches (-90 straight down) and numbers of photos to choose
-        from; nothing: the program's own.
+        from; empty: the program's own.
     max_height_m, min_height_m
-        Above the ground.
+        Limits of the height above the ground.
     battery_min
-        Time that one battery flies, all in.
+        Total flight time of one battery.
     speed_m_s, seconds_per_photo
-        From photo to photo; hovering at each.
+        Speed from photo to photo; hover time at each.
     deviation_m, deviation_deg
-        Standard deviations of how the drone departs from the plan: what lies close to a photo's
-        edge may be missing in it.
+        Standard deviations of the drone's departure from the plan; points close to a photo's edge
+        may then be outside it.
     roughness_m
-        By how much the ground departs from a plane, a standard deviation.
+        Standard deviation of the ground from a plane.
     robust
-        Whether the layout must bear the loss of any one line.
+        Whether the layout must tolerate the loss of any one line.
     """
 
     area: str | Corners
@@ -309,14 +310,17 @@ class PlanRequest:
 
 
 ChosenBy = Literal["mean", "shares"]
-"""What a layout makes smallest: the mean of lengths' sigmas, or the mean of all sigmas as shares of
-what is wanted of them. Where nobody states that, lengths are shares of their mean sigma, and values
-of other units of their own, with the first few lines."""
+"""Criterion that a layout minimises.
+
+The mean of the lengths' sigmas, or the mean of all sigmas relative to their required values.
+Without required values, lengths are relative to their mean sigma, and values of other units to
+their own with the first few lines.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedSite:
-    """Where the world's origin lies: WGS 84, height above mean sea level, geoid above ellipsoid.
+    """Origin of the world: WGS 84, height above mean sea level, geoid above ellipsoid.
 
     `ground_height_m` is that of the ground at the middle of the area, above the origin.
     """
@@ -330,24 +334,24 @@ class PlannedSite:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightFacts:
-    """The flight in numbers.
+    """Numbers of the planned flight.
 
     Attributes
     ----------
     pattern
-        How the photos lie.
+        Arrangement of the photos.
     height_m
         Above the ground at the middle of the area.
     gimbal_pitch_deg
-        -90 looks straight down.
+        -90 is straight down.
     speed_m_s, seconds_per_photo
-        From photo to photo; hovering at each.
+        Speed from photo to photo; hover time at each.
     path_m, duration_s, battery_s
-        Way from photo to photo; time from take-off to landing; what the battery gives.
+        Path from photo to photo; time from take-off to landing; flight time of the battery.
     max_height_m
-        Above the ground, that must not be passed.
+        Largest permitted height above the ground.
     ground_sample_m
-        What a pixel in the middle of a photo is on the ground.
+        Ground sampling distance in the middle of a photo.
     """
 
     pattern: FlightPattern
@@ -364,17 +368,17 @@ class FlightFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class Assumptions:
-    """What the prediction rests on: standard deviations.
+    """Assumed standard deviations on which the prediction is based.
 
     Attributes
     ----------
     telemetry
         Class of the log: ``consumer``, ``rtk``, ``ppk``, ``none``.
     pick_sigma_px, tape_sigma_m, tape_scale_sigma, roughness_m
-        Of picks, tape readings, what all readings of the tape have in common, the ground about its
+        Of picks, of tape readings, of the common scale of all readings, of the ground from its
         plane.
     deviation_m, deviation_deg
-        How the drone departs from the plan.
+        Departure of the drone from the plan.
     """
 
     telemetry: str
@@ -388,17 +392,17 @@ class Assumptions:
 
 @dataclass(frozen=True, kw_only=True)
 class Gain:
-    """What another choice would bring.
+    """Effect of another choice.
 
     Attributes
     ----------
     what
-        In words: ``one more line``.
+        Text, such as ``one more line``.
     mean_sigma
-        `FlightPlanned.mean_sigma` then.
+        `FlightPlanned.mean_sigma` with that choice.
     worst_without
-        The same if the line is lost that matters most then; None of choices that are not about
-        that, or where nothing holds the survey then.
+        The same after the loss of the most important line; None for choices that do not concern
+        that, or where the survey is then undetermined.
     """
 
     what: str
@@ -408,35 +412,35 @@ class Gain:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightPlanned(FrozenArrays):
-    """A plan, completely.
+    """Complete plan.
 
     Attributes
     ----------
     name
-        Of the scenario.
+        Name of the scenario.
     site
-        Of the world's axes (east, north, up).
+        Origin of the world's axes (east, north, up).
     camera
-        With its covariance.
+        Calibration with its covariance.
     drone
-        Its name, empty where it is not known.
+        Name of the drone, empty where unknown.
     area_world_m
         (V, 3) corners on the ground, counterclockwise from above, not closed.
     no_go_world_m
         Polygons (v, 3) likewise.
     flight, assumptions
-        The flight in numbers; what the prediction rests on.
+        Numbers of the flight; assumptions of the prediction.
     frames, lines, plates, points, measurements, grid
-        See each.
+        See each class.
     mean_sigma
-        Plain mean of the predicted standard deviations of the lengths that are wanted (of the map's
-        where nothing else is; of all values where none is a length).
+        Plain mean of the predicted standard deviations of the requested lengths (of the map's where
+        nothing else is requested; of all values where none is a length).
     chosen_by
-        What the layout makes smallest, which is `mean_sigma` only where it is ``mean``.
+        Criterion of the layout, which is `mean_sigma` only where it is ``mean``.
     gains
-        What one more line or photo would bring, and a layout that bears a loss would cost.
+        Effect of one more line or photo, and cost of a layout that tolerates a loss.
     messages
-        What to know before flying.
+        Messages to read before flying.
     """
 
     name: str
@@ -460,7 +464,7 @@ class FlightPlanned(FrozenArrays):
 
     @property
     def laid(self) -> PlannedLines | PlannedPlates:
-        """What is laid out to be known: plates, or lines where there are none."""
+        """References to lay out: plates, or lines where there are none."""
         return self.plates if self.plates.name else self.lines
 
 
@@ -471,19 +475,21 @@ class NextLines(FrozenArrays):
     Attributes
     ----------
     mean_sigma
-        Of the survey as it is: of lengths [m], where any are measured.
+        Mean sigma of the survey as it is: of its lengths [m], where any are measured.
     unit
-        Of `mean_sigma`.
+        Unit of `mean_sigma`.
     start_world_m, end_world_m
-        (N, 3) lines that would have helped most, the best first; each is reckoned alone.
+        (N, 3) additional lines that would have helped most, the best first; each is evaluated
+        alone.
     near
-        (N,) pairs of the labels that the two ends lie nearest to.
+        (N,) pairs of the labels nearest to the two ends.
     near_m
-        (N, 2) and how far from them.
+        (N, 2) distances from those labels.
     with_it
         (N,) the mean sigma with each.
     name, without_it
-        (L,) the survey's lines, and the mean sigma without each; NaN where nothing holds it then.
+        (L,) the survey's lines, and the mean sigma without each; NaN where the survey is then
+        undetermined.
     """
 
     mean_sigma: float

@@ -1,4 +1,4 @@
-"""Provenance of a result: program, inputs and options, and the case that it is about."""
+"""Provenance of a result: program, inputs and options, and the case that it belongs to."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, kw_only=True)
 class InputDigest:
-    """Chain of custody of one input file."""
+    """Digest of one input file, for the chain of custody."""
 
     path: str
     sha256: str
@@ -17,14 +17,14 @@ class InputDigest:
 
 @dataclass(frozen=True, kw_only=True)
 class Provenance:
-    """What made this result: program, inputs, options.
+    """Origin of a result: program, inputs, options.
 
     Attributes
     ----------
     made_by
-        Who answers for it; empty where the project names nobody.
+        Person responsible; empty where the project names none.
     options
-        The project as understood, as JSON-ready pairs of dotted key and value.
+        The project as read, as JSON-ready pairs of dotted key and value.
     packages
         Pairs of package name and version.
     """
@@ -47,19 +47,19 @@ WORDS = {
     "agency": "Agency",
     "client": "For",
 }
-"""What each field is called; others are called as they are written."""
+"""Displayed name of each field of a case; further fields are shown under their own names."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """The head of a report; a field that is empty is not shown.
+    """Head of a report; empty fields are not shown.
 
     Attributes
     ----------
     number, title, place, date, agency, client
-        As people write them.
+        Texts as the user wrote them.
     more
-        Whatever else is to be said, by its name.
+        Further texts by their names.
     """
 
     number: str = ""
@@ -72,7 +72,7 @@ class Case:
 
 
 def case_from_options(options: tuple[tuple[str, object], ...]) -> tuple[tuple[str, str], ...]:
-    """Names and texts of a case as the options of a result have them; none where nothing is said.
+    """Return names and texts of the case in the options of a result; empty without any.
 
     Parameters
     ----------

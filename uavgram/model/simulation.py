@@ -1,4 +1,4 @@
-"""Repetitions with known truth, of surveys and of single photos, and studies of them."""
+"""Repetitions of surveys and single photos with known truth, and studies made of them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from uavgram.model.result.verdict import VerdictLevel
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoDesign(FrozenArrays):
-    """What all draws have in common.
+    """Design of a single photo that all draws have in common.
 
     Attributes
     ----------
     calibration
-        The camera; its covariance is not read.
+        The camera; its covariance is not used.
     height_m
         (E,) of the ends above the ground.
     line
@@ -27,17 +27,17 @@ class PhotoDesign(FrozenArrays):
     pixel_sigma_px, length_sigma_m
         (E,) of each coordinate, (L,).
     information
-        (6, 6) inverse covariance of the pose beforehand: (δcentre world, δθ camera); 0 where
-        nothing is known. Where it leaves the pose's place or heading free altogether, any small
-        number there holds the pose without moving a length.
+        (6, 6) inverse prior covariance of the pose: (δcentre world, δθ camera); 0 where there is no
+        prior. Where the lengths leave position or heading of the pose free, any small number there
+        fixes the pose without changing a length.
     camera_root
-        (P, K) what K unknowns, each normal with sigma 1, do to the camera's parameters: a root of
+        (P, K) effect of K unknowns, each normal with sigma 1, on the camera's parameters: a root of
         their covariance. None: the camera is exact.
     ground_root
-        (3, G) what G unknowns, each normal with sigma 1, do to the ground's plane. None: it is
+        (3, G) effect of G unknowns, each normal with sigma 1, on the ground plane. None: it is
         exact.
     tape_scale_sigma
-        Of the tape, a share of all lengths; 0: it is exact.
+        Standard deviation of the tape's scale, relative to the length; 0: it is exact.
     """
 
     calibration: Calibration
@@ -53,16 +53,16 @@ class PhotoDesign(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoDraws(FrozenArrays):
-    """B draws.
+    """B draws of the observations and priors of one photo.
 
     Attributes
     ----------
     pixel_px, length_m
         (B, E, 2) of the ends, (B, L) readings.
     center_world_m, world_from_camera
-        (B, 3), (B, 3, 3) the pose beforehand.
+        (B, 3), (B, 3, 3) prior pose.
     ground
-        (B, 3) the ground's plane beforehand: height at the origin [m], slopes to east and north.
+        (B, 3) prior ground plane: height at the origin [m], slopes to east and north.
     """
 
     pixel_px: Annotated[Floats, "b", "e", 2]
@@ -79,8 +79,8 @@ class PhotoPosesFound(FrozenArrays):
     Attributes
     ----------
     center_world_m, world_from_camera, covariance
-        (B, 3), (B, 3, 3), (B, 6, 6) as of `Poses`; without a covariance where one did not come
-        to rest.
+        (B, 3), (B, 3, 3), (B, 6, 6) as in `Poses`; NaN covariance where the adjustment did not
+        converge.
     place_m
         (B, E, 3) of the ends.
     common
@@ -88,7 +88,7 @@ class PhotoPosesFound(FrozenArrays):
     cost
         (B,) weighted sum of squares.
     converged, steps
-        (B,) whether it came to rest, and after how many steps.
+        (B,) whether the adjustment converged, and its number of steps.
     """
 
     center_world_m: Annotated[Floats, "b", 3]
@@ -102,30 +102,30 @@ class PhotoPosesFound(FrozenArrays):
 
 
 SIGMAS = (1.0, 1.959963984540054, 3.0)
-"""Within which errors are counted: 68.3, 95 and 99.7 % of normal ones lie there."""
+"""Bounds within which errors are counted [sigma]: 68.3, 95 and 99.7 % of normal errors."""
 
 COVERAGE = (0.6826894921370859, 0.95, 0.9973002039367398)
-"""Of normal errors, in the order of `SIGMAS`."""
+"""Shares of normal errors within each of `SIGMAS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Repetition:
-    """One repetition.
+    """Result of one repetition.
 
     Attributes
     ----------
     number
-        Of the draw: the same number of the same scenario gives the same survey.
+        Number of the draw: the same number of the same scenario gives the same survey.
     true, value, sigma
-        Of each measurement; NaN where it has no value.
+        One entry for each measurement; NaN where it has no value.
     level
-        Of the verdict; None where there is no result.
+        Level of the verdict; None where there is no result.
     failure
-        Why there is none; empty where there is.
+        Why there is no result; empty where there is one.
     converged
-        Whether the adjustment came to rest.
+        Whether the adjustment converged.
     codes
-        Of its warnings and errors.
+        Codes of its warnings and errors.
     """
 
     number: int
@@ -147,13 +147,13 @@ class Repetitions(FrozenArrays):
     name, unit
         (M,) of the values, metres and degrees.
     predicted
-        (M,) sigmas without any noise; NaN where there is none.
+        (M,) predicted standard deviations of the survey without noise; NaN where there is none.
     number
         (N,) of the draws.
     true, value, sigma
         (N, M); NaN where a repetition has no such value.
     level, failure, codes
-        (N,) as of `Repetition`.
+        (N,) as in `Repetition`.
     converged
         (N,).
     """
@@ -172,24 +172,24 @@ class Repetitions(FrozenArrays):
 
     @property
     def failed(self) -> int:
-        """Repetitions without a result."""
+        """Number of repetitions without a result."""
         return sum(map(bool, self.failure))
 
     @property
     def unsettled(self) -> int:
-        """Repetitions with a result whose adjustment did not come to rest."""
+        """Number of repetitions with a result whose adjustment did not converge."""
         return int((~self.converged).sum()) - self.failed
 
     @property
     def counted(self) -> Bools:
-        """(N, M) which values are counted: those of adjustments that came to rest."""
+        """(N, M) mask of the values that are counted: those of converged adjustments."""
         known = np.isfinite(self.value) & np.isfinite(self.sigma)
         return np.asarray(known & self.converged[:, None])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Accuracy(FrozenArrays):
-    """How good M measured values were; ranges hold the true value in 95 % of such simulations.
+    """Accuracy of M measured values; ranges hold the true value in 95 % of such simulations.
 
     Attributes
     ----------
@@ -204,7 +204,7 @@ class Accuracy(FrozenArrays):
     coverage, coverage_range
         (M, 3), (M, 3, 2) shares of the errors within `SIGMAS`.
     z, z_range
-        (M,), (M, 2) root mean square of error over stated sigma: 1 is honest.
+        (M,), (M, 2) root mean square of error over stated sigma: 1 if the sigmas are correct.
     """
 
     count: Annotated[Ints, "m"]
@@ -221,7 +221,7 @@ class Accuracy(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Variant:
-    """The same repetitions of a survey with something else amiss; `name` says what."""
+    """The same repetitions with another deviation from the stated project; `name` describes it."""
 
     name: str
     repetitions: Repetitions
@@ -230,7 +230,7 @@ class Variant:
 
 @dataclass(frozen=True)
 class Unlike:
-    """A thing that is drawn otherwise than stated: its key, and both sigmas, of each coordinate."""
+    """Quantity drawn with another sigma than stated: key, and both sigmas per coordinate."""
 
     key: str
     drawn: tuple[float, ...]
@@ -239,25 +239,26 @@ class Unlike:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Simulation:
-    """A simulated survey, many times.
+    """Many repetitions of a simulated survey.
 
     Attributes
     ----------
     name, seed
-        Of the scenario.
+        Name and seed of the scenario.
     source
-        The file that it comes from, without its folder.
+        Scenario file, without its folder.
     repetitions, accuracy
-        What came out.
+        Values and their accuracy.
     variants
-        The same without anything amiss, and with each such thing alone; nothing where that was not
-        asked for.
+        The survey without any deviation from its project, and with each deviation alone; empty
+        where that was not requested.
     running
-        Pairs of a number of repetitions, and the mean spread over the predicted one by then.
+        Pairs of a number of repetitions, and the mean ratio of observed to predicted spread by
+        then.
     unlike
-        What the scenario draws otherwise than its project states it.
+        Quantities that the scenario draws otherwise than its project states.
     amiss
-        Keys of the scenario that say what is amiss in it, of which its project knows nothing.
+        Keys of the scenario's deviations that are unknown to its project.
     """
 
     name: str
@@ -280,7 +281,7 @@ class MethodRow:
     setting, method
         Names.
     scenes
-        How many.
+        Number of scenes.
     rms_m, ninth_m
         Median and 90th percentile of the scenes' root mean square errors.
     fewest_m, most_m
@@ -288,8 +289,8 @@ class MethodRow:
     failed
         Share of scenes in which the distances are useless.
     ambiguous, told, failed_silently
-        Shares of scenes in which the method says that another pose fits as well; in which it says
-        so, or predicts errors beyond 5 %; and that failed without a word.
+        Shares of scenes in which the method reports that another pose fits as well; in which it
+        reports that, or predicts errors beyond 5 %; and in which it failed without any report.
     coverage, z
         Share of the errors within 1.96 predicted sigmas, and their root mean square in sigmas.
     """
@@ -310,33 +311,35 @@ class MethodRow:
 
 
 SOURCES = ("lengths", "picks", "log", "camera", "tape", "ground")
-"""Of errors: readings of lengths, picks, what the log says, the camera file, the tape's scale, and
-the plane of the ground."""
+"""Sources of errors.
+
+Readings of lengths, picks, flight log, camera file, scale of the tape, and ground plane.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """One point of a grid.
+    """One point of a study's grid.
 
     Attributes
     ----------
     curve
-        Which curve of the figure it belongs to.
+        Curve of the figure to which the point belongs.
     at, label
-        Where on the axis, and in words.
+        Position on the axis, as number and as text.
     predicted_m
-        Root mean square, over the withheld distances, of the errors to expect: sigmas and mean
-        errors without any noise, to second order.
+        Root mean square, over the withheld distances, of the expected errors: sigmas and mean
+        errors without noise, to second order.
     simulated_m
-        Of the errors that the repetitions made.
+        The same of the errors in the repetitions.
     ratio, ratio_range
-        Of the errors over the predicted ones, root mean square; it lies in the range with 95 %.
+        Root mean square of errors over predicted errors; its 95 % range.
     bias_m
         Root mean square of the mean errors.
     shares
-        What each of `SOURCES` has of the predicted variance, to first order.
+        Share of each of `SOURCES` in the predicted variance, to first order.
     repetitions, lost
-        How many were drawn, and how many gave no result.
+        Number of draws, and of those without a result.
     """
 
     curve: str
@@ -352,26 +355,26 @@ class Cell:
     lost: int
 
     def share(self, source: str) -> float:
-        """What a source of errors has of the predicted variance."""
+        """Return the share of a source of errors in the predicted variance."""
         return self.shares[SOURCES.index(source)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """A study: its question, its grid, and how long it took.
+    """Study: its question, its grid, and its duration.
 
     Attributes
     ----------
     name, title, question
-        Of the study.
+        Texts that identify the study.
     axis, is_log
-        What varies along the figure, and whether on a logarithmic axis.
+        Quantity that varies along the figure, and whether its axis is logarithmic.
     cells
         Curve after curve.
     seconds
-        Of the clock.
+        Elapsed time.
     methods
-        Of the comparison of methods, which has these instead of cells.
+        Rows of the comparison of methods, which has these instead of cells.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Names of what can be looked for as a coded plate, and of the labels that its corners get."""
+"""Names of the families of coded plates, and labels of plates and their corners."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ FAMILIES = {
     "apriltag-36h10": "DICT_APRILTAG_36h10",
     "apriltag-36h11": "DICT_APRILTAG_36h11",
 }
-"""Name in a project file -> name of OpenCV's dictionary."""
+"""Name in a project file to name of OpenCV's dictionary."""
 
 BOARD_PLATE = "charuco"
-"""Kind of a ChArUco board, which stands before its first colon."""
+"""Name of a ChArUco board's kind, the text before its first colon."""
 
 LARGEST_PLATE_M = 10.0
 
 FOUND_PX = 16.0
-"""Side of a plate in a photo, in pixels, from which on the program can be relied on to find it."""
+"""Smallest side of a plate in a photo [px] at which it is found reliably."""
 
 CORNERS = 4
 _CORNER = re.compile(r"T(\d+)-([1-4])")
 
 
 def plate_label(plate: int) -> str:
-    """Name of a plate, and of the place where its diagonals meet."""
+    """Return the name of a plate, which is also the label of the intersection of its diagonals."""
     return f"T{plate}"
 
 
 def corner_label(plate: int, corner: int) -> str:
-    """Name of a corner, counted from 0."""
+    """Return the label of a corner, counted from 0."""
     return f"T{plate}-{corner + 1}"
 
 
 def plate_of(label: str) -> int | None:
-    """Plate of a corner's label; None of any other label."""
+    """Return the plate of a corner's label; None for any other label."""
     match = _CORNER.fullmatch(label)
     return int(match[1]) if match else None

@@ -1,1 +1,1 @@
-"""Synthetic surveys: one description of scene, flight and errors; demo, simulate, plan, study."""
+"""Synthetic surveys from a description of scene, flight and errors: demo, simulate, plan, study."""

@@ -1,7 +1,7 @@
-"""The built-in scene: an accident at a side road, and how its sample is recognised.
+"""Built-in scene of an accident at a side road, and recognition of the sample project.
 
 Scene axes: x along the main road, y to its left, metres, origin at the middle of the scene. `Site`
-(scenario.py) gives the place of that origin in the world and the direction of the road.
+(scenario.py) gives the position of that origin in the world and the direction of the road.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ class ScenePoint:
         Scene axes.
     mark
         ``checker``: a plate of four fields; ``cross``: sprayed paint; ``disc``: a round target,
-        whose coordinates the survey knows and keeps to judge the result.
+        whose coordinates are known to the survey and withheld as a check.
     height_m
-        Above the ground straight below.
+        Above the ground directly below.
     stated
-        What people say of a height that is not 0: how high it is (``height``), that it is to be
-        found (``free``), or nothing (``ground``).
+        Declaration of a height that is not 0: its value (``height``), that it is an unknown
+        (``free``), or none (``ground``).
     label_side
-        On which side of the mark, for one who looks along x, the label is painted.
+        Side of the mark on which the label is painted, for a viewer looking along x.
     """
 
     label: str
@@ -48,7 +48,7 @@ class ScenePoint:
 
 @dataclass(frozen=True, kw_only=True)
 class SceneLine:
-    """A length to be taped between two labels; `check` ones are withheld and only judged."""
+    """A length to be taped between two labels; ``check`` ones are withheld."""
 
     name: str
     start: str
@@ -96,9 +96,9 @@ class RoadLayout:
     skid_marks
         Polylines of (x, y).
     vehicles
-        What came to rest there.
+        Vehicles in their final positions.
     debris
-        Four corners (x, y) of the field over which glass and plastic lie; empty: there is none.
+        Four corners (x, y) of the field of glass and plastic; empty: there is none.
     """
 
     width_m: float = 7.0
@@ -197,17 +197,17 @@ DEMO_LINES: tuple[SceneLine, ...] = (
 
 
 MARK = "# The sample survey of `uavgram pick --sample`:"
-"""How its project file begins; a person may change all that follows."""
+"""First line of the sample's project file; the user may change all that follows."""
 
 TAPED = "taped.txt"
-"""File with the readings of the tape, beside the project file."""
+"""File with the readings of the tape, next to the project file."""
 
 PAINTED = tuple(point.label for point in DEMO_POINTS)
-"""Labels that are painted on its ground."""
+"""Labels that are painted on the ground of the sample."""
 
 
 def is_sample(project: Path) -> bool:
-    """Whether a project file is that of a sample."""
+    """Return whether a project file is that of a sample."""
     try:
         with project.open(encoding="utf-8") as stream:
             return stream.readline().startswith(MARK)

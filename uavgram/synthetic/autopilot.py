@@ -1,4 +1,4 @@
-"""Record a synthetic flight as an autopilot does: everything slightly wrong."""
+"""Autopilot log of a synthetic flight, with the errors of estimator, receiver and gimbal."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ GPS_LAG_STEPS = 10  # receivers are late by 0.1 to 0.2 s (ArduPilot PR 8763)
 
 
 def draw_biases(scenario: Scenario, rng: np.random.Generator) -> FlightBiases:
-    """Draw the errors that all frames share, and add what is amiss beside them."""
+    """Draw the errors that all frames share, and add the fixed errors of the habits."""
     errors, habits = scenario.errors, scenario.habits
     horizontal, vertical = errors.position_bias_m
     return FlightBiases(
@@ -50,7 +50,7 @@ def draw_biases(scenario: Scenario, rng: np.random.Generator) -> FlightBiases:
 def record(
     scenario: Scenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> SimulatedLog:
-    """Write down a flight as an autopilot does, with the scenario's errors.
+    """Record a flight as an autopilot does, with the scenario's errors.
 
     Parameters
     ----------
@@ -59,16 +59,18 @@ def record(
     motion
         The true flight.
     biases
-        What is wrong all through the flight.
+        Errors that are constant over the flight.
     rng
         Draws the errors.
     """
     errors, site, boot_s = scenario.errors, scenario.site, scenario.flight.boot_s
     position, gps = _estimated_positions(scenario, motion, biases, rng)
     body, gimbal = _estimated_angles(errors, motion, biases, rng)
+    # logged times of exposures: jitter, and a fixed delay
     events = motion.exposure_time_s
     events = events + errors.event_jitter_s * rng.standard_normal(len(events))
     events = events + scenario.habits.lag_s
+    # the receiver's rows are late: the position of an earlier time
     gps_rows = slice(GPS_LAG_STEPS, None, GPS_EVERY)
     gps_position = gps[: len(motion.time_s) - GPS_LAG_STEPS : GPS_EVERY]
     every = {
@@ -76,7 +78,7 @@ def record(
         "attitude": slice(None, None, ATTITUDE_EVERY),
         "gimbal": slice(None, None, GIMBAL_EVERY),
     }
-    # A receiver knows its scatter and drift, not what is wrong all through the flight.
+    # A receiver reports its scatter and drift, not the constant bias.
     accuracy = np.hypot(errors.position_drift_m, errors.gps_noise_m)
     east, north, up = motion.velocity_world_m_s[every["position"]].T
     return SimulatedLog(
@@ -100,7 +102,7 @@ def record(
 
 
 def geodetic_msl(position_world_m: Floats, site: Site) -> Floats:
-    """Latitude, longitude [deg], height above mean sea level [m], (N, 3), of the world's (N, 3)."""
+    """Convert world (N, 3) to latitude, longitude [deg], height above sea level [m], (N, 3)."""
     ellipsoid_m = site.height_msl_m + site.undulation_m
     origin = (site.latitude_deg, site.longitude_deg, ellipsoid_m)
     latitude, longitude, height = geodetic_from_enu(position_world_m, origin)
@@ -110,7 +112,7 @@ def geodetic_msl(position_world_m: Floats, site: Site) -> Floats:
 def _estimated_positions(
     scenario: Scenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
-    """Position of the estimator and of the receiver (N, 3): they drift alike, fixes scatter."""
+    """Draw positions of estimator and receiver (N, 3): a common drift, and scatter of the fixes."""
     errors = scenario.errors
     horizontal, vertical = errors.position_drift_m
     sigma = np.array([horizontal, horizontal, vertical])
@@ -127,7 +129,7 @@ def _estimated_positions(
 def _estimated_angles(
     errors: ErrorSpec, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
-    """Logged roll, pitch, yaw of body and gimbal, (N, 3) each."""
+    """Draw the logged roll, pitch, yaw of body and gimbal, (N, 3) each."""
     count, tau = len(motion.time_s), errors.attitude_tau_s
     body_sigma = np.deg2rad([errors.attitude_deg, errors.attitude_deg, errors.heading_deg])
     body = motion.body_rpy_rad + gauss_markov(rng, count, STEP_S, tau, body_sigma)
@@ -141,12 +143,12 @@ SYSTEM_EVERY_S = 1.0
 
 
 def flight_log(log: SimulatedLog) -> FlightLog:
-    """Give the log as it is read, but for the rounding of MAVLink's whole numbers.
+    """Return the log in the form of a log reader, but without the integer rounding of MAVLink.
 
     Parameters
     ----------
     log
-        What the autopilot recorded.
+        Recording of the autopilot.
     """
     return FlightLog(
         path="flight.tlog",

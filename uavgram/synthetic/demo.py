@@ -1,4 +1,4 @@
-"""The built-in survey: simulated, photographed, written to a folder; run, or left to be picked."""
+"""Built-in survey: simulated, rendered and written to a folder; either run, or left unpicked."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ def demo(
     progress: Progress = silent,
     calibration: Calibration | None = None,
 ) -> tuple[Result, Mapping[str, float], Path]:
-    """Make a survey with known truth, and run it.
+    """Create a survey with known truth, and run it.
 
     Parameters
     ----------
     folder
-        Where its files go; made if absent.
+        Folder of its files; made if absent.
     scenario
         The numbers that define it.
     progress
@@ -57,17 +57,17 @@ def demo(
 
 
 SAMPLE = "uavgram-sample"
-"""Its folder, where none is named."""
+"""Default name of the sample's folder."""
 
 
 @with_one_blas_thread
 def make_sample(folder: Path, progress: Progress = silent) -> Path:
-    """Make the sample in a folder; where it is there already, leave it as it is.
+    """Create the sample in a folder; an existing sample is left unchanged.
 
     Parameters
     ----------
     folder
-        Made if absent; all of it at once, or nothing.
+        Made if absent; all of it at once, or not at all.
     progress
         Shows long loops.
 
@@ -78,7 +78,7 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
     Raises
     ------
     InputError
-        The folder holds something else, which is left as it is.
+        The folder holds other files, which are left unchanged.
     OutputError
         The folder cannot be written.
     """
@@ -103,7 +103,7 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
                 zip(survey.lines.start, survey.lines.end, survey.truth.line_length_m, strict=True)
             )
             (made / TAPED).write_text(text, encoding="utf-8")
-            if folder.exists():  # empty; Windows moves nothing over it
+            if folder.exists():  # empty; on Windows it cannot be replaced by a rename
                 folder.rmdir()
             made.rename(folder)
     except OSError as fault:
@@ -114,7 +114,7 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
 
 
 def _taped_text(lengths: Iterable[tuple[str, str, float]]) -> str:
-    """What was taped on the scene, for the page's known lengths."""
+    """Return the taped lengths of the scene, for the known lengths of the page."""
     rows = "\n".join(f"{start} to {end}   {length:.2f} m" for start, end, length in lengths)
     return (
         "Taped on the scene, to about 1 cm. Use two or more of them on the page as known lengths,\n"

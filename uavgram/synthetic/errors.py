@@ -1,4 +1,4 @@
-"""Errors of a synthetic survey: sizes, what its project states of them, and habits of people."""
+"""Errors of a synthetic survey: true sizes, stated sigmas of its project, and fixed errors."""
 
 from __future__ import annotations
 
@@ -11,21 +11,22 @@ from uavgram.model.limits import require, require_sizes
 TelemetryClass = Literal["consumer", "rtk", "ppk", "none"]
 
 USUALLY_LOST = 9
-"""The exposure of the demo's flight of which no photo was stored."""
+"""Index of the exposure in the demo's flight without a stored photo."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorSpec:
-    """How wrong everything is that the survey records: one sigma of each source.
+    """True errors of all that the survey records: one sigma of each source.
 
     Attributes
     ----------
     position_bias_m
         Common to the flight: [horizontal, vertical], each axis.
     position_drift_m, position_drift_tau_s
-        Slow wander of the estimator [horizontal, vertical], first-order Gauss-Markov.
+        Slow drift of the estimator [horizontal, vertical], first-order Gauss-Markov.
     gps_noise_m
-        Of each fix of the receiver [horizontal, vertical], beside what the estimator shares.
+        Of each fix of the receiver [horizontal, vertical], in addition to the errors shared with
+        the estimator.
     attitude_deg, heading_deg, attitude_tau_s
         Of logged roll and pitch, and of logged yaw, Gauss-Markov.
     heading_bias_deg
@@ -35,24 +36,24 @@ class ErrorSpec:
     boresight_deg
         Of the camera in its mount, about each axis.
     lever_arm_m, lever_arm_sigma_m
-        Autopilot to camera as the project states it (body FRD), and the error of that statement.
+        Autopilot to camera as stated in the project (body FRD), and the error of that statement.
     camera_clock_offset_s
-        Camera clock minus UTC (exact, not a sigma); the project does not know it.
+        Camera clock minus UTC (exact, not a sigma); unknown to the project.
     camera_zone_h
-        The zone the camera is set to, hours east of Greenwich.
+        Time zone of the camera, hours east of Greenwich.
     exif_jitter_s, event_jitter_s
         Of each photo's file time and of each logged exposure.
     lost_exposure
-        Index of the exposure of which no photo was stored, None if there is none; of two strips
-        only.
+        Index of the exposure without a stored photo, None if there is none; for two strips only.
     readout_ms
-        In which a photo is read, row after row (exact); the project does not know it.
+        Time in which a photo is read, row after row (exact); unknown to the project.
     pick_px, tape_m, check_m, control_m
         Of each picked coordinate, each taped length, each axis of a check or control point.
     identification_m
-        Which place a label is: drawn anew for each pick, east and north.
+        Deviation of the picked point from the label's true one: drawn anew for each pick, east and
+        north.
     tape_scale
-        Of the tape, common to all lengths: a share of them.
+        Of the tape, common to all lengths and relative to them.
     """
 
     position_bias_m: tuple[float, float] = (1.2, 1.5)
@@ -96,23 +97,23 @@ class ErrorSpec:
 
 @dataclass(frozen=True, kw_only=True)
 class StatedSpec:
-    """What the project of the simulated survey states beforehand; the demo's by default.
+    """Stated sigmas in the project of the simulated survey; the demo's by default.
 
     Attributes
     ----------
     ground_height_sigma_m, ground_slope_sigma_deg, roughness_sigma_m
         Of the ground, level and at the height of home.
     picks_identification_sigma_m
-        How far people pick beside what was meant, alike in all photos.
+        Deviation of the picked from the intended point, the same in all photos.
     boresight_sigma_deg, lever_arm_sigma_m, clock_sigma_s
         Of mount and clock. The clock's offset itself is found from the log's camera events; where
-        these are too few or too even to tell it, it is stated, off by that.
+        these are too few or too regular to determine it, it is stated with that error.
     position_sigma_m, attitude_sigma_deg
-        Of each frame: [horizontal, vertical], [tilt, yaw]; empty: as the log says.
+        Of each frame: [horizontal, vertical], [tilt, yaw]; empty: as in the log.
     position_bias_sigma_m, heading_bias_sigma_deg
         Common to the flight: [horizontal, vertical].
     tape_scale_sigma
-        A share of all lengths.
+        Relative to all lengths.
     outliers, noise
         As in the project's `solve`.
     """
@@ -151,7 +152,7 @@ USUAL: MappingProxyType[str, MappingProxyType[str, Section]] = MappingProxyType(
     {
         "consumer": MappingProxyType({}),
         # A receiver with corrections states 1 cm + 1 ppm and 1.5 cm + 1 ppm (u-blox ZED-F9P data
-        # sheet); the antenna's place above the camera and the time of the exposure add to that.
+        # sheet); errors of the antenna's lever arm and of the time of exposure add to that.
         "rtk": MappingProxyType(
             {
                 "errors": _section(
@@ -175,12 +176,12 @@ USUAL: MappingProxyType[str, MappingProxyType[str, Section]] = MappingProxyType(
         "none": MappingProxyType({}),
     }
 )
-"""By class of telemetry, what a scenario's sections have where its file writes nothing else."""
+"""Defaults of a scenario's sections for each class of telemetry."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Raised:
-    """A point that stands off the ground though nobody says so."""
+    """Point off the ground without a statement in the project."""
 
     label: str
     height_m: float
@@ -188,7 +189,7 @@ class Raised:
 
 @dataclass(frozen=True, kw_only=True)
 class WrongLength:
-    """A length whose reading is off by so much."""
+    """Length with a gross error of its reading."""
 
     name: str
     by_m: float
@@ -196,24 +197,25 @@ class WrongLength:
 
 @dataclass(frozen=True, kw_only=True)
 class HabitSpec:
-    """Errors of people, logs and cameras: exact ones, the same in each repetition.
+    """Fixed errors of people, logs and cameras, the same in each repetition.
 
     Attributes
     ----------
     tape_long
-        Share by which all lengths are read too long.
+        Relative excess of all length readings.
     level_tape
-        Lengths are taken with the tape held level, and written as if along the ground.
+        Lengths are taped horizontally, and written as if along the ground.
     focal_wrong
-        Share by which the true focal length is longer than the calibration says.
+        Relative excess of the true focal length over that of the calibration.
     lag_s
-        By which the log's exposures are late.
+        Delay of the log's exposures.
     yaw_deg, mount_deg
-        By which the log's heading, and the camera's tilt in its mount, are off beside the errors.
+        Fixed errors of the log's heading, and of the camera's tilt in its mount, in addition to the
+        random ones.
     gps_jump_m
-        Step of the logged position to the north, amid the photos.
+        Step of the logged position to the north, in the middle of the photos.
     heavy_tails
-        Share of picks that are five times as bad.
+        Share of picks with five times larger errors.
     pick_factor
         True over stated sigma of the picks.
     raised
@@ -221,7 +223,7 @@ class HabitSpec:
     swapped
         Pairs of labels that are exchanged in the first photo that shows both.
     wrong_lengths
-        Readings with a blunder.
+        Readings with a gross error.
     """
 
     tape_long: float = 0.0
@@ -244,15 +246,15 @@ class HabitSpec:
         require(self.pick_factor > 0, "pick_factor must be greater than 0")
 
     def names(self) -> tuple[str, ...]:
-        """Which of them there are."""
+        """Return the names of the fixed errors that are not at their defaults."""
         return tuple(f.name for f in fields(self) if getattr(self, f.name) != f.default)
 
     def only(self, name: str) -> HabitSpec:
-        """One of them alone."""
+        """Return the habits with one of these errors alone."""
         return replace(HabitSpec(), **{name: getattr(self, name)})
 
     @property
     def labels(self) -> frozenset[str]:
-        """Points that they name."""
+        """Points that the habits name."""
         raised = {one.label for one in self.raised}
         return frozenset(raised | {label for pair in self.swapped for label in pair})

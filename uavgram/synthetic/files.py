@@ -1,4 +1,4 @@
-"""A synthetic survey as the files that a real one leaves behind, its truth beside them."""
+"""Writer of a synthetic survey as the files of a real one, together with its truth."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
     Parameters
     ----------
     folder
-        Where to; made if absent. Files of the same names are overwritten.
+        Output folder; made if absent. Files of the same names are overwritten.
     survey
-        What to write.
+        Survey to write.
     photos
-        (H, W, 3) BGR, one for each frame, in order; may be made as they are asked for.
+        (H, W, 3) BGR, one for each frame, in order; may be generated on demand.
 
     Returns
     -------
@@ -72,7 +72,7 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
 def write_unpicked(
     folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]], about: str
 ) -> Path:
-    """Write what a flight leaves behind: photos, log, camera and project, with empty tables.
+    """Write the files of a flight: photos, log, camera and project, with empty tables.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ def write_unpicked(
 
 
 def truth_as_json(survey: SimulatedSurvey) -> Record:
-    """What really was, in metres, radians, seconds and pixels; world origin = the log's home."""
+    """Return the truth in metres, radians, seconds and pixels; world origin = the log's home."""
     truth, site = survey.truth, survey.scenario.site
     lost = np.flatnonzero(~survey.event_has_photo)
     lines = survey.lines
@@ -145,7 +145,7 @@ def truth_as_json(survey: SimulatedSurvey) -> Record:
 def _write_flight(
     folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[np.uint8]]
 ) -> None:
-    """Photos, log and camera."""
+    """Write photos, log and camera."""
     _make_photo_folder(folder / "photos", survey.frame_id)
     _write_photos(folder / "photos", survey, photos)
     write_tlog(remove_link(folder / "flight.tlog"), survey.log)
@@ -176,7 +176,7 @@ def _write_photos(
 
 
 def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
-    """picks.csv and lines.csv."""
+    """Write picks.csv and lines.csv."""
     picks, lines = survey.picks, survey.lines
     columns = [picks.image, picks.label, *_texts(picks.pixel_px, 3)]
     columns += _texts(picks.sigma_px[:, None], 2)
@@ -187,7 +187,7 @@ def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
     ]
     if any(heights):
         header, columns = PICKS_HEADER, [*columns, heights]
-    if "target" in picks.source:  # corners of plates are the program's
+    if "target" in picks.source:  # corners of plates are found by the program
         found = ["target" if source == "target" else "" for source in picks.source]
         header, columns = (*header, "source"), [*columns, found]
     _write_csv(folder / "picks.csv", header, zip(*columns, strict=True))
@@ -206,7 +206,7 @@ def _write_observations(folder: Path, survey: SimulatedSurvey) -> None:
 
 
 def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
-    """measure.csv, and check.csv to judge the answers."""
+    """Write measure.csv, and check.csv (and control.csv) with known coordinates."""
     for name, points in (("check.csv", survey.checks), ("control.csv", survey.control)):
         if len(points.label) or name == "check.csv":
             columns = _texts(np.column_stack([points.coordinates, points.sigma_m[:, 0]]), 4)
@@ -221,7 +221,7 @@ def _write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[str]])
 
 
 def _texts(columns: Floats, digits: int) -> list[list[str]]:
-    """Columns of (N, K) numbers as text."""
+    """Format the columns of (N, K) numbers as text."""
     return [[f"{value:.{digits}f}" for value in column] for column in columns.T.tolist()]
 
 

@@ -1,4 +1,4 @@
-"""The true flight: its route, how the vehicle moves along it, its exposures, its camera poses."""
+"""True flight: route, motion of the vehicle along it, exposures, and camera poses."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from uavgram.synthetic.scenario import FlightPlan, Site
 ON_GROUND_S = 8.0
 CLIMB_M_S = 3.0
 LEAD_M = 6.0  # straight flight before and after the exposures of a strip
-HOVER_S = 5.0  # at a place from which one photo is taken: time to come to rest before and after
+HOVER_S = 5.0  # at a position with one photo: time to settle before and after it
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -33,7 +33,7 @@ class Route(FrozenArrays):
     waypoint_world_m
         (W, 3) home, above home, start and end of each leg, above home, home.
     start_s
-        (W,) when each is passed, from the start of the recording.
+        (W,) time at each waypoint, from the start of the recording.
     yaw_rad, pitch_rad
         (L,) of the vehicle, and of the gimbal's optical axis; yaw without jumps.
     turn_s
@@ -48,7 +48,7 @@ class Route(FrozenArrays):
 
 
 class _Leg(NamedTuple):
-    """Flown straight, in scene axes [m]; heading [rad] from its x axis, counterclockwise."""
+    """Straight leg in scene axes [m]; heading [rad] from its x axis, counterclockwise."""
 
     start: tuple[float, float, float]
     end: tuple[float, float, float]
@@ -57,7 +57,7 @@ class _Leg(NamedTuple):
 
 
 def route(plan: FlightPlan, site: Site) -> Route:
-    """Lay the legs of a plan one after the other.
+    """Compute the route of a flight plan, leg after leg.
 
     Parameters
     ----------
@@ -75,7 +75,7 @@ def route(plan: FlightPlan, site: Site) -> Route:
     leg_s = np.linalg.norm(np.diff(waypoints, axis=0), axis=1) / speed
     if plan.is_hovering:
         leg_s[2:-2:2] = HOVER_S
-        leg_s[3:-2:2] = np.maximum(leg_s[3:-2:2], 1.0)  # two photos of one place: turn meanwhile
+        leg_s[3:-2:2] = np.maximum(leg_s[3:-2:2], 1.0)  # two photos of one position: turn meanwhile
     start = ON_GROUND_S + np.concatenate([[0.0], np.cumsum(leg_s)])
     yaw = np.deg2rad(site.road_azimuth_deg) - np.array([leg.heading for leg in legs])
     return Route(
@@ -88,14 +88,14 @@ def route(plan: FlightPlan, site: Site) -> Route:
 
 
 def exposures(plan: FlightPlan, flown: Route, rng: np.random.Generator) -> Floats:
-    """Instants (E,) at which the vehicle passes the planned places.
+    """Return the times (E,) at which the vehicle passes the planned positions.
 
     Parameters
     ----------
     plan, flown
         The plan and its route.
     rng
-        Draws each exposure's place along its strip.
+        Draws each exposure's position along its strip.
     """
     begin = flown.start_s[2:-2:2]
     if plan.is_hovering:
@@ -107,16 +107,16 @@ def exposures(plan: FlightPlan, flown: Route, rng: np.random.Generator) -> Float
 
 
 def _ahead(plan: FlightPlan, site: Site) -> float:
-    """How far ahead of the vehicle the optical axis meets the ground [m]."""
+    """Return the distance from the vehicle to the intersection of optical axis and ground [m]."""
     above = plan.height_m - site.ground_height_m
     return float(above / np.tan(np.deg2rad(-plan.gimbal_pitch_deg)))
 
 
 def _strips(plan: FlightPlan, site: Site) -> list[_Leg]:
-    """Strips there and back, and for a grid as many across.
+    """Return strips there and back, and for a grid as many across.
 
-    The optical axis meets the ground ahead of the vehicle: it flies so that the footprints, not the
-    vehicle, are spread about the scene's middle.
+    The optical axis meets the ground ahead of the vehicle: the path is shifted so that the
+    footprints, not the vehicle, are centred on the scene's middle.
     """
     reach, ahead = plan.strip_half_length_m + LEAD_M, _ahead(plan, site)
     count = {"strip": 1, "grid": plan.grid_strips}.get(plan.pattern, 2)
@@ -136,13 +136,14 @@ def _strips(plan: FlightPlan, site: Site) -> list[_Leg]:
 
 
 def _hovers(plan: FlightPlan, site: Site) -> list[_Leg]:
-    """Places at rest."""
+    """Return the legs of hovering positions."""
     height, pitch = plan.height_m, float(np.deg2rad(plan.gimbal_pitch_deg))
     if plan.pattern == "single":
         place = (-_ahead(plan, site), 0.0, height)
         return [_Leg(place, place, 0.0, pitch)]
     if plan.pattern == "orbit":
         legs = []
+        # each photo of an orbit looks at the ground in the circle's middle
         down = -float(np.arctan2(height - site.ground_height_m, plan.radius_m))
         for angle in 2.0 * np.pi * np.arange(plan.frames) / plan.frames:
             place = (plan.radius_m * np.cos(angle), plan.radius_m * np.sin(angle), height)
@@ -161,14 +162,14 @@ def _hovers(plan: FlightPlan, site: Site) -> list[_Leg]:
 
 STEP_S = 0.01
 GRAVITY_M_S2 = 9.80665
-CORNER_SIGMA_S = 0.8  # how softly the vehicle turns, brakes and speeds up
+CORNER_SIGMA_S = 0.8  # smoothing of turns, braking and acceleration
 WOBBLE_TAU_S = 1.5
 DRAG_PER_S = 0.25  # a multicopter leans about 6 degrees into 4.5 m/s
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion(FrozenArrays):
-    """N instants of the true flight, `STEP_S` apart.
+    """True flight at N times, `STEP_S` apart.
 
     Attributes
     ----------
@@ -204,7 +205,7 @@ def gauss_markov(
     rng
         Draws the errors.
     count
-        Number of instants.
+        Number of samples.
     step_s
         Between two of them [s].
     tau_s
@@ -215,27 +216,27 @@ def gauss_markov(
     decay = float(np.exp(-step_s / tau_s))
     white = rng.standard_normal((count, len(sigma)))
     white[1:] *= np.sqrt(1.0 - decay**2)
-    # A recursion is nothing for numpy, and scipy.signal takes long to load: x solves a band matrix.
+    # numpy has no recursion, and scipy.signal takes long to load: x solves a band matrix.
     band = np.array([np.ones(count), np.full(count, -decay)])
     return np.asarray(solve_banded((1, 0), band, white)) * sigma
 
 
 def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
-    """Fly the plan: up from home, from leg to leg, home, down.
+    """Simulate the motion of a plan: up from home, from leg to leg, home, down.
 
     Parameters
     ----------
     plan, site
         Of the scenario.
     rng
-        Draws trigger places and wobble.
+        Draws trigger positions and wobble.
     """
     flown = route(plan, site)
     knots = flown.start_s
     time = np.arange(0.0, knots[-1] + ON_GROUND_S, STEP_S)
     path = np.stack([np.interp(time, knots, column) for column in flown.waypoint_world_m.T], axis=1)
     path = gaussian_filter1d(path, CORNER_SIGMA_S / STEP_S, axis=0, mode="nearest")
-    # On the ground nothing wobbles.
+    # no wobble on the ground
     aloft = np.clip(path[:, 2:] / plan.height_m, 0.0, 1.0)
     path = path + aloft * _wobble(rng, len(time), np.full(3, plan.wobble_m))
     velocity = np.gradient(path, STEP_S, axis=0)
@@ -256,7 +257,7 @@ def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
 
 
 def at(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
-    """Interpolate an (N, 3) column of the motion at (E,) instants, linearly: (E, 3).
+    """Interpolate an (N, 3) column of the motion at (E,) times, linearly: (E, 3).
 
     Parameters
     ----------
@@ -271,7 +272,7 @@ def at(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
 
 
 def _turning(angle: Floats, flown: Route, time: Floats) -> Floats:
-    """One angle (N,) of the flight: that of each leg, turned about half-way between two legs."""
+    """Return one angle (N,) of the flight: that of each leg, with smooth turns between the legs."""
     if np.ptp(angle) == 0:
         return np.full(len(time), angle[0])
     now = angle[np.searchsorted(flown.turn_s, time, side="right")]
@@ -279,7 +280,10 @@ def _turning(angle: Floats, flown: Route, time: Floats) -> Floats:
 
 
 def _lean(velocity: Floats, yaw: Floats) -> Floats:
-    """Roll, pitch, yaw (N, 3) of a multicopter: its thrust balances gravity, drag, acceleration."""
+    """Return roll, pitch, yaw (N, 3) of a multicopter.
+
+    Its thrust balances gravity, drag and acceleration.
+    """
     force = np.gradient(velocity, STEP_S, axis=0) + DRAG_PER_S * velocity
     force = gaussian_filter1d(force, 0.3 / STEP_S, axis=0, mode="nearest")
     east, north, up = force.T
@@ -290,20 +294,20 @@ def _lean(velocity: Floats, yaw: Floats) -> Floats:
 
 
 def _wobble(rng: np.random.Generator, count: int, sigma: Floats) -> Floats:
-    """Smooth random motion (count, K) of about the given sigmas."""
+    """Draw smooth random motion (count, K) with about the given sigmas."""
     rough = gauss_markov(rng, count, STEP_S, WOBBLE_TAU_S, sigma)
     return gaussian_filter1d(rough, 0.25 / STEP_S, axis=0, mode="nearest")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoRows(FrozenArrays):
-    """Poses at a few instants of each photo, so near to each other that lines join them.
+    """Poses at several times of each photo, close enough for linear interpolation.
 
     Attributes
     ----------
     share
-        (R,) when, evenly spaced: in readout times from the middle row, as `row_share`
-        (geometry/motion/camera_motion.py) says of a row.
+        (R,) times, evenly spaced: in readout times from the middle row, as in `row_share`
+        (geometry/motion/camera_motion.py).
     center_world_m, world_from_camera
         (F, R, 3), (F, R, 3, 3).
     """
@@ -313,14 +317,14 @@ class PhotoRows(FrozenArrays):
     world_from_camera: Annotated[Floats, "f", "r", 3, 3]
 
     def at(self, frame: Ints | int, share: Floats) -> tuple[Floats, Floats]:
-        """Centres (..., 3) and rotations (..., 3, 3) of rows.
+        """Return centres (..., 3) and rotations (..., 3, 3) at the times of image rows.
 
         Parameters
         ----------
         frame
-            Which photo, one for all rows or (...) one for each.
+            Photo index, one for all rows or (...) one for each.
         share
-            (...) of the rows; a little beyond the table's ends the last motion goes on.
+            (...) of the rows; a little beyond the table's ends the motion is extrapolated.
         """
         step = (self.share[-1] - self.share[0]) / (len(self.share) - 1)
         place = (share - self.share[0]) / step
@@ -331,18 +335,18 @@ class PhotoRows(FrozenArrays):
 
 
 def _between(table: Floats, frame: Ints | int, before: Ints, part: Floats) -> Floats:
-    """Of rows `before` and the next, so far on."""
+    """Interpolate linearly between the rows `before` and the next ones."""
     first = table[frame, before]
     return np.asarray(first + part * (table[frame, before + 1] - first))
 
 
-READ = 0.51  # of the readout, before and after the middle row
-INSTANTS_S = 0.002  # between poses; turning by 2 rad/s, lines between them are 5e-7 rad off
+READ = 0.51  # share of the readout, before and after the middle row
+INSTANTS_S = 0.002  # between poses; at 2 rad/s, linear interpolation is wrong by 5e-7 rad
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightBiases(FrozenArrays):
-    """What is wrong all through the flight, log minus truth: (3,) m, rad; and the true mount."""
+    """Errors constant over the flight, log minus truth: (3,) m, rad; and the true mount."""
 
     position_m: Annotated[Floats, 3]
     heading_rad: float
@@ -351,12 +355,12 @@ class FlightBiases(FrozenArrays):
 
 
 def true_poses(motion: Motion, biases: FlightBiases, instants_s: Floats) -> tuple[Floats, Floats]:
-    """Projection centres (F, 3) and rotations (F, 3, 3) of the camera, as it really was.
+    """Return the true projection centres (F, 3) and rotations (F, 3, 3) of the camera.
 
     Parameters
     ----------
     motion, biases
-        The true flight, and how the camera sits.
+        The true flight, and the true mount of the camera.
     instants_s
         (F,) from the start of the recording.
     """
@@ -372,12 +376,12 @@ def true_poses(motion: Motion, biases: FlightBiases, instants_s: Floats) -> tupl
 def photo_rows(
     motion: Motion, biases: FlightBiases, exposed_s: Floats, readout_s: float
 ) -> PhotoRows | None:
-    """Compute poses (F, R) through the reading of each photo, a little longer on both sides.
+    """Compute poses (F, R) during the readout of each photo, a little longer on both sides.
 
     Parameters
     ----------
     motion, biases
-        The true flight, and how the camera sits.
+        The true flight, and the true mount of the camera.
     exposed_s
         (F,) of the middle rows, from the start of the recording.
     readout_s

@@ -1,4 +1,4 @@
-"""What the project of a synthetic survey states: as inputs without any file, and as its text."""
+"""Project of a synthetic survey: as inputs without files, and as text of its file."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ TIME_STEP_S = 0.001
 
 
 def inputs_of(survey: SimulatedSurvey, *, noise: str | None = None) -> Inputs:
-    """Give the survey as `read_inputs` gives what `write_demo` writes.
+    """Return the survey in the form in which `read_inputs` reads the output of `write_demo`.
 
     Parameters
     ----------
     survey
         Of a scenario.
     noise
-        In place of what the scenario states of `solve.noise`.
+        Replaces `solve.noise` of the scenario.
     """
     count = len(survey.frame_id)
     camera = survey.calibration
@@ -69,14 +69,14 @@ def inputs_of(survey: SimulatedSurvey, *, noise: str | None = None) -> Inputs:
 
 
 def project_of(scenario: Scenario, noise: str | None = None) -> Project:
-    """Give the project file of a simulated survey: what it states is the scenario's.
+    """Return the project of a simulated survey, with the scenario's stated sigmas.
 
     Parameters
     ----------
     scenario
         Of the survey.
     noise
-        In place of what it states of `solve.noise`.
+        Replaces `solve.noise` of the scenario.
     """
     stated, errors, plates = scenario.stated, scenario.errors, scenario.plates
     return Project(
@@ -122,12 +122,12 @@ def project_of(scenario: Scenario, noise: str | None = None) -> Project:
 
 
 def _pair(stated: tuple[float, ...]) -> tuple[float, float] | Literal["auto"]:
-    """Two sigmas, or ``auto``."""
+    """Return two sigmas, or ``auto``."""
     return (stated[0], stated[1]) if stated else "auto"
 
 
 def project_yaml(survey: SimulatedSurvey) -> str:
-    """Give the project file; its first line says what it is.
+    """Return the text of the project file, with a comment on its first line.
 
     Parameters
     ----------
@@ -168,7 +168,7 @@ picks_identification_sigma_m: {beside}  # nothing is picked beside; leave this o
 
 
 def _as_the_scenario(text: str, scenario: Scenario) -> str:
-    """The demo's project with what another scenario has other than it."""
+    """Adapt the demo's project text to the differences of another scenario."""
     errors = scenario.errors
     if scenario.telemetry == "none":
         text = text.replace("log: flight.tlog\n", "")
@@ -206,10 +206,10 @@ def _yaml(value: str | float | tuple[float, ...]) -> str:
 
 
 class Drawn(NamedTuple):
-    """One draw: what a project would hold, and the true values of what it measures.
+    """One draw: content of a project, and the true values of its measurements.
 
-    `posed` are the frames where no log has to be read for them; `name`, `unit` (M,) and `true`
-    (M,) are of the values.
+    `posed` are the frames where no log has to be read for them; `name`, `unit` (M,) and `true` (M,)
+    are of the values.
     """
 
     inputs: Inputs
@@ -220,16 +220,16 @@ class Drawn(NamedTuple):
 
 
 class World(Protocol):
-    """A survey that can be repeated."""
+    """Survey that can be repeated."""
 
     def drawn(self, number: int) -> Drawn:
-        """One repetition; the same number gives the same one."""
+        """Return one repetition; the same number gives the same one."""
 
     def exact(self) -> Drawn:
-        """The survey without any error, its sigmas being as stated."""
+        """Return the survey without any error, with its sigmas as stated."""
 
     def named(self) -> tuple[str, int]:
-        """Name and seed."""
+        """Return name and seed."""
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ class ScenarioWorld:
     calibration: Calibration | None = None
 
     def drawn(self, number: int) -> Drawn:
-        """One repetition; the same number gives the same one."""
+        """Return one repetition; the same number gives the same one."""
         survey = simulate(self.scenario, self.calibration, repetition=number)
         truth = survey.truth
         return Drawn(
@@ -252,7 +252,7 @@ class ScenarioWorld:
         )
 
     def exact(self) -> Drawn:
-        """The survey without any error, its sigmas being as stated."""
+        """Return the survey without any error, with its sigmas as stated."""
         survey = simulate(self.scenario, self.calibration, exact=True)
         truth = survey.truth
         return Drawn(
@@ -264,5 +264,5 @@ class ScenarioWorld:
         )
 
     def named(self) -> tuple[str, int]:
-        """Name and seed."""
+        """Return name and seed."""
         return self.scenario.name, self.scenario.seed

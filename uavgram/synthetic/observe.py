@@ -1,4 +1,4 @@
-"""Draw what people pick and tape in a synthetic survey, with the errors they make."""
+"""Picks and taped lengths of a synthetic survey, with their errors."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from uavgram.synthetic.truth import SurveyTruth, rolled_pixels
 
 
 class Still(np.random.Generator):
-    """Draws means. Only the draws that a simulated survey makes are there."""
+    """Generator that returns means instead of draws, for the methods used by a simulated survey."""
 
     def __init__(self) -> None:
         super().__init__(np.random.PCG64(0))
 
     def standard_normal(self, size: Any = None, *_: Any, **__: Any) -> Any:  # noqa: ANN401
-        """Draw zeros."""
+        """Return zeros."""
         return 0.0 if size is None else np.zeros(size)
 
     def uniform(self, low: Any = 0.0, high: Any = 1.0, size: Any = None) -> Any:  # noqa: ANN401
-        """Draw the middle.
+        """Return the middle of the range.
 
         Parameters
         ----------
@@ -38,15 +38,15 @@ class Still(np.random.Generator):
         return middle if size is None else np.full(size, middle)
 
     def random(self, size: Any = None, *_: Any, **__: Any) -> Any:  # noqa: ANN401
-        """Draw ones: nothing happens that has a probability below that."""
+        """Return ones: an event with a smaller probability never occurs."""
         return 1.0 if size is None else np.ones(size)
 
     def multivariate_normal(self, mean: Any, *_: Any, **__: Any) -> Floats:  # noqa: ANN401
-        """Draw the mean."""
+        """Return the mean."""
         return np.array(mean, dtype=np.float64)
 
 
-TAIL = 5.0  # of a pick with a heavy tail, times as bad
+TAIL = 5.0  # factor of the errors of picks in the heavy tail
 
 
 def seen_pixels(
@@ -56,16 +56,16 @@ def seen_pixels(
     surface: Surface,
     rng: np.random.Generator,
 ) -> Floats:
-    """Where what people take for each point is seen in each photo, (F, K, 2) px.
+    """Compute the pixels of the points that people pick in each photo, (F, K, 2) px.
 
     Parameters
     ----------
     scenario, calibration, truth
         Of the survey.
     surface
-        The ground, on which another place is taken for a point.
+        The ground, on which the picked point is displaced.
     rng
-        Draws these.
+        Draws the displacements.
     """
     errors = scenario.errors
     places = np.repeat(truth.point_world_m[None], len(truth.frame_id), axis=0)
@@ -87,24 +87,26 @@ def pick(
     pixel_px: Floats,
     rngs: tuple[np.random.Generator, np.random.Generator],
 ) -> Picks:
-    """Pick every mark that is wholly in a photo; the program picks the corners of whole plates.
+    """Draw the picks of all complete marks in a photo, and of the corners of complete plates.
 
     Parameters
     ----------
     scenario, calibration, truth
         Of the survey.
     pixel_px
-        (F, K, 2) where marks are seen.
+        (F, K, 2) true pixels of the marks.
     rngs
-        Draw the noise, and which picks are worse than that.
+        Draw the noise, and the picks in the heavy tail.
     """
     habits, corners = scenario.habits, len(scenario.plates.labels)
     sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
     shown, people = inside(calibration, pixel_px), len(scenario.points)
+    # corners of a plate are found together, if all are inside the photo and it is large enough
     whole = shown[:, people:].reshape(len(shown), -1, CORNERS).all(axis=2)
     shown[:, people:] = np.repeat(whole, CORNERS, axis=1) & large_plates(pixel_px[:, people:])
     frame, point = np.nonzero(shown)
     sigma = sigmas[point]
+    # normal noise, with a share of picks in the heavy tail
     noise = sigma[:, None] * rngs[0].standard_normal((len(frame), 2))
     if habits.heavy_tails:
         noise *= np.where(rngs[1].random((len(frame), 1)) < habits.heavy_tails, TAIL, 1.0)
@@ -113,6 +115,7 @@ def pick(
         [p.height_m if p.stated == "height" else 0.0 for p in points] + [0.0] * corners
     )
     free = np.array([p.stated == "free" for p in points] + [False] * corners)
+    # labels with swaps; the stated heights follow the labels
     label = [truth.label[i] for i in point]
     for first, second in habits.swapped:
         _swap(label, frame.tolist(), first, second)
@@ -130,7 +133,7 @@ def pick(
 
 
 def _counts(scenario: Scenario) -> tuple[int, int]:
-    """How many points there are, and how many corners of plates."""
+    """Return the numbers of points and of corners of plates."""
     return len(scenario.points), len(scenario.plates.labels)
 
 
@@ -149,7 +152,7 @@ def tape(
     truth: SurveyTruth,
     rngs: tuple[np.random.Generator, np.random.Generator],
 ) -> KnownLines:
-    """Read the tape along every line.
+    """Draw the tape reading of every line.
 
     Parameters
     ----------
@@ -166,6 +169,7 @@ def tape(
         ends = [[row[line.start], row[line.end]] for line in scenario.lines]
         leg = np.diff(truth.point_world_m[np.reshape(ends, (-1, 2))], axis=1)[:, 0]
         length = np.linalg.norm(leg[:, :2], axis=1)
+    # reading = length (1 + scale) + noise + gross error
     scale = errors.tape_scale * rngs[1].standard_normal() + habits.tape_long
     wrong = {one.name: one.by_m for one in habits.wrong_lengths}
     blunder = np.array([wrong.get(line.name, 0.0) for line in scenario.lines])
@@ -182,12 +186,12 @@ def tape(
 def survey_points(
     truth: SurveyTruth, rows: list[int], noise_m: Floats, sigma_m: float
 ) -> KnownPoints:
-    """Points whose coordinates somebody surveyed.
+    """Return points with surveyed coordinates.
 
     Parameters
     ----------
     truth, rows
-        Which of its points.
+        The truth, and rows of its points.
     noise_m, sigma_m
         (n, 3) their errors, and the sigma of each axis.
     """

@@ -1,6 +1,6 @@
-"""True values of what is measured, from true positions: short formulas of their own.
+"""True values of measurements, from true positions, by independent short formulas.
 
-The measuring stage has its own code, with covariances; sharing it here would hide its mistakes.
+The measuring stage has its own code, with covariances; shared code would hide its mistakes.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import MeasurementRequest
 
 UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "slope": "deg", "volume": "m3"}
-"""Of kinds that are no lengths [m]."""
+"""Units of the kinds that are not lengths [m]."""
 
 
 def measured_values(
     requests: Sequence[MeasurementRequest], row: Mapping[str, int], points_world_m: Floats
 ) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
-    """Names, true values and units of the requests; a coordinate gives two, east and north.
+    """Return names, true values and units of the requests; a coordinate gives east and north.
 
     Parameters
     ----------
     requests
-        What is asked for; kind ``speed`` is left out, nothing moves in a simulated scene.
+        Requested measurements; kind ``speed`` is left out, since a simulated scene is static.
     row
         Index of each label in `points_world_m`.
     points_world_m
@@ -62,7 +62,7 @@ def with_true_friction(
 
 def _draw_friction(stated: Mapping[str, float], rng: np.random.Generator) -> float:
     drawn = stated["mu"] + stated.get("mu_sigma", 0.0) * float(rng.standard_normal())
-    return max(drawn, 0.01)  # no road pushes
+    return max(drawn, 0.01)  # friction is positive
 
 
 def _value(request: MeasurementRequest, at: Floats) -> float:
@@ -72,7 +72,7 @@ def _value(request: MeasurementRequest, at: Floats) -> float:
     if request.kind == "skid_speed":
         return float(np.sqrt(2.0 * dict(request.parameters)["mu"] * GRAVITY_M_S2 * steps.sum()))
     if request.kind == "area":
-        # Half the length of the summed cross products: area of a plane polygon in space.
+        # area of a plane polygon in space: half the norm of the summed cross products
         return float(np.linalg.norm(np.cross(at, np.roll(at, -1, axis=0)).sum(axis=0)) / 2.0)
     if request.kind == "angle":
         a, b = at[0] - at[1], at[2] - at[1]
@@ -95,11 +95,11 @@ def _of_lines_and_planes(request: MeasurementRequest, at: Floats) -> float:
         return float(np.rad2deg(np.arcsin(up / np.linalg.norm(at[1] - at[0]))))
     if request.kind in {"horizontal_distance", "profile"}:
         return float(np.hypot(east, north))
-    return float(up)  # of a single point, over the ground on which it lies: 0
+    return float(up)  # 0 for a single point, above the ground on which it is
 
 
 def _volume(parameters: Mapping[str, float], at: Floats) -> float:
-    """Prisms under a fan of triangles; over the ground, on which all points lie, there is none."""
+    """Sum prisms under a fan of triangles; above the ground, on which all points are, it is 0."""
     corner, base = at, at[:, 2]
     if "plane" in parameters:
         corner = at[:-3]

@@ -1,7 +1,7 @@
-"""A real survey, repeated: what was adjusted is the truth, everything observed is drawn anew.
+"""Repetitions of a real survey: its adjusted state is the truth, and observations are drawn anew.
 
-Conditions (right angles, points in line) and lines of known position hold of the truth as far as
-they held of the survey: no reading of them could be another one.
+Conditions (right angles, points in line) and lines of known position hold in the truth as well as
+they held in the survey: they have no readings that could differ.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from uavgram.synthetic.scenario import RepeatedSurvey
 from uavgram.synthetic.scenario_file import load_repeated
 
 STILL_KINDS = frozenset({"skid_speed", "speed"})
-"""Measurements of which most of the uncertainty is not of the survey: not repeated."""
+"""Kinds of measurements with mostly other uncertainties than the survey's: not repeated."""
 
 
 @dataclass(frozen=True)
 class ProjectWorld:
-    """Repetitions of a real survey: name, unit and true value (M,) of what is measured.
+    """Repetitions of a real survey: name, unit and true value (M,) of its measurements.
 
-    `survey`, `pivot_m` and `line_used` make its likelihood, which itself cannot be sent to other
-    processes.
+    `survey`, `pivot_m` and `line_used` define its likelihood, which itself cannot be pickled for
+    other processes.
     """
 
     spec: RepeatedSurvey
@@ -58,23 +58,23 @@ class ProjectWorld:
     value: Floats
 
     def drawn(self, number: int) -> Drawn:
-        """One repetition; the same number gives the same one."""
+        """Return one repetition; the same number gives the same one."""
         seeds = np.random.SeedSequence([self.spec.seed, number]).spawn(len(OBSERVATIONS))
         return self._drawn(map(np.random.default_rng, seeds))
 
     def exact(self) -> Drawn:
-        """The survey without any error, its sigmas being as stated."""
+        """Return the survey without any error, with its sigmas as stated."""
         drawn = self._drawn(Still() for _ in OBSERVATIONS)
         options = replace(drawn.inputs.project.solve, noise="stated")
         project = replace(drawn.inputs.project, solve=options)
         return drawn._replace(inputs=replace(drawn.inputs, project=project))
 
     def named(self) -> tuple[str, int]:
-        """Name and seed."""
+        """Return name and seed."""
         return self.spec.name, self.spec.seed
 
     def _drawn(self, rngs: Iterable[np.random.Generator]) -> Drawn:
-        """Draw each kind of observation anew, from a stream of its own."""
+        """Draw each kind of observation anew, from its own random stream."""
         inputs, control = self.inputs, self.inputs.control
         placed = KnownWorldPoints(
             label=control.label, world_m=control.coordinates, sigma_m=control.sigma_m
@@ -113,7 +113,7 @@ def read_project_world(project: Path, scenario: Path | None, seed: int | None) -
     scenario
         A file of `RepeatedSurvey`; None: the survey as it is.
     seed
-        In place of the file's.
+        Replaces the file's.
 
     Raises
     ------
@@ -131,14 +131,14 @@ def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -
     Parameters
     ----------
     spec, scenario
-        What is added to it, and the file that says so.
+        Additions to the survey, and the file that defines them.
     inputs
         Of the survey.
 
     Raises
     ------
     UavgramError
-        It has no result, or nothing that could be repeated.
+        It has no result, or no measurement that could be repeated.
     """
     posed = pose_frames(inputs)
     with one_blas_thread():
@@ -176,7 +176,7 @@ def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -
 
 
 def _only(posed: Posed, frame_id: tuple[str, ...]) -> Posed:
-    """Telemetry of the frames that took part alone, in their order."""
+    """Return the telemetry of the adjusted frames alone, in their order."""
     telemetry = posed.telemetry
     if telemetry is None:
         return posed
@@ -196,7 +196,7 @@ def _only(posed: Posed, frame_id: tuple[str, ...]) -> Posed:
 def _with_more(
     scenario: Path | None, lines: KnownLines, spec: RepeatedSurvey, labels: tuple[str, ...]
 ) -> KnownLines:
-    """The lengths of the project and those that the file adds."""
+    """Return the lengths of the project and those added by the file."""
     for line in spec.lines:
         for end in (line.start, line.end):
             if end not in labels:

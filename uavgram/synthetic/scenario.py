@@ -1,7 +1,7 @@
-"""One description of a synthetic survey: every number that defines it, the demo's as defaults.
+"""Scenario of a synthetic survey: every number that defines it, with the demo's as defaults.
 
 These classes are the schema of configs/demo.yaml, and keep its units (degrees). Sigmas are of
-normal distributions; what is drawn from them is in `SurveyTruth` (survey.py).
+normal distributions; the values drawn from them are in `SurveyTruth` (survey.py).
 """
 
 from __future__ import annotations
@@ -30,20 +30,20 @@ from uavgram.synthetic.errors import ErrorSpec, HabitSpec, StatedSpec, Telemetry
 Shape = Literal["plane", "level", "slope", "crown", "relief"]
 
 SLOPE_DEG, CROWN_PERCENT, RELIEF_M = 5.0, 2.0, 0.05
-"""Of shapes whose size is not written: a steep road, a road's crown, worn asphalt with ruts."""
+"""Default sizes of shapes: a steep road, a road's crown, worn asphalt with ruts."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GroundSpec:
-    """How the ground differs from the plane of `Site`.
+    """Departure of the ground from the plane of `Site`.
 
     Attributes
     ----------
     shape
-        ``plane``: as `Site` has it; ``level``: without its slope; ``slope``, ``crown``, ``relief``:
-        with one of these in its usual size, where no size is written.
+        ``plane``: as in `Site`; ``level``: without its slope; ``slope``, ``crown``, ``relief``:
+        with one of these in its default size, unless a size is given.
     slope_deg
-        Upwards along the scene's x axis, on top of the site's slope.
+        Upwards along the scene's x axis, in addition to the site's slope.
     crown_percent
         Fall of the ground to both sides of the scene's x axis.
     slope_break_percent
@@ -81,19 +81,19 @@ class GroundSpec:
 
     @property
     def is_plane(self) -> bool:
-        """Whether it is what the program takes for granted."""
+        """Whether the ground is a plane, as the program assumes."""
         sizes = (self.crown_percent, self.slope_break_percent, self.kerb_m, self.relief_m)
         return not any(sizes)
 
 
 MANY = 10
-"""Exposures of strips, whose gaps then fit camera events in one way only."""
+"""Number of exposures on strips from which on their gaps match camera events in one way only."""
 
 Pattern = Literal["strips", "strip", "grid", "orbit", "single", "poses"]
 
 
 def _is_instant(text: str) -> bool:
-    """Whether a text is a date and a time with its zone."""
+    """Return whether a text is a date and a time with its zone."""
     try:
         return datetime.fromisoformat(text).tzinfo is not None
     except ValueError:
@@ -102,7 +102,7 @@ def _is_instant(text: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class Station:
-    """A place to photograph from, hovering.
+    """Hovering position of a photo.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Station:
     height_m
         Above home.
     heading_deg
-        Where the vehicle's nose points, and the image's top with it: from the scene's x axis,
+        Heading of the vehicle's nose and of the image's top: from the scene's x axis,
         counterclockwise.
     pitch_deg
         Of the optical axis, -90 straight down.
@@ -126,7 +126,7 @@ class Station:
 
 @dataclass(frozen=True, kw_only=True)
 class FlightPlan:
-    """Photos from the air, by default of two strips along the road, there and back, nose first.
+    """Flight plan of the photos, by default two strips along the road, there and back, nose first.
 
     Attributes
     ----------
@@ -136,24 +136,24 @@ class FlightPlan:
         that look at its middle; ``single``: one photo of the scene's middle; ``poses``: those of
         `poses`.
     start_utc
-        ISO 8601 with its zone: when the recording starts, 8 s before take-off.
+        ISO 8601 with its zone: start of the recording, 8 s before take-off.
     boot_s
         Autopilot's time since boot at that moment.
     height_m
         Above home.
     strip_offset_m, strip_half_length_m
-        The strips lie that far beside the scene's axis, and twice as far apart; photos are spread
-        over twice that length.
+        Distance of the strips from the scene's axis (half the distance between them); half the
+        length over which photos are spread.
     photos_per_strip
         Exposures on each strip.
     grid_strips
-        Of a grid, in each direction.
+        Number of strips of a grid in each direction.
     frames, radius_m
         Of an orbit.
     poses
-        Places of the photos, where the pattern is ``poses``.
+        Positions of the photos, where the pattern is ``poses``.
     trigger_jitter_m
-        Half range of each exposure's place along the strip (uniform).
+        Half range of each exposure's position along the strip (uniform).
     wobble_m, tilt_wobble_deg, gimbal_wobble_deg
         Sigmas of the true motion about the plan: position, body roll and pitch, gimbal.
     gimbal_pitch_deg
@@ -194,22 +194,22 @@ class FlightPlan:
 
     @property
     def start_utc_s(self) -> float:
-        """Instant of the recording's start, seconds since the Unix epoch."""
+        """Start of the recording, seconds since the Unix epoch."""
         return datetime.fromisoformat(self.start_utc).timestamp()
 
     @property
     def is_hovering(self) -> bool:
-        """Whether photos are taken at rest, one every few seconds."""
+        """Whether photos are taken while hovering, one every few seconds."""
         return self.pattern in {"orbit", "single", "poses"}
 
     @property
     def tells_clock(self) -> bool:
-        """Whether its exposures are so many and uneven that the log tells the camera's clock."""
+        """Whether exposures are numerous and irregular enough to find the clock offset."""
         return self.photo_count >= MANY and not self.is_hovering
 
     @property
     def photo_count(self) -> int:
-        """Exposures of the flight."""
+        """Number of exposures of the flight."""
         return {
             "strips": 2 * self.photos_per_strip,
             "strip": self.photos_per_strip,
@@ -226,17 +226,17 @@ MOST_PLATES = 50
 
 @dataclass(frozen=True, kw_only=True)
 class PlateSpec:
-    """Plates of one size.
+    """Coded plates of one size.
 
     Attributes
     ----------
     side_m, sigma_m
         Side of the black square, and its standard deviation, as in a project's `targets`.
     corner_px
-        Standard deviation of a corner as the program finds it.
+        Standard deviation of a corner found by the program.
     at
-        Where they lie, (x, y, turn) each: scene axes [m], and how far their sides are turned
-        counterclockwise from the x axis [deg].
+        Positions (x, y, turn): scene axes [m], and rotation of their sides counterclockwise from
+        the x axis [deg].
     """
 
     side_m: float = 0.5
@@ -254,17 +254,17 @@ class PlateSpec:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Of all corners, plate by plate."""
+        """Labels of all corners, plate by plate."""
         return tuple(corner_label(k, c) for k in range(len(self.at)) for c in range(CORNERS))
 
 
 STEEPEST_DEG = 45.0
-"""Ground on which nobody measures."""
+"""Largest slope of the ground; steeper ground is never measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Site:
-    """Where the scene lies.
+    """Position of the scene on the earth.
 
     Attributes
     ----------
@@ -310,25 +310,25 @@ class Site:
         return np.array([self.scene_east_m, self.scene_north_m])
 
     def in_world(self, scene_xy_m: Floats) -> Floats:
-        """(N, 2) east and north of places in the scene's axes."""
+        """Convert scene axes to (N, 2) east and north."""
         return np.asarray(scene_xy_m @ self.axes.T + self.middle_m)
 
     def in_scene(self, east_north_m: Floats) -> Floats:
-        """(N, 2) places of the world in the scene's axes."""
+        """Convert east and north to (N, 2) scene axes."""
         return np.asarray((east_north_m - self.middle_m) @ self.axes)
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraSpec:
-    """The camera's calibration (Brown model), from which the true camera is drawn.
+    """Calibration of the camera (Brown model), from which the true camera is drawn.
 
     Attributes
     ----------
     file, drone
-        A camera file, or the name of a drone's camera in the program's table, that says all the
-        rest; at most one of the two.
+        A camera file, or the name of a drone's camera in the program's table, that replaces the
+        values below; at most one of the two.
     focal_mm
-        Of that drone's lens, where the table does not say.
+        Of that drone's lens, where the table has none.
     parameters, sigma
         fx fy cx cy [px] k1 k2 p1 p2 k3.
     focal_correlation
@@ -376,31 +376,31 @@ DEMO_MEASUREMENTS: tuple[MeasurementRequest, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """A simulated survey, completely: the same scenario gives the same survey, bit for bit.
+    """Complete description of a simulated survey: it gives the same survey bit for bit.
 
     Attributes
     ----------
     name, seed
         Of the survey, and of its draws.
     site, ground
-        Where it is, and how the ground differs from a plane.
+        Position, and departure of the ground from a plane.
     camera, flight
         Of the photos.
     telemetry
-        What the log's positions come from; ``none``: there is no log. `scenario_file.py` fills
-        in what is usual of it.
+        Source of the log's positions; ``none``: there is no log. `scenario_file.py` fills in its
+        default errors.
     errors, stated
-        How wrong everything is, and what the project states of that.
+        True sizes of all errors, and their sigmas stated in the project.
     habits
-        What the program does not take for granted.
+        Fixed errors that violate the program's assumptions.
     road, points, lines, measurements
-        What lies on the ground, and what is taped and measured of it.
+        Objects on the ground, taped lengths and measurements.
     plates
         Coded plates on the ground.
     control
         Labels of points whose coordinates are known and used.
     plan
-        What `uavgram plan` is asked for; nothing else reads it.
+        Request for `uavgram plan`, the only command that reads it.
     """
 
     name: str = "demo"
@@ -452,11 +452,11 @@ class Scenario:
             )
 
     def with_seed(self, seed: int) -> Scenario:
-        """Give the same scenario with another draw of every error."""
+        """Return the same scenario with another draw of every error."""
         return dataclasses.replace(self, seed=seed)
 
     def _of_the_demo(self) -> str:
-        """Which of what names points is the demo's, though the points are not."""
+        """Name the sections with points that are the demo's, though the points are not."""
         sections = {"lines": DEMO_LINES, "measurements": DEMO_MEASUREMENTS}
         same = [name for name, usual in sections.items() if getattr(self, name) == usual]
         if not same or self.points == DEMO_POINTS:
@@ -465,12 +465,12 @@ class Scenario:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """Of all points, and of the corners of all plates."""
+        """Labels of all points, and of the corners of all plates."""
         return (*(point.label for point in self.points), *self.plates.labels)
 
     @property
     def lost_exposure(self) -> int | None:
-        """Index of the exposure of which no photo was stored, if there is one."""
+        """Index of the exposure without a stored photo, if there is one."""
         return self.errors.lost_exposure if self.flight.pattern == "strips" else None
 
 
@@ -483,7 +483,7 @@ class RepeatedSurvey:
     name, seed
         Of the simulation.
     lines
-        Lengths that were not taped, between points that were picked: what would they have brought?
+        Additional lengths that were not taped, between picked points, to study their effect.
     tape_m
         Standard deviation of these.
     """

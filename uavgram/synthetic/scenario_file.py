@@ -1,4 +1,4 @@
-"""Read and write scenario files."""
+"""Reader and writer of scenario files."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from uavgram.synthetic.scenario import CameraSpec, RepeatedSurvey, Scenario
 from uavgram.synthetic.survey import senseless, simulate
 
 MOST_ITEMS = 2000
-"""Of all lists of a scenario together."""
+"""Limit of the items of all lists of a scenario together."""
 
 
 def load_scenario(path: str | Path) -> Scenario:
-    """Read the scenario of a simulated survey; what it leaves out is the demo's.
+    """Read the scenario of a simulated survey; missing values are the demo's.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def load_scenario(path: str | Path) -> Scenario:
 
 
 def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
-    """Read a scenario as `load_scenario` does, and where in its file everything stands."""
+    """Read a scenario as `load_scenario` does, and return the document with its line numbers."""
     path = Path(path).absolute()
     document = _nothing_lost(_with_usual(read_yaml(path, MOST_ITEMS)))
     scenario = validate(Scenario, document)
@@ -49,7 +49,7 @@ def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
 
 
 def load_repeated(path: str | Path) -> RepeatedSurvey:
-    """Read what shall be repeated of a real survey.
+    """Read the additions to a repeated real survey.
 
     Raises
     ------
@@ -60,7 +60,7 @@ def load_repeated(path: str | Path) -> RepeatedSurvey:
 
 
 def _nothing_lost(document: Document) -> Document:
-    """The document; of a flight shorter than the demo's no exposure is lost unless it says so."""
+    """Return the document without a lost exposure if the flight is too short and none is stated."""
     data = document.data
     flight = data.get("flight") if isinstance(data, dict) else None
     if not isinstance(data, dict) or not isinstance(flight, dict):
@@ -73,7 +73,7 @@ def _nothing_lost(document: Document) -> Document:
 
 
 def _with_usual(document: Document) -> Document:
-    """The document with what is usual of its class of telemetry, where it writes nothing."""
+    """Return the document with the defaults of its class of telemetry filled in."""
     data = document.data
     kind = data.get("telemetry") if isinstance(data, dict) else None
     if not isinstance(data, dict) or not isinstance(kind, str) or kind not in USUAL:
@@ -88,12 +88,12 @@ def _with_usual(document: Document) -> Document:
 
 
 def scenario_text(scenario: Scenario, remark: str = "") -> str:
-    """The text of a scenario file that reads back as the same scenario.
+    """Return the text of a scenario file that reads back as the same scenario.
 
     Parameters
     ----------
     scenario
-        What to write.
+        Scenario to write.
     remark
         First line, behind ``#``.
     """
@@ -128,12 +128,12 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
     path
         The scenario file.
     seed
-        In place of its own.
+        Replaces its own.
 
     Raises
     ------
     InputError
-        Names file, line and key of what is wrong, or makes no sense.
+        Names file, line and key of values that are invalid or make no sense.
     """
     scenario, document = scenario_document(path)
     scenario = scenario if seed is None else scenario.with_seed(seed)
@@ -155,7 +155,7 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
 
 
 def measurement_fault(asked: MeasurementRequest) -> str:
-    """Why a measurement cannot be made of its points and parameters; empty where it can."""
+    """Return why a measurement is impossible with its points and parameters, or empty."""
     given = dict(asked.parameters)
     missing = [one for one in PARAMETERS.get(asked.kind, ()) if one not in given]
     fault = points_fault(asked) or (missing and f"needs {' and '.join(missing)}")
@@ -163,12 +163,12 @@ def measurement_fault(asked: MeasurementRequest) -> str:
 
 
 def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
-    """The camera of a file or of a drone; None: the scenario's own numbers.
+    """Return the camera of a file or of a drone; None: the scenario's own numbers.
 
     Raises
     ------
     InputError
-        The file cannot be read, or nobody knows the drone.
+        The file cannot be read, or the drone is unknown.
     """
     if camera.file is not None:
         return read_camera(camera.file).calibration
@@ -194,7 +194,7 @@ def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
 
 
 def _whole_colour(found: DroneCamera, known: tuple[DroneCamera, ...]) -> DroneCamera:
-    """Of several cameras of one name the colour camera with the most pixels."""
+    """Return, of several cameras of one name, the colour camera with the most pixels."""
     same = [one for one in known if one.make_model == found.make_model and not one.is_thermal]
     return max(same, key=lambda one: one.width_px, default=found)
 

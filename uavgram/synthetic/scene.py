@@ -1,4 +1,4 @@
-"""The true ground of a synthetic scene, drawn, and the points on it."""
+"""True ground of a synthetic scene, drawn at random, and the points on it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Surface(FrozenArrays):
     Attributes
     ----------
     spec
-        What it has beyond its plane.
+        Its departures from the plane.
     height_m, slope, middle_m
         z = height + slope . ((e, n) - middle), (2,) and (2,).
     axes
@@ -39,7 +39,7 @@ class Surface(FrozenArrays):
     sine_m: Annotated[Floats, "w"]
 
     def up(self, offset_m: Floats) -> Floats:
-        """Heights (...) at (..., 2) east and north of the scene's middle."""
+        """Return heights (...) at (..., 2) east and north of the scene's middle."""
         plane = self.height_m + offset_m @ self.slope
         if self.spec.is_plane:
             return np.asarray(plane)
@@ -55,7 +55,7 @@ class Surface(FrozenArrays):
         )
 
 
-WAVES = 200  # of a relief: enough for its heights to be normal
+WAVES = 200  # of a relief: enough for normally distributed heights
 
 
 def draw_surface(scenario: Scenario, rng: np.random.Generator) -> Surface:
@@ -90,18 +90,18 @@ def draw_surface(scenario: Scenario, rng: np.random.Generator) -> Surface:
 
 
 PLATE_STEP_M = 0.2
-"""To either side, over which the ground's slope below a plate is taken."""
+"""Distance to either side over which the slope of the ground at a plate is computed [m]."""
 
 
 def point_positions(scenario: Scenario, surface: Surface, rng: np.random.Generator) -> Floats:
-    """World positions (K, 3) of the scenario's points and of its plates' corners.
+    """Return world positions (K, 3) of the scenario's points and of its plates' corners.
 
     Parameters
     ----------
     scenario
         Its points.
     surface
-        The ground they stand on.
+        The ground below them.
     rng
         Draws each point's own departure, where the relief has no length.
     """
@@ -117,9 +117,10 @@ def point_positions(scenario: Scenario, surface: Surface, rng: np.random.Generat
 
 
 def _plate_corners(scenario: Scenario, surface: Surface, rng: np.random.Generator) -> Floats:
-    """(N, 3) of all plates: flat, as large as printed, on the ground below their middles.
+    """Return the (N, 3) corners of all plates: flat, in their printed size, on the ground.
 
-    Clockwise from above, as they are found in photos, from the left end of the edge beyond.
+    Clockwise from above, as they are found in photos, from the left end of the far edge. The height
+    of a plate is that of the ground below its middle.
     """
     plates = scenario.plates
     if not plates.at:
@@ -129,6 +130,7 @@ def _plate_corners(scenario: Scenario, surface: Surface, rng: np.random.Generato
     up = surface.up(offset)
     if surface.spec.relief_m and not surface.spec.relief_length_m:
         up = up + surface.spec.relief_m * rng.standard_normal(len(up))
+    # slope of the ground by central differences
     step = PLATE_STEP_M * np.array([[1.0, 0.0], [0.0, 1.0]])
     slope = np.stack([surface.up(offset + d) - surface.up(offset - d) for d in step], axis=-1)
     middle = np.column_stack([offset + surface.middle_m, up])

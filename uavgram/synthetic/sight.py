@@ -1,4 +1,4 @@
-"""Find what a photo shows: marks off its edge, plates that are large enough, the horizon."""
+"""Visibility in a photo: marks inside its edge, plates of sufficient size, the horizon."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.target_families import CORNERS, FOUND_PX
 
 EDGE_PX = 12.0
-"""Nobody picks a mark that is cut off by the photo's edge."""
+"""Distance from the photo's edge within which marks are not picked."""
 
 LEVEL = 0.05
-"""Sine of the angle below the horizon above which nothing can be measured: 3 degrees."""
+"""Smallest sine of the angle below the horizon at which measuring is possible: 3 degrees."""
 
 
 def inside(camera: Calibration, pixel_px: Floats, room_px: Floats | float = 0.0) -> Bools:
-    """Find which pixels (..., 2) a photo shows `EDGE_PX` and more off its edge.
+    """Return a mask of pixels (..., 2) that are at least `EDGE_PX` inside a photo's edge.
 
     Parameters
     ----------
     camera
-        Whose photos.
+        Camera of the photos.
     pixel_px
-        NaN where nothing is seen.
+        NaN for points that are not visible.
     room_px
-        (..., 2) more room that is asked for.
+        (..., 2) additional distance from the edge.
     """
     low = EDGE_PX + room_px
     high = np.array([camera.width_px, camera.height_px]) - 1.0 - EDGE_PX - room_px
@@ -35,7 +35,7 @@ def inside(camera: Calibration, pixel_px: Floats, room_px: Floats | float = 0.0)
 
 
 def large_plates(corner_px: Floats) -> Bools:
-    """Find corners (F, 4N) of plates that are large enough in a photo to be found there.
+    """Return a mask of corners (F, 4N) of plates that are large enough in a photo to be found.
 
     `corner_px` is (F, 4N, 2), plate by plate.
     """
@@ -46,7 +46,7 @@ def large_plates(corner_px: Floats) -> Bools:
 
 
 def corner_rays(camera: Calibration, intrinsics: Floats, rotation: Floats) -> Floats:
-    """Directions (F, 4, 3) in the world of a photo's corners, of unit length.
+    """Return unit vectors (F, 4, 3) in the world of a photo's corners.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def corner_rays(camera: Calibration, intrinsics: Floats, rotation: Floats) -> Fl
 
 
 def shows_horizon(ray: Floats, slope: Floats) -> Bools:
-    """Find photos (F,) of which a corner looks level along the ground, or upwards.
+    """Return a mask of photos (F,) with a corner that looks along the ground, or upwards.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Repeat a survey many times: draw it, run it through the real stages, compare with its truth."""
+"""Repeated simulation of a survey: draw, run through the real stages, compare with the truth."""
 
 from __future__ import annotations
 
@@ -37,20 +37,22 @@ OF_THE_LOG = {
     "boresight_deg": "boresight_sigma_deg",
     "lever_arm_sigma_m": "lever_arm_sigma_m",
 }
-"""Keys of ``errors`` and of ``stated`` that are one thing, of which only a log's user asks."""
+"""Keys of ``errors`` and the corresponding keys of ``stated``, for surveys with a log only."""
 
 TAPE = {"tape_scale": "tape_scale_sigma"}
 SAME = 1e-3
-"""Shares of a sigma by which two are the same."""
+"""Relative difference up to which two sigmas are equal."""
 
 
 def unlike_stated(scenario: Scenario) -> tuple[Unlike, ...]:
-    """What a scenario draws otherwise than its project states it: its ± is wrong by that.
+    """Return the quantities that a scenario draws with another sigma than its project states.
+
+    The ± of the results is wrong by these differences.
 
     Parameters
     ----------
     scenario
-        Its errors, its site, its ground, and what it states.
+        Its errors, its site, its ground, and its stated sigmas.
     """
     errors, stated, site, ground = scenario.errors, scenario.stated, scenario.site, scenario.ground
     pairs = {
@@ -58,7 +60,8 @@ def unlike_stated(scenario: Scenario) -> tuple[Unlike, ...]:
         for key, other in _keys(scenario).items()
     }
     if scenario.telemetry != "none":
-        # Stated is level ground at the height of home; where it always lies is an error too.
+        # The project states level ground at the height of home; a fixed departure of the site from
+        # that is an error too.
         height = np.hypot(ground.height_sigma_m, site.ground_height_m)
         slope = np.hypot(ground.slope_sigma_deg, np.linalg.norm(site.ground_slope_deg) / np.sqrt(2))
         pairs["ground.height_sigma_m"] = float(height), stated.ground_height_sigma_m
@@ -68,12 +71,12 @@ def unlike_stated(scenario: Scenario) -> tuple[Unlike, ...]:
 
 
 def as_stated(scenario: Scenario) -> Scenario:
-    """The scenario, with each thing drawn from what the project states of it.
+    """Return the scenario with each quantity drawn with the sigma stated in the project.
 
     Parameters
     ----------
     scenario
-        What is taken from `unlike_stated` is replaced.
+        Scenario whose quantities of `unlike_stated` are replaced.
     """
     errors, stated, ground = scenario.errors, scenario.stated, scenario.ground
     drawn = {key: getattr(stated, other) for key, other in _keys(scenario).items()}
@@ -103,17 +106,19 @@ Heard = Callable[[str], None]
 
 
 def predicted_sigmas(world: World) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
-    """Names, units and sigmas (M,) to expect: of the survey without noise, in the real likelihood.
+    """Return names, units and expected sigmas (M,) of the survey without noise.
+
+    They are computed with the real likelihood.
 
     Parameters
     ----------
     world
-        What is to be repeated.
+        Survey to be repeated.
 
     Raises
     ------
     UavgramError
-        Not even without noise there is a result.
+        There is no result even without noise.
     """
     drawn = world.exact()
     with one_blas_thread():
@@ -135,20 +140,20 @@ def repeat(
     Parameters
     ----------
     world
-        What is repeated; repetitions are numbered from 0.
+        Survey to be repeated; repetitions are numbered from 0.
     count
-        How many times.
+        Number of repetitions.
     progress
         Shows the loop.
     heard
-        Is told now and then how far the simulation has come to rest.
+        Receives a text on the convergence of the simulation now and then.
     what
         Name of the loop.
 
     Raises
     ------
     UavgramError
-        Not even without noise there is a result.
+        There is no result even without noise.
     """
     name, unit, sigma = predicted_sigmas(world)
     rows: list[Repetition] = []
@@ -161,12 +166,12 @@ def repeat(
 
 
 def one_repetition(world: World, number: int) -> Repetition:
-    """Draw a survey, run it, and compare; what has no result says why.
+    """Draw a survey, run it, and compare; without a result, record the reason.
 
     Parameters
     ----------
     world, number
-        What is drawn.
+        Survey to be drawn, and number of the draw.
     """
     drawn = world.drawn(number)
     try:
@@ -189,7 +194,7 @@ def one_repetition(world: World, number: int) -> Repetition:
 def gathered(
     rows: Sequence[Repetition], name: tuple[str, ...], unit: tuple[str, ...], predicted: Floats
 ) -> Repetitions:
-    """Repetitions as arrays.
+    """Collect repetitions in arrays.
 
     Parameters
     ----------
@@ -220,9 +225,9 @@ def gathered(
 
 
 def _measured(result: Result, drawn: Drawn) -> tuple[Floats, Floats]:
-    """Values and sigmas (M,) in the order of the truth; NaN where there is none.
+    """Return values and sigmas (M,) in the order of the truth; NaN where there is none.
 
-    In a world that nothing ties to the earth coordinates mean nothing.
+    Coordinates are NaN in a world that is not georeferenced.
     """
     table, free = result.measurements, result.world.gauge == "plane"
     row = {name: i for i, name in enumerate(table.name)}
@@ -235,16 +240,17 @@ def _measured(result: Result, drawn: Drawn) -> tuple[Floats, Floats]:
 
 
 def _milestones(count: int) -> set[int]:
-    """After how many repetitions it is told how things stand."""
+    """Return the numbers of repetitions after which progress is reported."""
     steps = {first * 10**power for power in range(1, 7) for first in (1, 2, 5)}
     return {step for step in steps if step < count}
 
 
 def _standing(repetitions: Repetitions) -> str:
-    """How far a simulation has come to rest, in a line."""
+    """Describe the convergence of a simulation in one line."""
     count = len(repetitions.number)
     ratio = running_ratio(repetitions, count)
-    # Of one value's spread from n normal errors: sigma / sqrt(2 (n - 1)); values go together.
+    # standard error of a sigma estimated from n normal errors: sigma / sqrt(2 (n - 1)); the values
+    # are correlated, so their number does not reduce it
     sure = 1.96 / np.sqrt(2.0 * max(count - 1, 1))
     lost = repetitions.failed + repetitions.unsettled
     missing = f"; {lost} without a result" if lost else ""
@@ -257,7 +263,7 @@ CLEAN = "nothing amiss"
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked for: how many repetitions, and whether they are compared with clean ones."""
+    """Requested number of repetitions, and whether to compare with clean ones."""
 
     repetitions: int
     compare: bool = False
@@ -270,23 +276,23 @@ def simulate_many(
     progress: Progress = silent,
     heard: Heard | None = None,
 ) -> Simulation:
-    """Repeat a survey, and the same without what is amiss where that is asked for.
+    """Repeat a survey, and if requested its variants with fewer deviations from the project.
 
     Parameters
     ----------
     source
         The file that the world comes from.
     world
-        What is repeated.
+        Survey to be repeated.
     asked
-        How often.
+        Number of repetitions.
     progress, heard
-        Show how far it is.
+        Report the progress.
 
     Raises
     ------
     InputError
-        Not even without noise the survey has a result, or there is nothing to compare.
+        The survey has no result even without noise, or has no deviation to compare.
     """
     others = _others(source, world) if asked.compare else {}
     try:
@@ -311,16 +317,16 @@ def simulate_many(
 
 
 def write_outputs(simulation: Simulation, folder: Path, source: Path) -> tuple[str, ...]:
-    """Write all of a simulation at once; names of the files.
+    """Write all files of a simulation at once; return their names.
 
     Parameters
     ----------
     simulation
-        What came out.
+        Simulation to write.
     folder
-        Where to.
+        Output folder.
     source
-        Which no output may replace.
+        Input file that must not be overwritten.
 
     Raises
     ------
@@ -334,7 +340,7 @@ def write_outputs(simulation: Simulation, folder: Path, source: Path) -> tuple[s
 
 
 def _running(found: Repetitions) -> Iterator[tuple[int, float]]:
-    """Spread over prediction after more and more repetitions."""
+    """Iterate over the ratio of spread to prediction after increasing numbers of repetitions."""
     count = len(found.number)
     steps = sorted({round(count ** (k / 40)) for k in range(41)} | {count})
     for step in steps:
@@ -343,7 +349,7 @@ def _running(found: Repetitions) -> Iterator[tuple[int, float]]:
 
 
 def _others(source: Path, world: World) -> dict[str, World]:
-    """The worlds to compare with, by what is amiss in them."""
+    """Return the worlds to compare with, by the name of their deviation."""
     if not isinstance(world, ScenarioWorld):
         raise InputError(source, "comparing is for scenarios: a real survey has nothing amiss")
     others = {name: replace(world, scenario=one) for name, one in variants(world.scenario)}
@@ -357,18 +363,18 @@ def _others(source: Path, world: World) -> dict[str, World]:
 
 
 def _variant(name: str, world: World, count: int, progress: Progress) -> Variant:
-    """The same draws in another world."""
+    """Repeat the same draws in another world."""
     found = repeat(world, count, progress, what=f"the same with {name}")
     return Variant(name=name, repetitions=found, accuracy=accuracy_of(found))
 
 
 def variants(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:
-    """A scenario with nothing amiss, and with each thing that is amiss alone; nothing if clean.
+    """Iterate over the clean scenario, and those with one deviation each; none if it is clean.
 
     Parameters
     ----------
     scenario
-        Whose habits, ground, readout and identification are taken apart.
+        Whose habits, ground, readout and identification are separated.
     """
     clean, alone = _apart(scenario)
     if alone:
@@ -378,7 +384,7 @@ def variants(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:
 
 
 def _apart(scenario: Scenario) -> tuple[Scenario, dict[str, Scenario]]:
-    """A scenario with nothing amiss, and with each thing alone, by its key."""
+    """Return the scenario without deviations, and those with one deviation each, by its key."""
     errors, ground, habits = scenario.errors, scenario.ground, scenario.habits
     even = GroundSpec(height_sigma_m=ground.height_sigma_m, slope_sigma_deg=ground.slope_sigma_deg)
     clean = replace(

@@ -1,4 +1,4 @@
-"""A whole synthetic survey: true camera, true poses, observations with their errors."""
+"""Simulation of a complete survey: true camera, true poses, observations with their errors."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from uavgram.synthetic.truth import SurveyTruth, survey_truth
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedSurvey(FrozenArrays):
-    """Everything that the survey's files will say, and the truth.
+    """Content of all files of the survey, and the truth.
 
     Attributes
     ----------
     scenario
-        What it was made of.
+        Scenario from which it was made.
     calibration
         The camera as calibrated, not the true one.
     frame_id, file_time_utc_s
@@ -39,7 +39,7 @@ class SimulatedSurvey(FrozenArrays):
     log, picks, lines, checks, measurements, control
         Content of the files of those names.
     truth
-        What really was.
+        The true values.
     """
 
     scenario: Scenario
@@ -60,7 +60,7 @@ FILE_STEP_S = 0.001  # three sub-second digits
 
 
 class _Streams(NamedTuple):
-    """One for each kind of error: another number of points leaves the flight as it was."""
+    """One random stream for each kind of error: more points leave the flight unchanged."""
 
     motion: np.random.Generator
     biases: np.random.Generator
@@ -90,32 +90,37 @@ def simulate(
     repetition
         Number of one of many draws of the same scenario; None: the scenario's own draw.
     exact
-        Whether nothing but the flight is drawn: what is observed is what it is expected to be.
+        Whether only the flight is drawn: observations then equal their expected values.
 
     Returns
     -------
-    What the survey's files will say, and the truth behind them.
+    Content of the survey's files, and the truth behind them.
     """
     draw = _streams(scenario.seed, repetition)
     if exact:
         draw = _Streams(draw.motion, *(Still() for _ in _Streams._fields[1:]))
+    # true flight and its log
     motion = fly(scenario.flight, scenario.site, draw.motion)
     biases = draw_biases(scenario, draw.biases)
     log = record(scenario, motion, biases, draw.log)
     calibration = calibration or calibration_of(scenario.camera)
+    # true camera, drawn from its calibration
     intrinsics = draw.camera.multivariate_normal(calibration.parameters, calibration.covariance)
     intrinsics[:2] *= 1.0 + scenario.habits.focal_wrong
     lost = scenario.lost_exposure
     stored = np.arange(len(motion.exposure_time_s)) != (-1 if lost is None else lost)
     requests = with_true_friction(scenario.measurements, draw.road)
+    # true ground and points
     surface = draw_surface(scenario, draw.ground)
     ground = surface, point_positions(scenario, surface, draw.ground)
     truth = survey_truth(scenario, requests, (motion, biases), ground, intrinsics, stored)
     errors = scenario.errors
+    # readings of the camera clock
     jitter = errors.exif_jitter_s * draw.people.standard_normal(len(truth.frame_id))
     file_time = truth.time_utc_s + errors.camera_clock_offset_s + jitter
     if not scenario.flight.tells_clock:
         file_time += scenario.stated.clock_sigma_s * draw.habits.standard_normal()
+    # observations of people
     lines = tape(scenario, truth, (draw.people, draw.habits))
     checked = [i for i, point in enumerate(scenario.points) if point.mark == "disc"]
     check_noise = errors.check_m * draw.people.standard_normal((len(checked), 3))
@@ -145,7 +150,7 @@ def _streams(seed: int, repetition: int | None) -> _Streams:
 
 
 def calibration_of(camera: CameraSpec) -> Calibration:
-    """Calibration as the survey's camera.yaml states it."""
+    """Return the calibration in the survey's camera.yaml."""
     sigma = np.array(camera.sigma)
     correlation = np.eye(len(sigma))
     correlation[0, 1] = correlation[1, 0] = camera.focal_correlation
@@ -160,19 +165,19 @@ def calibration_of(camera: CameraSpec) -> Calibration:
 
 
 class SenselessKey(NamedTuple):
-    """A key of the scenario, from its root, and what is wrong with it."""
+    """A key of the scenario, from its root, and its fault."""
 
     key: tuple[str | int, ...]
     text: str
 
 
 def senseless(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
-    """Find what makes no sense in a survey without errors.
+    """Find senseless values in a survey without errors.
 
     Parameters
     ----------
     survey
-        As `simulate` gives it with `exact`.
+        Result of `simulate` with `exact`.
     """
     scenario, truth = survey.scenario, survey.truth
     offset = truth.center_world_m[:, :2] - truth.surface.middle_m
@@ -198,7 +203,7 @@ def senseless(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
 
 
 def _of_photo(scenario: Scenario, photo: int, key: str) -> tuple[str | int, ...]:
-    """The key that says where a photo is taken, or how."""
+    """Return the key that defines the position of a photo, or its orientation."""
     plan = scenario.flight
     if plan.pattern == "poses":
         return "flight", "poses", photo, {"gimbal_pitch_deg": "pitch_deg"}.get(key, key)
@@ -208,7 +213,7 @@ def _of_photo(scenario: Scenario, photo: int, key: str) -> tuple[str | int, ...]
 
 
 def _unseen(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
-    """Lengths and measurements of which no photo shows what they need."""
+    """Find lengths and measurements whose points are in no photo."""
     scenario, seen = survey.scenario, set(survey.picks.label)
     if not seen:
         text = "no photo shows any of them: fly over the scene, whose middle is x 0, y 0"

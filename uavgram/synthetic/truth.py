@@ -1,4 +1,4 @@
-"""The truth of a synthetic survey: camera poses, points, pixels, and values of what is measured."""
+"""Truth of a synthetic survey: camera poses, points, pixels, and values of its measurements."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from uavgram.synthetic.scene import Surface
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyTruth(FrozenArrays):
-    """What really was, in the world whose origin is the log's home.
+    """True values, in the world whose origin is the log's home.
 
     Attributes
     ----------
@@ -75,27 +75,28 @@ def survey_truth(
     intrinsics: Floats,
     stored: Bools,
 ) -> SurveyTruth:
-    """What really was.
+    """Return the true values of a survey.
 
     Parameters
     ----------
     scenario
-        What it is made of.
+        Scenario from which it is made.
     requests
-        What is measured, with true friction.
+        Requested measurements, with true friction.
     flown
-        The true flight, and what its log has wrong all through.
+        The true flight, and the constant errors of its log.
     ground
         The surface, and the points (K, 3) on it.
     intrinsics
         (P,) of the true camera.
     stored
-        (E,) which exposures became photos.
+        (E,) mask of exposures that became photos.
     """
     (motion, biases), (surface, points) = flown, ground
     exposed = motion.exposure_time_s[stored]
     center, rotation = true_poses(motion, biases, exposed)
     row = {label: i for i, label in enumerate(scenario.labels)}
+    # ends of the taped lengths, as rows of the points
     ends = np.array([[row[line.start], row[line.end]] for line in scenario.lines], dtype=int)
     ends = ends.reshape(-1, 2)
     names, values, units = measured_values(requests, row, points)
@@ -122,14 +123,15 @@ def survey_truth(
 
 
 def rolled_pixels(calibration: Calibration, truth: SurveyTruth, places_m: Floats) -> Floats:
-    """Where places (F, K, 3) of each photo are seen, row after row, (F, K, 2) px.
+    """Project points (F, K, 3) of each photo with a rolling shutter, (F, K, 2) px.
 
-    A row's time moves the pixel by far less than a row a row, so a few rounds come to rest.
+    The time of a row moves a pixel by far less than one row per row, so a few fixed-point
+    iterations converge.
 
     Parameters
     ----------
     calibration
-        Whose lens model and size hold.
+        Calibration with lens model and size.
     truth
         Of the survey.
     places_m
@@ -142,6 +144,7 @@ def rolled_pixels(calibration: Calibration, truth: SurveyTruth, places_m: Floats
         return pixel
     height = calibration.height_px
     frame = np.broadcast_to(np.arange(len(offset))[:, None], offset.shape[:2])
+    # fixed-point iteration: pixel -> row -> pose at its time -> pixel
     for _ in range(ROUNDS):
         row = np.clip(np.nan_to_num(pixel[..., 1]), 0.0, height - 1.0)
         center, rotation = truth.rows.at(frame, row_share(row, height))

@@ -1,1 +1,1 @@
-"""Files for maps, drawings and other photogrammetry programs."""
+"""Writers of files for maps, drawings and other photogrammetry programs."""

@@ -1,4 +1,4 @@
-"""batch.csv and batch.parquet: a row for each survey of a batch, comparable over years."""
+"""Writers of batch.csv and batch.parquet: a row for each survey, comparable over years."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ Cell = str | float | int | None
 
 
 def write_batch_csv(batch: Batch, path: Path) -> None:
-    """Write batch.csv: no cell of it is run by a spreadsheet; what there is none of is empty.
+    """Write batch.csv; cells are protected against execution by spreadsheets, missing ones empty.
 
     Raises
     ------
@@ -58,10 +58,10 @@ def write_batch_csv(batch: Batch, path: Path) -> None:
 
 
 def write_batch_parquet(batch: Batch, path: Path) -> None:
-    """Write batch.parquet: the columns of batch.csv, and the camera's parameters as adjusted.
+    """Write batch.parquet: the columns of batch.csv, and the adjusted camera parameters.
 
-    Times are moments, numbers are not rounded, and NaN is null. What all surveys together say
-    stands in the metadata, as JSON under ``uavgram``.
+    Times are timestamps, numbers are not rounded, and NaN is null. Version and time of the batch
+    are in the metadata, as JSON under ``uavgram``.
     """
     rows = [_cells(row, batch.version) for row in batch.rows]
     columns = {

@@ -1,7 +1,7 @@
-"""COLMAP's text model: camera, adjusted poses, picked points; and the poses' covariances beside it.
+"""Writer of COLMAP's text model: camera, adjusted poses, picked points; and pose covariances.
 
-After colmap.github.io/format.html and /cameras.html: poses are camera-from-world, quaternions
-(w, x, y, z), and the corner of the top-left pixel is (0, 0), so its centre (0.5, 0.5).
+After colmap.github.io/format.html and /cameras.html: poses are camera-from-world, quaternions (w,
+x, y, z), and the corner of the top-left pixel is (0, 0), so its centre (0.5, 0.5).
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ _PRIOR_HEADER = [
 def write_colmap_model(result: Result, folder: Path) -> None:
     """Write cameras.txt, images.txt, points3D.txt and pose_priors.csv.
 
-    The world is the local one, in metres. The covariances are those of the centres, as COLMAP's
-    pose priors take them (``pycolmap.PosePrior(position, covariance)``); the text format has no
-    room for them.
+    The world is the local one, in metres. The covariances are those of the centres, in the form of
+    COLMAP's pose priors (``pycolmap.PosePrior(position, covariance)``); the text format cannot hold
+    them.
     """
     folder.mkdir(exist_ok=True)
     frames = np.flatnonzero(result.has_refined)
@@ -43,7 +43,7 @@ def write_colmap_model(result: Result, folder: Path) -> None:
 
 
 def _used_picks(result: Result) -> dict[str, list[tuple[int, Floats, float]]]:
-    """For each frame: (point row, pixel in COLMAP's convention, residual) of its picks in use."""
+    """Return (point row, pixel in COLMAP's convention, residual) of each frame's used picks."""
     rows = {label: k for k, label in enumerate(result.points.label)}
     seen: dict[str, list[tuple[int, Floats, float]]] = {}
     picks = result.picks
@@ -89,7 +89,7 @@ def _points(result: Result, frames: Ints, seen: dict[str, list[tuple[int, Floats
 
 
 def _priors(result: Result, frames: Ints) -> str:
-    """Photos by their names as they are, for other programs: a formula in one is not guarded."""
+    """Return the pose priors; names of photos are not protected as formulas, for other programs."""
     upper = np.triu_indices(3)
     poses = result.frames.refined
     rows = [

@@ -1,7 +1,7 @@
-"""The survey as a CAD drawing (DXF R2010, metres): points, lines, real dimensions, ellipses.
+"""Writer of the survey as a CAD drawing (DXF R2010, metres): points, lines, dimensions, ellipses.
 
-Everything lies at its height; a program that shows plans shows it from above. Measured profiles
-have sheets of their own.
+All entities are at their heights; programs show plans from above. Measured profiles have sheets of
+their own.
 """
 
 from __future__ import annotations
@@ -37,34 +37,34 @@ from uavgram.model.maps import HIDDEN, Features, Layer, placed
 from uavgram.stages.products.text_places import Label, Placed, place_labels
 
 METRIC = Words()
-"""Numbers in metres, as the drawing itself."""
+"""Numbers in metres, the unit of the drawing."""
 
 _DIMENSIONS, _NOTES = "DIMENSIONS", "NOTES"
 _UPRIGHT = {"height", "vertical_distance"}
 """Kinds of measurement that have no length in a plan."""
 _NOT_IN_SPACE = {*_UPRIGHT, "horizontal_distance", "profile"}
 _IN_SPACE = " (3-D)"
-"""After a length to or from a point off the ground: seen from above it is shorter."""
+"""Suffix of a length to or from a point off the ground, which is shorter in plan."""
 _DOUBT = " ?"
-"""After a value that is another one in another solution that fits as well."""
+"""Suffix of a value that differs in another solution with an equal fit."""
 
-_SHORT_M = 1e-6  # a length that short in the plan has no direction
-_ASIDE = 2.5  # between a length and its dimension line, in heights of a letter
-_GAP = 0.3  # around the text of a dimension, in heights of a letter
-_FAR = 1e6  # heights of a letter: farther than any drawing reaches
+_SHORT_M = 1e-6  # a shorter length in plan has no direction
+_ASIDE = 2.5  # from a length to its dimension line, in letter heights
+_GAP = 0.3  # around the text of a dimension, in letter heights
+_FAR = 1e6  # in letter heights, beyond the extent of any drawing
 _PAPER_M = (0.420, 0.297)  # A3
-_TEXT_SHARE = 1 / 80  # of the drawing's extent is the height of its letters,
-_CROWD = 0.2  # or, of many points, what leaves three quarters of an evenly filled sheet empty
+_TEXT_SHARE = 1 / 80  # letter height relative to the drawing's extent
+_CROWD = 0.2  # or, with many points, so that three quarters of an evenly filled sheet stay empty
 
 
 @dataclass(frozen=True)
 class PlacedTexts:
-    """Texts of a survey's drawings, placed in local metres; all of its drawings have the same.
+    """Texts of a survey, placed in local metres for all of its drawings.
 
     Attributes
     ----------
     texts, places
-        The texts, and where `place_labels` put them.
+        The texts, and their positions from `place_labels`.
     text_m
         Height of letters.
     corner
@@ -78,14 +78,14 @@ class PlacedTexts:
 
 
 def place_texts(features: Features, words: Words = METRIC) -> PlacedTexts:
-    """Place the texts of drawings: none covers another, none is far from what it names.
+    """Place the texts of drawings: none covers another, none is far from its object.
 
     Parameters
     ----------
     features
-        What is drawn.
+        Survey to draw.
     words
-        By which texts and dimensions are written.
+        Format of texts and dimensions.
     """
     text_m = _text_height(features)
     texts = texts_of_points(features.layer("points"), text_m, words)
@@ -98,7 +98,7 @@ def place_texts(features: Features, words: Words = METRIC) -> PlacedTexts:
     below = np.array([[corner[0], corner[1] + 1.5 * text_m - large, large, large, 0.0]])
     labels = [text.label for text in texts]
     placed = place_labels(labels, below)
-    # hundreds at one place have no room: they are where they belong, one over the other
+    # labels without room among hundreds at one place stay there, on top of each other
     own = [[*(one.start + one.end) / 2, *placed.size * one.half, 0.0] for one in labels]
     boxes = np.where(np.isfinite(placed.boxes), placed.boxes, np.reshape(own, placed.boxes.shape))
     return PlacedTexts(tuple(texts), placed._replace(boxes=boxes), text_m * placed.size, corner)
@@ -112,13 +112,13 @@ def write_local_dxf(
     Parameters
     ----------
     features
-        What is drawn.
+        Survey to draw.
     path
         The file.
     words
-        By which texts and dimensions are written.
+        Format of texts and dimensions.
     texts
-        Where these are, if that is known already.
+        Placed texts, if already known.
     """
     note = "local metres: x east, y north, z up; distances are true ground distances"
     if features.origin is None:
@@ -129,21 +129,21 @@ def write_local_dxf(
 def write_map_dxf(
     features: Features, path: Path, words: Words = METRIC, texts: PlacedTexts | None = None
 ) -> None:
-    """Write the drawing in the projected coordinate system of the survey, which it must have.
+    """Write the drawing in the survey's projected coordinate system, which must exist.
 
-    The texts of dimensions are ground values; what CAD measures is longer or shorter by the
-    projection's scale, which a note in the drawing states.
+    The texts of dimensions are ground values; distances in CAD differ by the scale factor of the
+    projection, which a note in the drawing states.
 
     Parameters
     ----------
     features
-        What is drawn.
+        Survey to draw.
     path
         The file.
     words
-        By which texts and dimensions are written.
+        Format of texts and dimensions.
     texts
-        Where these are, if that is known already.
+        Placed texts, if already known.
     """
     if features.origin is None or features.crs is None:
         raise ValueError("a drawing on the map needs a survey that lies on the earth")
@@ -186,7 +186,7 @@ def _write(
 
 
 def _look_at_points(sheet: Sheet, features: Features) -> None:
-    """What a program shows first: all points, with their dimensions."""
+    """Set the initial view: all points, with their dimensions."""
     vertices = features.layer("points").vertices_m
     if not vertices:
         return
@@ -194,7 +194,7 @@ def _look_at_points(sheet: Sheet, features: Features) -> None:
     low, high = shown.min(axis=0), shown.max(axis=0)
     height = max(1.3 * float((high - low).max()), 20 * sheet.text_m)
     sheet.document.set_modelspace_vport(height, tuple(((low + high) / 2).tolist()))
-    # ezdxf writes the header from these; LibreCAD takes the limits for its paper, in our metres
+    # ezdxf writes the header from these; LibreCAD uses the limits for its paper, in our metres
     sheet.space.dxf.extmin, sheet.space.dxf.extmax = (*low.tolist(), 0.0), (*high.tolist(), 0.0)
     sheet.document.layout("Layout1").dxf.limmax = _PAPER_M
 
@@ -213,7 +213,7 @@ def _dimension_style(document: Drawing, text_m: float) -> None:
     sizes = {"dimtxt": 1.0, "dimasz": 0.8, "dimexe": 0.3, "dimexo": 0.3, "dimgap": _GAP}
     for name, share in sizes.items():
         style.set_dxf_attrib(name, share * text_m)
-        # for programs that draw all dimensions alike, as the header says (LibreCAD 2.2)
+        # for programs that draw all dimensions with the header's style (LibreCAD 2.2)
         document.header[f"${name.upper()}"] = share * text_m
     document.header["$DIMSCALE"] = 1.0
     style.dxf.dimclrd = style.dxf.dimclre = style.dxf.dimclrt = const.BYLAYER
@@ -239,7 +239,7 @@ def _draw(sheet: Sheet, layer: Layer) -> None:
 
 
 def _footprints(sheet: Sheet, rings: tuple[Floats, ...], name: str) -> None:
-    """Level outlines at their middle height: background, which may be large."""
+    """Draw footprints as level outlines at their mean height, as they may be large."""
     for ring in rings:
         sheet.space.add_lwpolyline(
             ring[:, :2].tolist(),
@@ -249,7 +249,7 @@ def _footprints(sheet: Sheet, rings: tuple[Floats, ...], name: str) -> None:
 
 
 def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
-    """True ellipses; their axes turn and stretch with the map."""
+    """Draw true ellipses; their axes rotate and scale with the map projection."""
     if not len(layer):
         return
     keys = ("semi_major_m", "semi_minor_m", "azimuth_deg")
@@ -270,7 +270,7 @@ def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
 
 
 def _values(layer: Layer, text_m: float, words: Words) -> list[Text]:
-    """Texts of dimensions on two-point distances, and of all else that has a value."""
+    """Return dimension texts for two-point distances, and plain texts for all other values."""
     is_known, texts = layer.name == "known_lengths", []
     if not is_known and not layer.name.startswith("measured"):
         return []
@@ -284,7 +284,7 @@ def _values(layer: Layer, text_m: float, words: Words) -> list[Text]:
         text = f"{one['name']}: {text}{_DOUBT if one.get('alternatives') else ''}"
         is_length = len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT
         if is_length and np.linalg.norm(strip[1, :2] - strip[0, :2]) > _SHORT_M:
-            # from left to right, as texts are read
+            # from left to right, the reading direction
             ends = strip[np.lexsort(strip[:, 1::-1].T)]
             half = half_size(text, text_m)
             label = Label(ends[0, :2], ends[1, :2], half, _ASIDE * text_m, "along")
@@ -296,11 +296,11 @@ def _values(layer: Layer, text_m: float, words: Words) -> list[Text]:
 
 
 def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
-    """Dimensions, and texts with a line to what they name where they are not beside it."""
+    """Write dimensions, and texts with a leader line where they are not next to their object."""
     up = np.array([text.ends[:, 2].mean() for text in texts.texts])
     boxes, leaders, sides, _ = texts.places
     turn = boxes[:, 4:]
-    # letters begin or end where a line leads to; a dimension has lines of its own
+    # letters begin or end at the leader; a dimension has its own lines
     sides = np.where([len(text.ends) == 1 for text in texts.texts], sides, 0)
     aside = (sides * boxes[:, 2])[:, None] * np.column_stack([np.cos(turn), np.sin(turn)])
     middle = np.column_stack([boxes[:, :2] + aside, up])
@@ -326,7 +326,7 @@ def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
 
 
 def _dimension(sheet: Sheet, text: Text, middle: Floats, half_height: float) -> None:
-    """Seen from above, at the height of the middle; where others are in the way, farther out."""
+    """Draw a dimension in plan at mean height, farther out where others are in the way."""
     ends = sheet.place(text.ends)
     start, end = ends[:, :2]
     along = (end - start) / np.linalg.norm(end - start)
@@ -343,7 +343,7 @@ def _dimension(sheet: Sheet, text: Text, middle: Floats, half_height: float) -> 
     dimension = drawn.render().dimension
     dimension.translate(0.0, 0.0, float(ends[:, 2].mean()))
     for part in dimension.get_geometry_block() or ():
-        if part.dxf.layer == "0":  # not every program colours that as the dimension
+        if part.dxf.layer == "0":  # not every program draws that in the colour of the dimension
             part.dxf.layer = text.layer
 
 

@@ -1,4 +1,4 @@
-"""Points in a CAD drawing: a cross, a label, and over the ground their height."""
+"""Points in a CAD drawing: a cross, a label, and a height if off the ground."""
 
 from __future__ import annotations
 
@@ -18,16 +18,18 @@ from uavgram.io.exports.dxf_sheet import (
 from uavgram.model.maps import Layer
 
 POINT_BLOCK = "SURVEY_POINT"
-_HEIGHT_SHARE = 0.6  # of the labels' letters are those of heights
+_HEIGHT_SHARE = 0.6  # letter height of heights, relative to that of labels
 _NUMBERS = ("sigma_east_m", "sigma_north_m")
-"""What each point carries, beside its label."""
+"""Attributes of each point, in addition to its label."""
 _OFF_GROUND_NUMBERS = ("sigma_up_m", "height_above_ground_m", "height_sigma_m")
-"""What points off the ground carry too; on all points it would take half as long again to write.
-So do points that no person, or not a person alone, picked: PICKED_BY."""
+"""Additional attributes of points off the ground; on all points they would take half as long again.
+
+Points that were picked by the program, alone or with a person, also carry PICKED_BY.
+"""
 
 
 def add_point_block(document: Drawing, text_m: float) -> None:
-    """A cross; label and standard deviations are hidden attributes, for some programs draw none."""
+    """Add the block of a cross; its attributes are hidden, as some programs cannot draw them."""
     block = document.blocks.new(POINT_BLOCK)
     half = 0.4 * text_m
     block.add_line((-half, 0), (half, 0))
@@ -42,7 +44,7 @@ def add_point_block(document: Drawing, text_m: float) -> None:
 
 
 def draw_points(sheet: Sheet, layer: Layer) -> None:
-    """Points as crosses that carry their labels; those off the ground on their own layer."""
+    """Draw points as crosses with labels as attributes; those off the ground on another layer."""
     if not len(layer):
         return
     places = sheet.place(np.concatenate(layer.vertices_m))
@@ -60,7 +62,7 @@ def draw_points(sheet: Sheet, layer: Layer) -> None:
 
 
 def texts_of_points(layer: Layer, text_m: float, words: Words) -> list[Text]:
-    """The labels of points, then the heights of those off the ground.
+    """Return the labels of points, then the heights of those off the ground.
 
     Parameters
     ----------
@@ -69,7 +71,7 @@ def texts_of_points(layer: Layer, text_m: float, words: Words) -> list[Text]:
     text_m
         Full height of letters.
     words
-        By which heights are written.
+        Format of heights.
     """
     points = [(one, place[0]) for one, place in zip(_rows(layer), layer.vertices_m, strict=True)]
     labels = [text_beside(str(one["label"]), place, LABELS, text_m) for one, place in points]
@@ -81,24 +83,24 @@ def texts_of_points(layer: Layer, text_m: float, words: Words) -> list[Text]:
 
 
 def _rows(layer: Layer) -> list[dict[str, str | float]]:
-    """The attributes of each shape."""
+    """Return the attributes of each shape."""
     columns = layer.attributes
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
 def _is_off(one: dict[str, str | float]) -> bool:
-    """Whether a point is off the ground."""
+    """Return whether a point is off the ground."""
     return one["height_source"] in {"stated", "free", "found"}
 
 
 def _decimals(value: object) -> str:
-    """A number to tenths of a millimetre; empty where there is none."""
+    """Format a number to tenths of a millimetre; empty without a value."""
     number = float(str(value))
     return f"{number:.4f}" if np.isfinite(number) else ""
 
 
 def _height_text(one: dict[str, str | float], words: Words) -> str:
-    """How high a point stands over the ground, and how well that is known."""
+    """Format the height of a point above the ground, with its sigma."""
     height = float(one["height_above_ground_m"]) / words.length_m
     sigma = float(one["height_sigma_m"]) / words.length_m
     unit = "" if words.symbol == "m" else f" {words.symbol}"

@@ -1,7 +1,7 @@
 """Sheets of measured profiles in a CAD drawing.
 
-Each is a block in metres: one reference to it stands below the plan, another in a layout of its
-own, to scale on paper.
+Each is a block in metres, with one reference below the plan, and another in a layout of its own, to
+scale on paper.
 """
 
 from __future__ import annotations
@@ -20,17 +20,17 @@ from uavgram.model.maps import ProfileSheet
 from uavgram.stages.products.map_layers import TWO_SIDED_95
 from uavgram.stages.products.text_places import Label, place_labels
 
-# Name in the drawing, and colour of AutoCAD's index.
+# name in the drawing, and colour of AutoCAD's index
 _AXES, _TEXTS = ("PROFILE_AXES", 8), ("PROFILE_TEXTS", 7)
 _LINE, _GROUND, _INTERVALS = ("PROFILE_POINTS", 150), ("PROFILE_GROUND", 32), ("PROFILE_95", 42)
 _LAYERS = (_AXES, _TEXTS, _LINE, _GROUND, _INTERVALS)
 
-_TEXT_SHARE = 1 / 110  # of a profile's length is the height of its letters
+_TEXT_SHARE = 1 / 110  # letter height relative to the profile's length
 _PAPER_MM, _MARGIN_MM = (420.0, 297.0), 20.0  # A3
 _SCALES = (1, 2, 5, 10, 20, 25, 50, 100, 200, 250, 500)  # and tens of these
 _ROWS = ("point", "station", "height", "± 1 sigma", "ground", "± 1 sigma")
-_FAR = 1e3  # of letters and of the profile: farther than anything reaches
-_ROW_SHARE = 6.0  # of the letters is the height of a row: its numbers stand upright
+_FAR = 1e3  # of letters and of the profile, beyond any extent
+_ROW_SHARE = 6.0  # height of a row in letter heights: its numbers are vertical
 
 
 def draw_profiles(
@@ -47,9 +47,9 @@ def draw_profiles(
     document
         The drawing.
     sheets
-        What to draw.
+        Profiles to draw.
     corner
-        East and north below which there is room.
+        East and north of the free area below.
     text_m
         Height of the plan's letters.
     words
@@ -72,16 +72,16 @@ def draw_profiles(
 
 @dataclass(frozen=True)
 class _Paper:
-    """A sheet under way: x are stations less the first tick, y heights over the lowest, drawn.
+    """Sheet being drawn: x are stations less the first tick, y drawn heights above the lowest.
 
     Attributes
     ----------
     sheet, block
-        What is drawn, and where.
+        The profile, and the block to draw it in.
     text
         Height of the letters [m].
     across
-        (N,) x of the numbers of each point: they keep clear of each other.
+        (N,) x of the numbers of each point, spread so that they do not overlap.
     words
         Unit of the numbers.
     """
@@ -138,7 +138,7 @@ class _Paper:
 
 
 def spread(places: Floats, least: float) -> Floats:
-    """Places (N,) moved apart to the right until no two are closer than `least`."""
+    """Shift places (N,) to the right until no two are closer than `least`."""
     moved = places.astype(np.float64)
     order = np.argsort(places, kind="stable")
     for before, after in itertools.pairwise(order):
@@ -167,7 +167,7 @@ def _draw(paper: _Paper) -> None:
 
 
 def _names(paper: _Paper) -> None:
-    """Labels around the tops of the bars, with a line where others are in the way."""
+    """Write labels around the tops of the bars, with a leader where others are in the way."""
     sheet, text = paper.sheet, paper.text
     tops = sheet.height_m + TWO_SIDED_95 * sheet.height_sigma_m
     spots = np.array([[paper.x(a), paper.y(b)] for a, b in zip(sheet.station_m, tops, strict=True)])
@@ -214,7 +214,7 @@ def _axes(paper: _Paper) -> None:
 
 
 def _band(paper: _Paper) -> None:
-    """The numbers of all points below the drawing, upright, as surveyors write them."""
+    """Write the numbers of all points below the drawing, vertically, as surveyors do."""
     sheet, text = paper.sheet, paper.text
     columns = (
         list(sheet.label),
@@ -241,12 +241,12 @@ def _band(paper: _Paper) -> None:
 
 
 def places_of(ticks: Floats) -> int:
-    """Decimals that tell ticks (n,) apart."""
+    """Return the number of decimals that distinguishes ticks (n,)."""
     return max(0, -int(np.floor(np.log10(ticks[1] - ticks[0]) + 1e-9)))
 
 
 def _layout(document: Drawing, paper: _Paper, number: int) -> None:
-    """A sheet of A3 with the profile at a round scale, in millimetres."""
+    """Add a sheet of A3 with the profile at a round scale, in millimetres."""
     layout = document.layouts.new(f"Profile {number}")
     layout.page_setup(size=_PAPER_MM, margins=(0.0, 0.0, 0.0, 0.0), units="mm")
     room = [size - 2.0 * _MARGIN_MM for size in _PAPER_MM]

@@ -1,4 +1,4 @@
-"""A drawing under way: its layers and texts, and the room that these take."""
+"""Shared parts of CAD drawings: layers, texts, and the size of texts."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ def _metric(value: float, sigma: float, unit: str) -> str:
 
 @dataclass(frozen=True)
 class Words:
-    """How a drawing, which is in metres, writes its numbers.
+    """Format of the numbers in a drawing, which is in metres.
 
     Attributes
     ----------
     value
-        Value, its standard deviation and its unit as in results.json, as text.
+        Function that writes a value, its standard deviation and its unit as in results.json.
     length_m
-        Unit of lengths that stand alone, such as those of axes.
+        Unit of plain lengths, such as those of axes.
     symbol, name
         Of that unit.
     """
@@ -47,7 +47,7 @@ class Words:
 
 
 LABELS = "LABELS"
-# Name in the drawing, and colour of AutoCAD's index: to be seen on black and on white.
+# name in the drawing, and colour of AutoCAD's index, visible on black and on white
 LAYERS = {
     "footprints": ("PHOTO_FOOTPRINTS", 252),
     "camera_poses": ("CAMERAS", 150),
@@ -67,17 +67,17 @@ ALIGNED = {
     0: TextEntityAlignment.MIDDLE_CENTER,
     1: TextEntityAlignment.MIDDLE_RIGHT,
 }
-"""By the side of a text that a line leads to: its letters begin or end there."""
+"""Alignment by the side of a text at which its leader ends, where its letters begin or end."""
 
 
 def cad_layer(name: str) -> tuple[str, int]:
-    """Return name and colour in the drawing of a layer of the survey; by default its own, black."""
+    """Return name and colour of a survey layer in the drawing; by default its own name, black."""
     return LAYERS.get(name, (name.upper(), 7))
 
 
 @dataclass(frozen=True)
 class Sheet:
-    """A drawing under way: where local metres go, height of letters [m], and words."""
+    """Drawing being written: transformation of local metres, height of letters [m], and format."""
 
     document: Drawing
     space: Modelspace
@@ -92,15 +92,15 @@ class Text(NamedTuple):
     Attributes
     ----------
     words
-        As they are read.
+        Text as displayed.
     label
-        What it names, and the room that it takes while letters have their full height.
+        Position of its object, and its size with letters at full height.
     layer
         Its layer.
     ends
-        (2, 3) places between which a dimension is; (1, 3) place of what any other text names.
+        (2, 3) ends of a dimension; (1, 3) position of the object of any other text.
     share
-        Of the height of letters.
+        Relative height of the letters.
     """
 
     words: str
@@ -111,56 +111,56 @@ class Text(NamedTuple):
 
 
 def text_beside(words: str, spot: Floats, layer: str, text_m: float, share: float = 1.0) -> Text:
-    """A text beside a place.
+    """Return a text next to a point.
 
     Parameters
     ----------
     words
-        As they are read.
+        Text as displayed.
     spot
-        (3,) the place.
+        (3,) the point.
     layer
         Of the text.
     text_m
         Full height of letters.
     share
-        Of that, for this text.
+        Relative height of the letters of this text.
     """
     label = Label(spot[:2], spot[:2], half_size(words, share * text_m), 0.1 * text_m)
     return Text(words, label, layer, spot[None], share)
 
 
 def as_text(words: str) -> str:
-    """Words as TEXT has them, where some signs begin a code (percent twice, caret, backslash)."""
+    """Escape words for TEXT, where some signs begin a code (percent twice, caret, backslash)."""
     return re.sub(r"\\(?=U\+)", r"\\U+005C", _plain(words))
 
 
 def as_mtext(words: str) -> str:
-    """Words as MTEXT and dimensions have them, where backslash, braces and ``<>`` are codes too."""
+    """Escape words for MTEXT and dimensions, where backslash, braces and ``<>`` are codes too."""
     shown = re.sub(r"[\\{}]", r"\\\g<0>", _plain(words))
-    # an empty group parts what would be read as one code
+    # an empty group separates characters that would form a code
     return re.sub(r"\\(?=U\+)", r"\\{}", shown).replace("<>", "<{}>")
 
 
 def _plain(words: str) -> str:
-    """Words of one line, without the codes that TEXT and MTEXT share."""
+    """Return words in one line, without the codes common to TEXT and MTEXT."""
     return re.sub(r"[\x00-\x1f]", " ", words).replace("%%", 2 * "%%%").replace("^", "^ ")
 
 
 MARGIN = 1.15
-"""Fonts of other programs are that much wider than the one measured here."""
+"""Factor for the fonts of other programs, which are wider than the one measured here."""
 _LINE = 1.6
-"""Height of a line of text, of that of its capitals: letters reach below and above them."""
+"""Height of a line of text relative to its capitals: letters reach below and above them."""
 
 
 def half_size(text: str, height_m: float) -> Floats:
-    """(2,) half the width and height that a text takes [m], whichever program draws it."""
+    """Return (2,) half the width and height of a text [m], for the fonts of all programs."""
     return np.array([MARGIN * (_width(text) * height_m), _LINE * height_m]) / 2
 
 
 @lru_cache(maxsize=10_000)  # both drawings of a survey have the same texts
 def _width(text: str) -> float:
-    """Of a text whose capitals are 1 high."""
+    """Return the width of a text whose capitals have a height of 1."""
     return float(_font().text_width(text))
 
 

@@ -1,4 +1,4 @@
-"""points.geojson: ground points, their 95 % ellipses and measured lines (RFC 7946)."""
+"""Writer of points.geojson: ground points, 95 % ellipses and measured lines (RFC 7946)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from uavgram.stages.products.columns import (
 
 Geometry = Record | None
 
-VERTICES = 36  # of an ellipse: its area is short of the curve's by 0.5 %
+VERTICES = 36  # of an ellipse: its area is 0.5 % too small
 
 _OPEN = {
     "distance",
@@ -62,12 +62,12 @@ def write_geojson(result: Result, path: str | Path) -> None:
 
 
 def dump_geojson(result: Result) -> str:
-    """Write points, ellipses and measurements as a FeatureCollection, one feature a line.
+    """Return points, ellipses and measurements as a FeatureCollection, one feature a line.
 
-    Positions are longitude and latitude [deg], and the height above the WGS 84 ellipsoid [m] as
-    the third number (RFC 7946, 3.1.1). Where only heights above sea level are known, a third number
-    would be wrong by up to a hundred metres: positions then have none, and ``message`` says why.
-    `height_m` and `height_datum` are properties of each point in any case.
+    Positions are longitude and latitude [deg], and the height above the WGS 84 ellipsoid [m] as the
+    third number (RFC 7946, 3.1.1). If only heights above sea level are known, a third number would
+    be wrong by up to a hundred metres: positions are then two-dimensional, with the reason in
+    ``message``. `height_m` and `height_datum` are properties of each point in any case.
     """
     members: Record = {"type": "FeatureCollection", "name": result.name}
     features: list[Record] = []
@@ -86,7 +86,7 @@ def dump_geojson(result: Result) -> str:
 
 
 def _features(what: str, geometries: Iterable[Geometry], /, **columns: object) -> list[Record]:
-    """Shapes with their properties: columns of N values by name."""
+    """Return shapes with their properties: columns of N values by name."""
     return [
         {"type": "Feature", "geometry": geometry, "properties": {"type": what, **row}}
         for geometry, row in zip(geometries, records(**columns), strict=True)
@@ -102,7 +102,7 @@ def _points(result: Result, place: Floats) -> list[Record]:
 
 
 def _ellipses(points: PointResults, place: Floats) -> list[Record]:
-    """Level ones, at the heights of their points."""
+    """Return level ellipses, at the heights of their points."""
     rings = _ellipse_rings(points)
     heights = np.broadcast_to(place[:, None, 2:], (*rings.shape[:2], place.shape[1] - 2))
     placed = np.concatenate([rings, heights], axis=2)
@@ -116,7 +116,7 @@ def _ellipses(points: PointResults, place: Floats) -> list[Record]:
 
 
 def _ellipse_rings(points: PointResults) -> Floats:
-    """(K, VERTICES + 1, 2) closed rings of [longitude, latitude], counterclockwise."""
+    """Return (K, VERTICES + 1, 2) closed rings of [longitude, latitude], counterclockwise."""
     angle = np.linspace(0.0, 2.0 * np.pi, VERTICES + 1)
     major = points.ellipse_95_m[:, :1] * np.cos(angle)
     minor = points.ellipse_95_m[:, 1:] * np.sin(angle)  # to the left of the major axis
@@ -146,7 +146,7 @@ def _measurements(result: Result, place: Floats) -> list[Record]:
 
 
 def _geometry(kind: str, places: list[list[float] | None]) -> Geometry:
-    """Shape of a measurement; None where a point has no position (an "unlocated" feature)."""
+    """Return the shape of a measurement; None ("unlocated") where a point has no position."""
     known = [position for position in places if position is not None]
     if len(known) < len(places):
         return None
@@ -168,9 +168,9 @@ def _counterclockwise(ring: list[list[float]]) -> list[list[float]]:
 
 
 def _foot(places: list[list[float]]) -> list[float]:
-    """Foot of the perpendicular from the first position on the line through the next two."""
+    """Return the foot of the perpendicular from the first position to the line of the next two."""
     point, start, end = np.array(places[:3])
-    # In metres: degrees of longitude are shorter by the cosine of the latitude.
+    # in metres: a degree of longitude is shorter by the cosine of the latitude
     degree_m = np.deg2rad(EARTH_RADIUS_M)
     scale = np.array([np.cos(np.deg2rad(point[1])) * degree_m, degree_m, 1.0])[: len(point)]
     along, to_point = (end - start) * scale, (point - start) * scale
@@ -184,7 +184,7 @@ def _lonlat(points: PointResults) -> Floats:
 
 
 def _places(result: Result) -> Floats:
-    """(K, 3) longitude, latitude, height above the ellipsoid; (K, 2) where that is not known."""
+    """Return (K, 3) longitude, latitude, height above the ellipsoid; (K, 2) if that is unknown."""
     shift, lonlat = result.world.ellipsoid_shift_m, _lonlat(result.points)
     if shift is None:
         return lonlat

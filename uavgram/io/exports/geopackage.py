@@ -1,4 +1,4 @@
-"""survey.gpkg: every layer for a GIS, with attributes, in one file (OGC GeoPackage)."""
+"""Writer of survey.gpkg: every layer for a GIS, with attributes, in one file (OGC GeoPackage)."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ from uavgram.io.exports.qgis_styles import Look, style_of
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Attribute, Features, Layer, placed
 
-# OGC 12-128r18 (GeoPackage 1.3), annex C; no more than its core and what layers of shapes need.
-# GDAL before 3.7, which long-lived systems have, warns of newer versions.
+# OGC 12-128r18 (GeoPackage 1.3), annex C; only its core and the tables for feature layers. GDAL
+# before 3.7, still in use on long-lived systems, warns of newer versions.
 _APPLICATION_ID, _USER_VERSION = 0x47504B47, 10300  # "GPKG", 1.3.0
 _CORE = f"""
 PRAGMA synchronous = OFF;  -- who hands the file on waits for the disk, once (`staged_output`)
@@ -54,7 +54,7 @@ _LOCAL = 'LOCAL_CS["local metres: x east, y north",UNIT["metre",1]]'
 _NUMBERS = ("value", "sigma", "lower_95", "upper_95", "w")
 _UNITS = ("_m", "_m2", "_deg", "_s")
 """Columns of numbers: by their names, and by their units."""
-# As QGIS makes it (QgsOgrProvider, "saveStyle").
+# as created by QGIS (QgsOgrProvider, "saveStyle")
 _STYLES = """
 CREATE TABLE layer_styles (
     id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL,
@@ -64,7 +64,7 @@ CREATE TABLE layer_styles (
     update_time DATETIME DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now'))
 )
 """
-# ISO WKB codes of geometries with height (OGC 06-103r4, table 7).
+# ISO WKB codes of geometries with height (OGC 06-103r4, table 7)
 _WKB_TYPES = {"point": 1001, "line": 1002, "polygon": 1003}
 
 
@@ -77,21 +77,21 @@ def write_geopackage(
     looks: Mapping[str, Look] = MappingProxyType({}),
     words: Quantity | None = None,
 ) -> None:
-    """Write all layers that have shapes, in the projected coordinate system, else in local metres.
+    """Write all layers with shapes, in the projected coordinate system, else in local metres.
 
     Heights are those of the local origin's datum; without an origin they are above the plane.
 
     Parameters
     ----------
     features
-        What is written.
+        Survey to write.
     path
         The file.
     looks
-        How QGIS shows layers when someone adds them to a map, by their names.
+        Styles with which QGIS shows layers when they are added to a map, by layer name.
     words
-        By which the column ``text`` of measured layers and known lengths says its numbers; left
-        out, there is none.
+        Format of the numbers in the column ``text`` of measured layers and known lengths; if
+        omitted, there is no such column.
     """
     features = replace(features, layers=tuple(layer for layer in features.layers if len(layer)))
     with closing(sqlite3.connect(path)) as file, file:
@@ -115,7 +115,7 @@ def write_geopackage(
 
 
 class _System(NamedTuple):
-    """A coordinate system, as the file's table of them has it."""
+    """A coordinate system in the form of the file's table."""
 
     name: str
     srs_id: int
@@ -124,11 +124,11 @@ class _System(NamedTuple):
     definition: str
 
 
-_OWN_SYSTEM = 100_000  # beyond what EPSG numbers
+_OWN_SYSTEM = 100_000  # beyond EPSG's numbers
 
 
 def _everywhere() -> tuple[_System, ...]:
-    """What every such file must have (requirement 11)."""
+    """Return the systems that every such file must have (requirement 11)."""
     return (
         _System("undefined Cartesian", -1, "NONE", -1, "undefined"),
         _System("undefined geographic", 0, "NONE", 0, "undefined"),
@@ -137,13 +137,13 @@ def _everywhere() -> tuple[_System, ...]:
 
 
 def _system_of(crs: str | None) -> _System:
-    """The system of all layers: EPSG's number of it, else only its definition."""
+    """Return the system of all layers, by EPSG's number, else only by its definition."""
     if crs is None:
         return _System("local metres", _OWN_SYSTEM, "NONE", _OWN_SYSTEM, _LOCAL)
     system = CRS.from_user_input(crs)
     try:
         definition = system.to_wkt("WKT1_GDAL")  # which every program reads
-    except CRSError:  # it is none that the older form can say
+    except CRSError:  # the older form cannot express it
         definition = system.to_wkt()
     organization, number = system.to_authority() or ("NONE", "")
     if organization != "EPSG" or not number.isdigit():
@@ -158,7 +158,7 @@ def _write_layer(
     attributes: Mapping[str, Attribute],
     srs_id: int,
 ) -> None:
-    """One table of shapes and attributes, and where it is told of."""
+    """Write one table of shapes and attributes, and register it."""
     fields = {key: _field(values) for key, values in attributes.items()}
     columns = "".join(f", {quoted(key)} {_kind(key, values)}" for key, values in attributes.items())
     file.execute(
@@ -188,7 +188,7 @@ def _write_layer(
 
 
 def _heights(features: Features) -> str:
-    """What a coordinate system of maps does not say."""
+    """Return the description of heights, which a coordinate system of maps does not give."""
     if features.origin is None:
         return "metres; heights above the plane of the ground"
     above = "mean sea level" if features.height_datum == "msl" else "the WGS 84 ellipsoid"
@@ -196,7 +196,7 @@ def _heights(features: Features) -> str:
 
 
 def _texts(layer: Layer, words: Quantity | None) -> dict[str, Attribute]:
-    """What stands beside a line or an area: its name, and its value as people read it."""
+    """Return the text next to a line or an area: its name, and its formatted value."""
     of = layer.attributes
     value, sigma = ("length_m", "sigma_m") if "length_m" in of else ("value", "sigma")
     if words is None or value not in of:
@@ -211,7 +211,7 @@ def _texts(layer: Layer, words: Quantity | None) -> dict[str, Attribute]:
 
 
 def _write_styles(file: sqlite3.Connection, features: Features, looks: Mapping[str, Look]) -> None:
-    """The table in which QGIS looks for styles, and takes the default one of a layer."""
+    """Write the table of styles from which QGIS takes the default one of a layer."""
     styles = [
         (layer.name, "geom", layer.name, tostring(style_of(look, layer.kind), "unicode"))
         for layer in features.layers
@@ -234,7 +234,7 @@ def _write_styles(file: sqlite3.Connection, features: Features, looks: Mapping[s
 
 
 def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
-    """Vertices of each shape on the map."""
+    """Return the vertices of each shape on the map."""
     origin, crs = features.origin, features.crs
     if origin is None or crs is None:
         return layer.vertices_m
@@ -242,21 +242,21 @@ def _on_map(features: Features, layer: Layer) -> tuple[Floats, ...]:
 
 
 def _field(values: Attribute) -> list[str] | list[float]:
-    """A column; what is no number is none in SQL either (SQLite takes NaN for NULL)."""
+    """Return a column; NaN becomes NULL (SQLite converts it)."""
     if values and isinstance(values[0], str):
         return [str(value) for value in values]
     return [float(value) for value in values]
 
 
 def _kind(name: str, values: Attribute) -> str:
-    """Type of a column; of a layer without shapes too, a program that fills it finds it right."""
+    """Return the type of a column, also in a layer without shapes, for programs that fill it."""
     if values:
         return "TEXT" if isinstance(values[0], str) else "REAL"
     return "REAL" if name in _NUMBERS or name.endswith(_UNITS) else "TEXT"
 
 
 def _bounds(shapes: tuple[Floats, ...]) -> Floats:
-    """(N, 4) west, east, south, north of shapes (v, 3); NaN of those that have no place."""
+    """Return (N, 4) west, east, south, north of shapes (v, 3); NaN for those without a position."""
     bounds = np.full((len(shapes), 4), np.nan)
     counts = np.array([len(shape) for shape in shapes], np.int64)
     there = np.flatnonzero(counts)
@@ -269,7 +269,7 @@ def _bounds(shapes: tuple[Floats, ...]) -> Floats:
 
 
 def _geometry(layer: Layer, vertices: Floats, bounds: list[float], srs_id: int) -> bytes | None:
-    """One shape, little-endian: head, its bounds, well-known binary; None where it has no place."""
+    """Encode one shape, little-endian: header, bounds, well-known binary; None without position."""
     if not len(vertices):
         return None
     if layer.kind == "polygon":

@@ -1,7 +1,7 @@
-"""Spatial indices of a GeoPackage: which shapes lie where, for programs that show a part of many.
+"""Spatial indices of a GeoPackage, for programs that show a part of many shapes.
 
-OGC 12-128r18 (GeoPackage 1.3), annex F.3, "RTree Spatial Indexes". The triggers keep an index right
-in programs that edit the file; they call functions which those programs have.
+OGC 12-128r18 (GeoPackage 1.3), annex F.3, "RTree Spatial Indexes". The triggers keep an index up to
+date in programs that edit the file; they call functions which those programs have.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ _TRIGGERS = {
     ),
     "delete": ("DELETE", 'OLD."geom" NOT NULL', _STRIKE),
 }
-"""By the ends of their names: after what, when, and what they do."""
+"""Triggers by the ends of their names: event, condition, and action."""
 
 
 def write_index(file: sqlite3.Connection, table: str, bounds: Floats) -> None:
-    """Index the column ``geom`` of a table that is filled; no later row passes here by itself.
+    """Index the column ``geom`` of a filled table; later rows are indexed only by the triggers.
 
     Parameters
     ----------
     file
-        The GeoPackage. Nothing is done where this SQLite was built without R-trees: a file
-        without an index is right too, only slower.
+        The GeoPackage. It stays unchanged if this SQLite was built without R-trees: a file without
+        an index is valid too, only slower.
     table
         The layer.
     bounds
         (N, 4) west, east, south, north of its rows in their order, the first with ``fid`` 1; NaN
-        of those that have no place.
+        for those without a position.
     """
     if file.execute("SELECT 1 FROM pragma_module_list WHERE name = 'rtree'").fetchone() is None:
         return
@@ -75,5 +75,5 @@ def write_index(file: sqlite3.Connection, table: str, bounds: Floats) -> None:
 
 
 def quoted(name: str) -> str:
-    """A name of a table or a column in SQL."""
+    """Quote the name of a table or a column for SQL."""
     return '"' + name.replace('"', '""') + '"'

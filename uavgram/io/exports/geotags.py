@@ -1,7 +1,7 @@
-"""Tables of photo poses for other programs: OpenDroneMap's geo.txt and Pix4D's CSV.
+"""Writers of photo poses for other programs: OpenDroneMap's geo.txt and Pix4D's CSV.
 
-Both take nadir angles in degrees (pitch 0 looks straight down, 90 forward) and both carry no
-datum, so a comment says it.
+Both take nadir angles in degrees (pitch 0 is straight down, 90 forward) and neither has a field for
+the datum, which is stated in a comment.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ _PIX4D_COLUMNS = (
 def write_geo_txt(tags: GeoTags, path: Path) -> None:
     """Write OpenDroneMap's image geolocation file.
 
-    The projection comes first, then comments, which that program skips, then for each photo
-    name, x, y, z, yaw, pitch, roll and accuracies (docs.opendronemap.org, "Image Geolocation
-    Files"; opendm/geo.py).
+    The projection comes first, then comments, which that program skips, then for each photo name,
+    x, y, z, yaw, pitch, roll and accuracies (docs.opendronemap.org, "Image Geolocation Files";
+    opendm/geo.py).
     """
     lines = ["EPSG:4326", f"# heights {DATUM_WORDS[tags.datum]}; pitch 0 looks straight down"]
     lines.append(f"# {_GEO_COLUMNS}")
@@ -36,8 +36,8 @@ def write_geo_txt(tags: GeoTags, path: Path) -> None:
 def write_pix4d_csv(tags: GeoTags, path: Path) -> None:
     """Write Pix4D's image geolocation and orientation file, nine columns with accuracies.
 
-    After support.pix4d.com 360056389172 (PIX4Dmatic): a header only as a comment, yaw before
-    pitch before roll, the order of coordinates that of EPSG:4326.
+    After support.pix4d.com 360056389172 (PIX4Dmatic): a header only as a comment, yaw before pitch
+    before roll, the order of coordinates that of EPSG:4326.
     """
     lines = [_PIX4D_COLUMNS, f"#altitude {DATUM_WORDS[tags.datum]}"]
     _write(path, lines, ",", tags, (tags.latitude_deg, tags.longitude_deg))

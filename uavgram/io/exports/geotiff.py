@@ -1,4 +1,4 @@
-"""GeoTIFF: tiled, compressed without loss, with overviews; written window by window."""
+"""Writer of GeoTIFF: tiled, compressed without loss, with overviews; written window by window."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.maps import GroundRaster
 
 WINDOW_PX = 768
-"""Side of the windows in which a picture is best written: whole tiles."""
+"""Side of the windows in which a picture is written most efficiently: whole tiles."""
 
-TILE_PX = 256  # stays in the processor's cache while it is compressed
+TILE_PX = 256  # fits into the processor's cache while it is compressed
 _LEAST_OVERVIEW_PX = 256
-# Level 1 of DEFLATE: a few per cent larger than level 6, several times faster.
+# level 1 of DEFLATE: a few per cent larger than level 6, several times faster
 _PROFILE = {
     "driver": "GTiff",
     "tiled": True,
@@ -55,14 +55,14 @@ def write_colour_geotiff(
 ) -> None:
     """Write RGB and opacity.
 
-    Overviews are averaged from the windows at hand: to read back and average what was written, as
-    GDAL does, takes longer than everything before. The first overview is kept in memory until
-    the picture is done: a byte for each of its pixels.
+    Overviews are averaged from the given windows: reading back and averaging the written file, as
+    GDAL does, takes longer than all the rest. The first overview is kept in memory until the
+    picture is done: a byte for each pixel of the picture.
 
     Parameters
     ----------
     raster
-        Size and place.
+        Size and position.
     windows
         Pairs of (first column, first row, width, height) and (height, width, 4) pixels. First
         columns and rows are even.
@@ -77,8 +77,8 @@ def write_colour_geotiff(
         with rasterio.open(path, "w", **profile) as file:
             file.update_tags(**tags)
             for (column, row, width, height), pixels in windows:
-                middle = pixels[height // 2, width // 2, 3]  # mostly the answer
-                if not (middle or pixels[..., 3].any()):  # what is never written is transparent
+                middle = pixels[height // 2, width // 2, 3]  # usually sufficient
+                if not (middle or pixels[..., 3].any()):  # unwritten tiles are transparent
                     continue
                 _write_pixels(file, pixels, column, row)
                 part = np.s_[row // 2 : -(-(row + height) // 2)]
@@ -87,7 +87,7 @@ def write_colour_geotiff(
 
 
 def _append_overviews(half: Pixels, count: int, path: Path) -> None:
-    """Add as many overviews to a picture's file: `half` (H, W, 4), and each half of the last."""
+    """Append overviews to a picture's file: `half` (H, W, 4), and each half of the last."""
     for _ in range(count):
         _append_picture(half, path)
         half = halved(half)
@@ -95,10 +95,10 @@ def _append_overviews(half: Pixels, count: int, path: Path) -> None:
 
 
 def _append_picture(pixels: Pixels, path: Path) -> None:
-    """Add (H, W, 4) to a file as a further picture of the same kind."""
+    """Append (H, W, 4) to a file as a further picture of the same kind."""
     height, width = pixels.shape[:2]
     profile = _PROFILE | _COLOUR | {"width": width, "height": height, "append_subdataset": True}
-    with warnings.catch_warnings():  # an overview lies where its picture lies
+    with warnings.catch_warnings():  # an overview has the position of its picture
         warnings.simplefilter("ignore", NotGeoreferencedWarning)
         with rasterio.open(path, "w", **profile) as file:
             for row in range(0, height, WINDOW_PX):
@@ -108,7 +108,7 @@ def _append_picture(pixels: Pixels, path: Path) -> None:
 def _write_pixels(file: DatasetWriter, pixels: Pixels, column: int, row: int) -> None:
     height, width, count = pixels.shape
     bands = np.empty((count, height, width), np.uint8)
-    cv2.split(pixels, list(bands))  # quicker than to let NumPy gather them
+    cv2.split(pixels, list(bands))  # faster than numpy
     file.write(bands, window=FileWindow(column, row, width, height))
 
 
@@ -120,7 +120,7 @@ def write_float_geotiff(
     Parameters
     ----------
     raster
-        Size and place: H rows of W pixels.
+        Size and position: H rows of W pixels.
     bands
         (H, W) numbers by the name of their band; NaN is "no data".
     tags
@@ -141,14 +141,14 @@ def write_float_geotiff(
 def write_turned_picture(
     rgba: NDArray[np.uint8], corners_m: Floats, crs: str | None, tags: dict[str, str], path: Path
 ) -> None:
-    """Write a picture, with overviews, that may lie turned on the map, as local metres do.
+    """Write a picture with overviews that may be rotated on the map, as for local metres.
 
     Parameters
     ----------
     rgba
         (H, W, 4) RGB and opacity.
     corners_m
-        (3, 2) where its outer corners lie: first row's first and last, last row's first.
+        (3, 2) positions of its outer corners: first row's first and last, last row's first.
     crs
         Of the corners; None: local metres.
     tags
@@ -170,13 +170,13 @@ def write_turned_picture(
 
 
 def with_opacity(rgb: Pixels, covered: Bools) -> Pixels:
-    """(H, W, 4) RGB and opacity of (H, W, 3) pixels; transparent where (H, W) nothing is."""
+    """Add opacity to (H, W, 3) pixels, 0 outside the mask (H, W): (H, W, 4)."""
     opacity = np.where(covered, np.uint8(255), np.uint8(0))
     return np.asarray(cv2.merge([rgb, opacity]), np.uint8)
 
 
 def read_reduced(path: Path, shortest_px: int) -> NDArray[np.uint8]:
-    """(h, w, 4) the smallest overview whose longer side is no shorter; else the picture itself."""
+    """Read the smallest overview whose longer side is long enough (h, w, 4); else the picture."""
     with rasterio.open(path) as file:
         longer = max(file.width, file.height)
         fits = [k for k, f in enumerate(file.overviews(1)) if longer >= f * shortest_px]
@@ -186,7 +186,7 @@ def read_reduced(path: Path, shortest_px: int) -> NDArray[np.uint8]:
 
 
 def _on_all_cores() -> rasterio.Env:
-    """GDAL's own threads, for overviews too."""
+    """Return an environment in which GDAL uses all cores, for overviews too."""
     return rasterio.Env(GDAL_NUM_THREADS="ALL_CPUS")
 
 
@@ -202,7 +202,7 @@ def _place(raster: GroundRaster) -> dict[str, object]:
 
 
 def _factors(width: int, height: int) -> Sequence[int]:
-    """Halves until the picture fits into a tile; at least one."""
+    """Return the factors of overviews until the picture fits into a tile; at least one."""
     factors = [2]
     while max(width, height) / factors[-1] > 2 * _LEAST_OVERVIEW_PX:
         factors.append(2 * factors[-1])

@@ -1,4 +1,4 @@
-"""Directories of a TIFF file: which of its pictures are overviews of the first."""
+"""Marks in a TIFF file that its further pictures are overviews of the first."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
-# TIFF 6.0 (1992), pages 36 and 80: tags, a value of the first, and its type.
+# TIFF 6.0 (1992), pages 36 and 80: tags, a value of the first, and its type
 NEW_SUBFILE_TYPE, SAMPLE_FORMAT = 254, 339
 REDUCED, LONG = 1, 4
 
 
 class _Layout(NamedTuple):
-    """Numbers of a directory: TIFF 6.0, page 13; the same in 64 bits in BigTIFF."""
+    """Formats of a directory's numbers: TIFF 6.0, page 13; the same in 64 bits in BigTIFF."""
 
     first_at: int
     offset: str
@@ -28,15 +28,15 @@ _LAYOUTS = {
 
 
 def mark_overviews(path: Path) -> None:
-    """Say of all pictures of a file but the first that they are reductions of it.
+    """Mark all pictures of a file but the first as reductions of it.
 
-    The statement takes the place of that on the sample format, which must be there (and, being
-    left out, means the default, unsigned integers): so no directory grows, and nothing is moved.
+    The entry replaces that of the sample format, which must exist (without it, the default is
+    unsigned integers): so no directory grows, and no data is moved.
 
     Raises
     ------
     ValueError
-        The file is no little-endian TIFF, or a picture in it has no sample format.
+        The file is not a little-endian TIFF, or a picture in it has no sample format.
     """
     with path.open("r+b") as file:
         head = file.read(4)
@@ -49,7 +49,7 @@ def mark_overviews(path: Path) -> None:
 
 
 def _directories(file: BinaryIO, layout: _Layout) -> Iterator[int]:
-    """Where each directory lies."""
+    """Iterate over the positions of all directories."""
     at = _number(file, layout.first_at, layout.offset)
     while at:
         yield at
@@ -68,7 +68,7 @@ def _mark(file: BinaryIO, layout: _Layout, at: int) -> None:
     if len(kept) != count - 1:
         raise ValueError(f"the picture at byte {at} has no sample format")
     file.seek(first)
-    stated = (NEW_SUBFILE_TYPE, LONG, 1, REDUCED)  # entries stand by tag: this one is the least
+    stated = (NEW_SUBFILE_TYPE, LONG, 1, REDUCED)  # entries are sorted by tag: this is the smallest
     file.writelines(struct.pack(layout.entry, *each) for each in (stated, *kept))
 
 

@@ -1,4 +1,4 @@
-"""survey.kml: the survey for Google Earth and other globes (OGC KML 2.3)."""
+"""Writer of survey.kml: the survey for Google Earth and other globes (OGC KML 2.3)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import HIDDEN, Features, Layer, placed
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
-# Title, and colour as aabbggrr, the order of KML; polygons are filled with a tenth of it.
+# title, and colour as aabbggrr, the order of KML; polygons are filled with a tenth of it
 _LAYERS = {
     "footprints": ("Photo footprints", "99ffffff"),
     "camera_poses": ("Cameras", "ffffaa55"),
@@ -37,7 +37,7 @@ _LAYERS = {
     "planned_line_ends": ("Ends of lines", "ff7a12b0"),
 }
 _UNSEEN = ("verticals", "planned_accuracy")
-"""Points have lines down to the ground of their own; cells of a map would hide the globe."""
+"""Layers left out: points have their own lines to the ground; map cells would hide the globe."""
 _HIDDEN = (*HIDDEN, "planned_footprints")
 _NO_PLACE = "Nothing ties this survey to the earth, so nothing of it can be drawn on a globe."
 
@@ -45,8 +45,8 @@ _NO_PLACE = "Nothing ties this survey to the earth, so nothing of it can be draw
 def write_kml(features: Features, path: Path) -> None:
     """Write all layers as folders.
 
-    Shapes on the ground lie on the globe's terrain; what stands off it is drawn at its height over
-    the ground above that terrain, points with a line down to it, and cameras at their height.
+    Shapes on the ground are on the globe's terrain; shapes off it are drawn at their height above
+    the ground over that terrain, points with a line down to it, and cameras at their height.
     """
     root = Element("kml", xmlns=_NAMESPACE)
     document = SubElement(root, "Document")
@@ -75,7 +75,7 @@ def _style(document: Element, layer: Layer) -> None:
 
 
 def _title_and_colour(layer: Layer) -> tuple[str, str]:
-    """By default the layer's own name, and white."""
+    """Return title and colour of a layer, by default its own name, and white."""
     return _LAYERS.get(layer.name, (layer.name.replace("_", " ").capitalize(), "ffffffff"))
 
 
@@ -104,7 +104,7 @@ def _folder(document: Element, layer: Layer, origin: Origin) -> None:
 
 
 def _places(layer: Layer, origin: Origin) -> tuple[Floats, ...]:
-    """(v, 3) longitude, latitude, height above ground of each shape's vertices, rings closed."""
+    """Return (v, 3) longitude, latitude, height above ground of each shape, rings closed."""
 
     def on_globe(enu: Floats) -> Floats:
         latitude, longitude, _ = geodetic_from_enu(enu, origin)

@@ -1,4 +1,4 @@
-"""Layers as GeoJSON: one collection, each feature with the name of its layer (RFC 7946)."""
+"""Writer of layers as GeoJSON: one collection, each feature with its layer's name (RFC 7946)."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from uavgram.model.arrays import Floats
 from uavgram.model.maps import Features, Layer, placed
 
 DECIMALS = 9
-"""Of degrees: a tenth of a millimetre."""
+"""Decimals of degrees: a tenth of a millimetre."""
 
 _KINDS = {"point": "Point", "line": "LineString", "polygon": "Polygon"}
 
 
 def write_layers_geojson(features: Features, path: Path) -> None:
-    """Write all layers of what has a place on earth, one feature a line, without heights.
+    """Write all layers of georeferenced features, one feature a line, without heights.
 
-    Heights of positions would have to be above the ellipsoid (RFC 7946, 3.1.1), and nobody who lays
-    out a plan has such; heights that matter are properties.
+    Heights of positions would have to be above the ellipsoid (RFC 7946, 3.1.1), which are unknown
+    when a plan is laid out; relevant heights are properties.
 
     Raises
     ------
     ValueError
-        Nothing ties the features to the earth.
+        The features are not georeferenced.
     OutputError
         The file cannot be written.
     """

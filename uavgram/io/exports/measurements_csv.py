@@ -1,4 +1,4 @@
-"""measurements.csv: the measured values as a table for spreadsheets."""
+"""Writer of measurements.csv: the measured values as a table for spreadsheets."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.columns import MEASUREMENTS
 
 DIGITS = 4
-"""Of sigma: the two that it deserves, and two more."""
+"""Significant digits of a sigma: the two that are justified, and two more."""
 
 COLUMNS = [one for one in MEASUREMENTS if "csv" in one.files]
 
@@ -19,7 +19,7 @@ COLUMNS = [one for one in MEASUREMENTS if "csv" in one.files]
 def write_measurements_csv(result: Result, path: str | Path) -> None:
     """Write measurements.csv; cells that cannot be computed are empty.
 
-    Names and labels are `guarded`: no spreadsheet runs them. `read_table` reads them as they are.
+    Names and labels are `guarded`: no spreadsheet executes them. `read_table` restores them.
 
     Raises
     ------
@@ -30,16 +30,15 @@ def write_measurements_csv(result: Result, path: str | Path) -> None:
 
 
 def dump_measurements_csv(result: Result) -> str:
-    """Write the text of measurements.csv: what results.json has, in the same order.
+    """Return the text of measurements.csv, in the order of results.json.
 
-    Numbers are rounded to four digits of their sigma, two more than it deserves, so that nobody
-    takes further ones for known and nobody who computes on loses any; results.json has them all.
-    Where other solutions, which explain the observations as well, put a value outside its
-    interval, their values stand under ``alternatives``: then neither value nor interval is sure.
-    In the last columns are the shifts by 10 cm of relief at the points, and by 1 % of tape.
-    ``sigma_stated`` is what the sigma would be, were all errors as large as stated. ``status`` says
-    how far the value can be trusted: ok, not-checked, doubtful or contradicted. ``picked_by`` says
-    who made the picks of its points: hand, match or target.
+    Numbers are rounded to four digits of their sigma, two more than justified, so that no further
+    digits appear known and further computations lose none; results.json has all digits. Values of
+    other solutions with an equal fit are listed under ``alternatives`` if they are outside the
+    interval: then neither value nor interval is certain. The last columns are the shifts by 10 cm
+    of relief at the points, and by 1 % of tape. ``sigma_stated`` is the sigma if all errors were as
+    large as stated. ``status`` is the trustworthiness of the value: ok, not-checked, doubtful or
+    contradicted. ``picked_by`` is the source of the picks of its points: hand, match or target.
     """
     columns = [one.values(result) for one in COLUMNS]
     cells = [
@@ -60,9 +59,9 @@ def _cell(value: str | float | tuple[str | float, ...], sigma: float) -> str:
 
 
 def rounded(number: float, sigma: float) -> str:
-    """A number with the decimals of four digits of its sigma; empty for NaN.
+    """Format a number with the decimals of four digits of its sigma; empty for NaN.
 
-    Nothing is rounded away before the decimal point, nor where the sigma says nothing.
+    Digits before the decimal point are never rounded, nor numbers without a valid sigma.
     """
     if not math.isfinite(number):
         return ""

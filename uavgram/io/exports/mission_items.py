@@ -1,11 +1,11 @@
-"""A planned flight as MAVLink mission commands, which the files of ground stations list.
+"""Planned flight as MAVLink mission commands, for the files of ground stations.
 
-Nothing here arms a drone, lets it take off, land or fly home: a person does that. The mission
-begins in the air and ends hovering over the last stop.
+The commands do not arm a drone, take off, land or fly home: a person does that. The mission begins
+in the air and ends hovering over the last stop.
 
 At each stop an autopilot hovers, takes one photo, then turns drone and gimbal on the way to the
-next. Both ArduPilot and PX4 carry out commands that follow a waypoint once its time to hover is
-over (https://ardupilot.org/copter/docs/mission-command-list.html). They differ in two of them:
+next. Both ArduPilot and PX4 execute commands that follow a waypoint once its hover time is over
+(https://ardupilot.org/copter/docs/mission-command-list.html). They differ in two of them:
 
 =========  ==========================================  =====================================
 ..         ArduPilot                                   PX4
@@ -27,7 +27,7 @@ import numpy as np
 from uavgram.model.maps import HeightFrame, Mission
 
 ACCEPTED_M = 1.0
-"""How near a stop counts as reached, where the autopilot does not stop by itself."""
+"""Distance at which a stop counts as reached, if the autopilot does not stop by itself."""
 
 _SHORTEST_TURN = 0
 _GROUND_SPEED = 1
@@ -46,7 +46,7 @@ class Command(IntEnum):
 
 
 class Frame(IntEnum):
-    """What the height of an item is above (MAV_FRAME)."""
+    """Reference of an item's height (MAV_FRAME)."""
 
     GLOBAL = 0
     MISSION = 2
@@ -72,7 +72,7 @@ class MissionItem:
 
 
 def mission_items(mission: Mission) -> tuple[MissionItem, ...]:
-    """All commands in their order, without the place of take-off."""
+    """Return all commands in their order, without the place of take-off."""
     return tuple(_items(mission))
 
 
@@ -90,7 +90,7 @@ def _items(mission: Mission) -> Iterator[MissionItem]:
         if pitch != pitch_before:
             yield _do(Command.DO_MOUNT_CONTROL, pitch, 0, 0, 0, 0, 0, _MOUNT_BY_ANGLES)
             pitch_before = pitch
-        if is_ardupilot:  # anew on each way: its waypoints turn the nose back to where it flies
+        if is_ardupilot:  # on each leg: a waypoint turns the nose back to the direction of flight
             yield _do(Command.CONDITION_YAW, heading, 0, _SHORTEST_TURN)
         yield MissionItem(
             Command.NAV_WAYPOINT,
@@ -104,6 +104,6 @@ def _items(mission: Mission) -> Iterator[MissionItem]:
 
 
 def _do(command: Command, *params: float) -> MissionItem:
-    """Make an item that has no place; params that are left out are 0."""
+    """Return an item without a position; omitted params are 0."""
     one, two, three, four, five, six, seven = (*map(float, params), *[0.0] * (7 - len(params)))
     return MissionItem(command, Frame.MISSION, (one, two, three, four, five, six, seven))

@@ -1,7 +1,7 @@
-"""flight.plan: the mission with its no-go areas, for QGroundControl.
+"""Writer of flight.plan: the mission with its no-go areas, for QGroundControl.
 
 Its format: https://docs.qgroundcontrol.com/master/en/qgc-dev-guide/file_formats/plan.html. A fence
-polygon with ``inclusion: false`` is one that must not be flown into (QGCFencePolygon.cc).
+polygon with ``inclusion: false`` is a no-go area (QGCFencePolygon.cc).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _ALTITUDE_MODES: dict[HeightFrame, int] = {"relative": 1, "terrain": 4}
 
 
 def qgc_plan_text(mission: Mission) -> str:
-    """JSON of the mission and its no-go areas."""
+    """Return the JSON of the mission and its no-go areas."""
     items = enumerate(mission_items(mission), start=1)
     plan: Record = {
         "fileType": "Plan",
@@ -70,8 +70,8 @@ def _item(number: int, item: MissionItem, height_frame: HeightFrame) -> Record:
 
 
 def _clockwise(ring: Floats) -> list[list[float]]:
-    """Latitudes and longitudes [deg] in the order that the format asks for."""
-    latitude, longitude = (ring - ring[0]).T  # small numbers: the area keeps its digits
+    """Return latitudes and longitudes [deg] in the order required by the format."""
+    latitude, longitude = (ring - ring[0]).T  # small numbers: no digits of the area are lost
     doubled = longitude @ np.roll(latitude, -1) - np.roll(longitude, -1) @ latitude
     ordered: list[list[float]] = (ring if doubled < 0 else ring[::-1]).tolist()
     return ordered

@@ -1,4 +1,4 @@
-"""flight.waypoints: the mission as text, for Mission Planner, MAVProxy and QGroundControl.
+"""Writer of flight.waypoints: the mission as text, for Mission Planner, MAVProxy, QGroundControl.
 
 Lines of twelve numbers between tabs: index, current, frame, command, params 1 to 4, latitude,
 longitude, height, autocontinue (https://mavlink.io/en/file_formats/#mission_plain_text_file).
@@ -13,9 +13,9 @@ _HEAD = "QGC WPL 110"
 
 
 def waypoints_text(mission: Mission) -> str:
-    """All lines of a mission for ArduPilot; its first item is the place of take-off, and no stop.
+    """Return the lines of a mission for ArduPilot; its first item is the place of take-off.
 
-    Not for PX4: tools that hand such a file to PX4 take that place, on the ground, for the first
+    Not for PX4: tools that upload such a file to PX4 use that place, on the ground, as the first
     stop. `mission_qgc` has a file for both.
     """
     home = MissionItem(Command.NAV_WAYPOINT, Frame.GLOBAL, (0.0, 0.0, 0.0, 0.0, *mission.home))

@@ -1,4 +1,4 @@
-"""gcp_list.txt: the adjusted points as ground control of OpenDroneMap and OpenSfM."""
+"""Writer of gcp_list.txt: the adjusted points as ground control of OpenDroneMap and OpenSfM."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ def write_gcp_list(result: Result, features: Features, path: Path) -> None:
     result
         Adjusted points [m, local ENU], and picks with their status.
     features
-        Where the survey lies: origin and projected coordinate system.
+        Georeference of the survey: origin and projected coordinate system.
     path
         The file.
 
     Raises
     ------
     ValueError
-        The survey does not lie on the earth.
+        The survey is not georeferenced.
     """
     if features.origin is None or features.crs is None:
         raise ValueError("ground control needs a survey that lies on the earth")
@@ -49,5 +49,5 @@ def write_gcp_list(result: Result, features: Features, path: Path) -> None:
 
 
 def _word(text: str) -> str:
-    """The file's cells are parted by blanks, so a name has none."""
+    """Replace blanks in a name, as they separate the file's cells."""
     return "_".join(text.split())

@@ -1,4 +1,4 @@
-"""profiles.csv: the points of measured profiles as a table for spreadsheets."""
+"""Writer of profiles.csv: the points of measured profiles as a table for spreadsheets."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def write_profiles_csv(result: Result, path: str | Path) -> None:
     """Write profiles.csv.
 
     Stations and offsets (to the right positive) are along the line from a profile's first point to
-    its last; heights, those of the ground below too, are over its first point.
+    its last; heights, also those of the ground below, are above its first point.
 
     Raises
     ------
@@ -33,7 +33,7 @@ def write_profiles_csv(result: Result, path: str | Path) -> None:
 
 
 def dump_profiles_csv(result: Result) -> str:
-    """Write the text of profiles.csv, with as many digits as measurements.csv."""
+    """Return the text of profiles.csv, with as many digits as measurements.csv."""
     rows = result.profiles
     cells = []
     for i, label in enumerate(rows.label):

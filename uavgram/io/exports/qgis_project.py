@@ -1,4 +1,4 @@
-"""survey.qgs: a QGIS project that opens survey.gpkg and ground.tif as the report draws them."""
+"""Writer of survey.qgs: a QGIS project of survey.gpkg and ground.tif, drawn as in the report."""
 
 from __future__ import annotations
 
@@ -22,18 +22,18 @@ _GROUND_NAME = "ground"
 def write_qgis_project(
     features: Features, looks: Mapping[str, Look], path: Path, *, has_ground: bool
 ) -> None:
-    """Write the project; it names its files relative to itself, so the folder can be moved.
+    """Write the project; its file names are relative, so the folder can be moved.
 
     Parameters
     ----------
     features
-        What survey.gpkg beside it holds.
+        Content of survey.gpkg in the same folder.
     looks
-        How its layers are drawn, by their names; others are left out. The first lies on top.
+        Styles of its layers, by their names; others are left out. The first is on top.
     path
         The file.
     has_ground
-        Whether ground.tif lies beside it.
+        Whether ground.tif is in the same folder.
     """
     root = Element("qgis", version="3.22.0", projectname=features.name)
     SubElement(root, "title").text = features.name
@@ -54,7 +54,7 @@ def write_qgis_project(
         _raster(layers, title, features.crs)
     properties = SubElement(root, "properties")
     SubElement(SubElement(properties, "Paths"), "Absolute", type="bool").text = "false"
-    system = SubElement(properties, "SpatialRefSys")  # without it, it forgets its own
+    system = SubElement(properties, "SpatialRefSys")  # without it, QGIS forgets its own
     SubElement(system, "ProjectionsEnabled", type="int").text = str(int(features.crs is not None))
     indent(root)
     ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
@@ -70,7 +70,7 @@ def _in_tree(
 
 
 def _id(name: str) -> str:
-    """QGIS gives others to layers whose own has less than eleven letters."""
+    """Return a layer's id; QGIS replaces ids of less than eleven letters."""
     return f"uavgram_{name}_layer"
 
 
@@ -99,7 +99,7 @@ def _common(one: Element, name: str, title: str, source: str, crs: str | None) -
 
 
 def _crs(parent: Element, crs: str | None) -> None:
-    """Nothing for local metres: QGIS then asks nobody, and shows them as they are."""
+    """Write the coordinate system, none for local metres, which QGIS then shows unchanged."""
     system = SubElement(parent, "spatialrefsys", nativeFormat="Wkt")
     if crs is None:
         return
@@ -110,7 +110,7 @@ def _crs(parent: Element, crs: str | None) -> None:
 
 
 def _canvas(root: Element, features: Features) -> None:
-    """What is to be seen first: all points."""
+    """Set the initial view: all points."""
     canvas = SubElement(root, "mapcanvas", name="theMapCanvas", annotationsVisible="1")
     SubElement(canvas, "units").text = "meters"
     extent = SubElement(canvas, "extent")

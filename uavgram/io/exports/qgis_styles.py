@@ -1,4 +1,4 @@
-"""How QGIS shows a layer: the XML of its styles (QML), the same in GeoPackage and project."""
+"""Styles of layers in QGIS: the XML (QML), the same in GeoPackage and project."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from uavgram.model.maps import ShapeKind
 _DASHES_MM = "3;2"
 _LABEL_PT = "8"
 _GEOMETRY: dict[ShapeKind, str] = {"point": "0", "line": "1", "polygon": "2"}
-# QgsPalLayerSettings.Placement: around a point, along a line, horizontal in an area.
+# QgsPalLayerSettings.Placement: around a point, along a line, horizontal in an area
 _PLACEMENT: dict[ShapeKind, str] = {"point": "0", "line": "2", "polygon": "4"}
 
-# QgsLabeling.LinePlacementFlag: above, below, as the map lies; and how far texts may go beyond the
-# ends of lines: otherwise short lines, or crowded ones, have none.
+# QgsLabeling.LinePlacementFlag: above, below, map orientation; and the distance by which texts may
+# extend beyond the ends of lines: otherwise short or crowded lines have none
 _BESIDE_LINE, _BEYOND_MM = str(2 + 4 + 8), "40"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How a layer is drawn.
+    """Style of a layer.
 
     Attributes
     ----------
     title
-        What people read of it.
+        Displayed name.
     colour
         ``#rrggbb``.
     width_mm
@@ -33,13 +33,13 @@ class Look:
     dashed
         Whether lines are.
     filled
-        Share of opacity inside polygons.
+        Opacity inside polygons.
     label
         The column that is written beside each shape; empty: none.
     shown
-        Whether it is to be seen at first.
+        Whether it is visible at first.
     by_status
-        Colours of shapes whose column ``status`` says so; all others have `colour`.
+        Colours of shapes by their column ``status``; all others have `colour`.
     """
 
     title: str
@@ -53,14 +53,14 @@ class Look:
 
 
 def style_of(look: Look, kind: ShapeKind) -> Element:
-    """The style as a file of its own has it.
+    """Return the style as the content of its own file.
 
     Parameters
     ----------
     look
-        How the layer is drawn.
+        Style of the layer.
     kind
-        What its shapes are.
+        Kind of its shapes.
     """
     root = Element("qgis", version="3.22.0", styleCategories="Symbology|Labeling")
     fill_style(root, look, kind)
@@ -149,6 +149,6 @@ def _labels(parent: Element, look: Look, kind: ShapeKind) -> None:
 
 
 def _rgba(colour: str, opacity: float = 1.0) -> str:
-    """``0,121,107,255`` of ``#00796b``."""
+    """Convert a colour: ``0,121,107,255`` for ``#00796b``."""
     parts = [str(int(colour[k : k + 2], 16)) for k in (1, 3, 5)]
     return ",".join([*parts, str(round(255 * opacity))])

@@ -1,1 +1,1 @@
-"""Flight logs of any kind -> FlightLog; a folder for each format, and what all of them share."""
+"""Readers of flight logs as FlightLog: a folder for each format, and shared code."""

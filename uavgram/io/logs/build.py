@@ -1,7 +1,8 @@
-"""A log of any format, built from the format's table: quantity <- message.field, unit.
+"""Flight log of any format, built from the format's table: quantity <- message.field, unit.
 
-A new format states a `Table` and a class of `Messages`; `build_log` does the rest. What no row
-can express is a function of the format's own messages, named in the table where the row would be.
+A new format defines a `Table` and a class of `Messages`; `build_log` does the rest. Quantities that
+no row can express are functions of the format's own messages, given in the table instead of the
+row.
 """
 
 from __future__ import annotations
@@ -31,9 +32,9 @@ from uavgram.model.flight.log import Boot, CameraEvents, FlightLog, GimbalSample
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Table:
-    """What a format's messages state of a flight: rows of each quantity, the preferred one first.
+    """Table of a format: rows for each quantity, the preferred one first.
 
-    The first row that gives samples is used; of accuracies and clocks all rows are.
+    The first row that gives samples is used; for accuracies and clocks all rows are.
 
     Attributes
     ----------
@@ -41,8 +42,8 @@ class Table:
         Latitude, longitude [deg], height above sea level [m], height above home [m] if stated; of
         the estimator, else of the receiver; and of the receiver alone.
     attitudes, other_attitudes
-        x, y, z, w of quaternions from body to north-east-down; or roll, pitch, yaw [deg]. Others
-        are those to hold the used ones against.
+        x, y, z, w of quaternions from body to north-east-down; or roll, pitch, yaw [deg]. The
+        others are compared with the used ones.
     gimbal
         w, x, y, z of quaternions and GIMBAL_DEVICE_FLAGS; or roll and pitch from the horizon and
         yaw from the vehicle's nose [deg].
@@ -55,10 +56,10 @@ class Table:
     sigmas, tilts
         Standard deviations: horizontal and vertical [m]; of roll and pitch [rad].
     fix
-        Type of the receiver's fix, as MAVLink counts them.
+        Type of the receiver's fix, in MAVLink's numbers.
     home, origin
-        Latitude, longitude [deg], height above sea level [m]; of home, and of the place that the
-        estimator counts its offsets from.
+        Latitude, longitude [deg], height above sea level [m]; of home, and of the origin of the
+        estimator's offsets.
     reception
         Number of satellites, horizontal dilution of precision.
     clocks
@@ -66,7 +67,7 @@ class Table:
     undulation
         Heights above the ellipsoid and above sea level [m].
     resets
-        Where the autopilot states that its estimator began anew.
+        Messages with which the autopilot reports resets of its estimator.
     """
 
     positions: tuple[Row, ...]
@@ -89,12 +90,12 @@ class Table:
 
 
 def build_log(log: FlightLog, boots: Sequence[Messages], table: Table) -> FlightLog:
-    """A log with all that its messages state.
+    """Return a log completed by the contents of its messages.
 
     Parameters
     ----------
     log
-        What the file states of itself; its boots and its undulation are still unknown.
+        Header data of the file; its boots and its undulation are still unknown.
     boots
         The messages of each boot.
     table
@@ -114,7 +115,7 @@ def build_log(log: FlightLog, boots: Sequence[Messages], table: Table) -> Flight
 
 
 def build_boot(messages: Messages, table: Table) -> tuple[Boot, tuple[str, ...]]:
-    """A boot of what its messages state, less what cannot be; and what was odd about them.
+    """Build a boot from its messages without impossible rows; return remarks on irregularities too.
 
     Parameters
     ----------
@@ -158,7 +159,7 @@ def first_found(
     rows: Iterable[Row | Callable[[Any], Found[T]]],
     make: Callable[[Stated], Found[T]],
 ) -> Found[T]:
-    """Samples of the first row that gives any; the remarks on all rows up to it.
+    """Return samples of the first row that gives any, and the remarks on all rows up to it.
 
     Parameters
     ----------
@@ -167,7 +168,7 @@ def first_found(
     rows
         The preferred one first; or functions that make samples of the messages themselves.
     make
-        Samples of what a row states.
+        Converts the values of a row to samples.
     """
     notes: tuple[str, ...] = ()
     for row in rows:
@@ -187,7 +188,7 @@ def first_found(
 
 
 def _undulation_m(messages: Messages, table: Table) -> float:
-    """Geoid above ellipsoid by the receiver's two heights; NaN where the log has them not."""
+    """Return geoid above ellipsoid from the receiver's two heights; NaN where they are missing."""
     for stated in _all_stated(messages, table.undulation):
         ellipsoid, sea_level = stated.columns
         rows = np.isfinite(ellipsoid) if stated.valid is None else stated.valid

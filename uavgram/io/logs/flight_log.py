@@ -1,4 +1,4 @@
-"""A flight log of any kind, told apart by its content first and its suffix second."""
+"""Reader of flight logs of any kind, recognised by content first and by suffix second."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _ULOG_FORMAT = b"ULog\x01\x12\x35"
 
 @dataclass(frozen=True)
 class _Format:
-    """A kind of log: its suffixes, its beginning, its reader, which messages hold positions."""
+    """A kind of log: its suffixes, test of its first bytes, reader, and messages with positions."""
 
     suffixes: tuple[str, ...]
     begins: Callable[[bytes], bool]
@@ -24,7 +24,7 @@ class _Format:
     positions: str
 
 
-# The readers are loaded one at a time: the peers' dialects take their time.
+# Each reader is imported on demand, since the dialects load slowly.
 def _read_ulog(path: str | Path) -> FlightLog:
     from uavgram.io.logs.ulog.reader import read_ulog  # noqa: PLC0415
 
@@ -43,7 +43,7 @@ def _read_tlog(path: str | Path) -> FlightLog:
     return read_tlog(path)
 
 
-# A file is of the first kind whose beginning or suffix it has.
+# a file is of the first kind whose first bytes or suffix match
 _FORMATS: dict[LogKind, _Format] = {
     "ulog": _Format(
         (".ulg",),
@@ -74,7 +74,7 @@ def read_flight_log(path: str | Path, *, positions_needed: bool = True) -> Fligh
     path
         The file.
     positions_needed
-        Refuse a log that never says where the vehicle was.
+        Reject a log without positions of the vehicle.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def read_flight_log(path: str | Path, *, positions_needed: bool = True) -> Fligh
 
 
 def is_flight_log(path: Path) -> bool:
-    """Whether suffix and beginning are those of a flight log: other programs write .log too."""
+    """Return whether suffix and first bytes are a flight log's; other programs use .log too."""
     suffix = path.suffix.lower()
     formats = [known for known in _FORMATS.values() if suffix in known.suffixes]
     try:

@@ -1,4 +1,4 @@
-"""MAVLink message definitions, pymavlink's dialect "all", as numpy needs them."""
+"""MAVLink message definitions, pymavlink's dialect "all", for numpy."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ _KINDS |= {"q": "<i8", "Q": "<u8", "f": "<f4", "d": "<f8"}
 
 @cache
 def _dialect() -> Any:  # noqa: ANN401 (a module without types)
-    """The definitions: loaded where a log needs them, as they take 7 MB and 0.1 s."""
+    """Import the definitions on demand, as they take 7 MB and 0.1 s."""
     return import_module("pymavlink.dialects.v20.all")
 
 
 def message_number(name: str) -> int:
-    """Number of a message, -1 where the dialect has none of this name."""
+    """Return the number of a message, -1 for an unknown name."""
     return _numbers_by_name().get(name, -1)
 
 
 def message_name(number: int) -> str:
-    """Name of a message."""
+    """Return the name of a message."""
     known = _dialect().mavlink_map.get(number)
     return str(known.msgname) if known is not None else f"UNKNOWN_{number}"
 
@@ -38,7 +38,7 @@ def _numbers_by_name() -> dict[str, int]:
 
 @cache
 def message_dtype(name: str) -> np.dtype[Any]:
-    """Structured type of a message's whole payload, in the order of the wire."""
+    """Return the structured type of a message's whole payload, in the order of the wire."""
     message = _dialect().mavlink_map[message_number(name)]
     codes = re.findall(r"(\d*)([a-zA-Z])", message.unpacker.format)
     fields = []
@@ -52,7 +52,7 @@ def message_dtype(name: str) -> np.dtype[Any]:
 
 @cache
 def _checksum_extras() -> NDArray[np.int16]:
-    """By message number: the byte that ties a checksum to the definition; -1 where unknown."""
+    """Return, by message number, the byte that links checksum and definition; -1 if unknown."""
     table = np.full(max(_dialect().mavlink_map) + 2, -1, dtype=np.int16)
     for number, known in _dialect().mavlink_map.items():
         table[number] = known.crc_extra
@@ -60,12 +60,12 @@ def _checksum_extras() -> NDArray[np.int16]:
 
 
 def checksum_extra(number: NDArray[np.integer]) -> NDArray[np.int16]:
-    """(N,) the byte that ties a checksum to the message's definition; -1 for an unknown one."""
+    """Return the (N,) bytes that link checksums to the definitions; -1 for an unknown message."""
     table = _checksum_extras()
     return np.asarray(table[np.minimum(number, len(table) - 1)])
 
 
 def vehicle_kind(number: int) -> str:
-    """A MAV_TYPE for people, such as ``fixed wing``; empty where unknown or generic."""
+    """Return a MAV_TYPE for people, such as ``fixed wing``; empty if unknown or generic."""
     kind = _dialect().enums["MAV_TYPE"].get(number) if number > 0 else None
     return str(kind.name).removeprefix("MAV_TYPE_").lower().replace("_", " ") if kind else ""

@@ -1,4 +1,4 @@
-"""Messages of a flight log as columns, whatever its format; and what a row of a table reads there.
+"""Messages of a flight log as columns, independent of its format, and rows of a format's table.
 
 For each quantity a table names the fields and messages that state it: see `build.py`.
 """
@@ -18,11 +18,11 @@ from uavgram.model.arrays import Bools, Floats
 
 T = TypeVar("T")
 Found = tuple[T | None, tuple[str, ...]]
-"""What a log states of one thing, None where it is silent; and what was odd about it."""
+"""Samples from a log, None where it has none; and remarks on irregularities."""
 
 
 def as_numbers(column: NDArray[Any]) -> Floats:
-    """(N,) a column as float64; NaN where damaged formats made a text or an array of it."""
+    """Return a column (N,) as float64; NaN if damaged formats made a text or an array of it."""
     if column.ndim != 1 or column.dtype.kind not in "biuf":
         return np.full(len(column), np.nan)
     with np.errstate(invalid="ignore"):  # signalling NaN
@@ -36,7 +36,7 @@ class Topic:
     Attributes
     ----------
     name
-        As the autopilot calls it.
+        Name given by the autopilot.
     time_s
         (N,) seconds since boot; NaN where a message states none.
     fields
@@ -48,27 +48,27 @@ class Topic:
     fields: dict[str, NDArray[Any]]
 
     def column(self, *names: str) -> Floats:
-        """(N,) the first of these fields that exists, as float64; NaN where none does."""
+        """Return the first of these fields that exists (N,), as float64; NaN where none does."""
         for name in names:
             if name in self.fields:
                 return as_numbers(self.fields[name])
         return np.full(len(self.time_s), np.nan)
 
     def texts(self, name: str) -> list[str]:
-        """The texts of a field; none where it is no text: damaged formats make numbers of it."""
+        """Return the texts of a field; none if damaged formats made numbers of it."""
         stored = self.fields.get(name)
         if stored is None or stored.dtype.kind not in "SO":
             return []
         return [bytes(text).split(b"\0")[0].decode("latin-1") for text in stored]
 
     def only(self, keep: NDArray[Any]) -> Topic:
-        """Some of the messages, by a mask (N,) or by their numbers."""
+        """Return selected messages, by a mask (N,) or by their numbers."""
         fields = {name: values[keep] for name, values in self.fields.items()}
         return Topic(self.name, self.time_s[keep], fields)
 
 
 Message = str | Callable[[Any], Topic | None]
-"""Name of a kind of message; or a function that makes one of a format's own messages."""
+"""Name of a kind of message; or a function that makes one from a format's own messages."""
 
 
 class Messages(ABC):
@@ -80,10 +80,10 @@ class Messages(ABC):
 
     @abstractmethod
     def read(self, name: str) -> Topic | None:
-        """The messages of one kind; None where the log has none."""
+        """Return the messages of one kind; None where the log has none."""
 
     def topic(self, *wanted: Message) -> Topic | None:
-        """The first of these kinds of messages that the log has; each is read once."""
+        """Return the first of these kinds of messages that the log has; each is read once."""
         for message in wanted:
             if message not in self._known:
                 self._known[message] = (
@@ -96,7 +96,7 @@ class Messages(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Stated:
-    """What N messages state of one quantity.
+    """Values of one quantity in N messages.
 
     Attributes
     ----------
@@ -105,9 +105,9 @@ class Stated:
     time_s
         (N,) since boot.
     columns
-        (N,) each, in SI units (places in degrees; angles too, where `build.Table` has them so).
+        (N,) each, in SI units (positions in degrees; angles too, where `build.Table` has them so).
     valid
-        (N,) which messages state something; None for all.
+        (N,) messages with values; None for all.
     """
 
     source: str
@@ -127,16 +127,16 @@ class Row:
     fields
         In the order that the quantity has in `build.Table`; alternative names as a tuple.
     per
-        How many stored units make one of ours: 1e7 where 1e-7 degrees are stored. One for all
+        Number of stored units in one of ours: 1e7 where 1e-7 degrees are stored. One for all
         fields, or one for each.
     factor
-        By which all are multiplied, where that is how the unit is known.
+        Factor of all fields, where the unit is known in this form.
     valid
-        Which messages (N,) state something; None for all.
+        Function that marks the messages (N,) with values; None for all.
     source
-        Name of the samples made; empty for the message's.
+        Name of the samples; empty for the message's.
     remark
-        What is odd about these samples, where they are used.
+        Remark on these samples, where they are used.
     """
 
     message: Message | tuple[Message, ...]
@@ -148,7 +148,7 @@ class Row:
     remark: str = field(default="", kw_only=True)
 
     def stated(self, messages: Messages) -> Stated | None:
-        """What the log's messages state; None where it has none of them."""
+        """Return the values in the log's messages; None where it has none of them."""
         wanted = self.message if isinstance(self.message, tuple) else (self.message,)
         topic = messages.topic(*wanted)
         if topic is None:

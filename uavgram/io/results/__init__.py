@@ -1,1 +1,1 @@
-"""results.json and calibration.json: every number of a result, both directions."""
+"""Reader and writer of results.json and calibration.json, with every number of a result."""

@@ -1,6 +1,6 @@
-"""What a batch knows of surveys that it measured: a line of JSON for each, appended as they end.
+"""State of a batch: a line of JSON for each measured survey, appended when it ends.
 
-A killed batch leaves at most a line cut short, which is as good as none.
+A killed batch leaves at most an incomplete line, which is ignored.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ STATE = "batch-state.jsonl"
 
 
 def read_records(path: Path) -> dict[str, SurveyRecord]:
-    """The newest record of each project, by its file; none where there is no state.
+    """Read the newest record of each project, by its file; empty where there is no state.
 
-    What cannot be read, such as lines of another version, is left out: it is measured again.
+    Unreadable lines, such as those of another version, are left out: the survey is measured again.
     """
     try:
         lines = path.read_bytes().splitlines()
@@ -42,7 +42,7 @@ def append_record(path: Path, record: SurveyRecord) -> None:
     Raises
     ------
     OSError
-        The disk takes no more.
+        The disk is full or not writable.
     """
     line = json.dumps(encode(record), ensure_ascii=False).encode() + b"\n"
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,14 +50,14 @@ def append_record(path: Path, record: SurveyRecord) -> None:
         if stream.tell():
             stream.seek(-1, os.SEEK_END)
             if stream.read(1) != b"\n":
-                line = b"\n" + line  # a killed batch cut the last one short
+                line = b"\n" + line  # a killed batch left the last one incomplete
         stream.write(line)
         stream.flush()
         os.fsync(stream.fileno())
 
 
 def stat_of(path: str | Path) -> tuple[int, int]:
-    """Size and time of the last change [ns]; (-1, -1) of a file that is not there."""
+    """Return size and modification time [ns]; (-1, -1) for a missing file."""
     try:
         found = Path(path).stat()
     except OSError:
@@ -66,7 +66,7 @@ def stat_of(path: str | Path) -> tuple[int, int]:
 
 
 def state_of(path: str | Path) -> FileState:
-    """A file as it is now; what changes while it is read is seen next time.
+    """Return the current state of a file; a change while it is read is noticed next time.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def state_of(path: str | Path) -> FileState:
 
 
 def is_as_it_was(state: FileState) -> bool:
-    """Whether a file has the content that it had: a file that was only touched has."""
+    """Return whether a file has its earlier content; a new modification time alone is no change."""
     size, changed = stat_of(state.path)
     if size != state.size_bytes:
         return False

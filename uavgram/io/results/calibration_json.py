@@ -1,6 +1,6 @@
-"""`CalibrationAccount` -> calibration.json (schema 1): every number of a calibration.
+"""Writer of calibration.json (schema 1), with every number of a `CalibrationAccount`.
 
-Units stand in the keys; NaN is null. Residuals are predicted minus found. Poses are those of the
+Units are in the keys; NaN is null. Residuals are predicted minus found. Poses are those of the
 camera in the board's frame (OpenCV's: x along a row, y down the columns, z into the board).
 """
 
@@ -34,13 +34,13 @@ def write_calibration(account: CalibrationAccount, path: str | Path) -> None:
     Raises
     ------
     OutputError
-        The file cannot be written; an earlier one is untouched.
+        The file cannot be written; an earlier one is unchanged.
     """
     replace_text(Path(path), calibration_text(account))
 
 
 def calibration_text(account: CalibrationAccount) -> str:
-    """Text of calibration.json; the same account gives the same text."""
+    """Return the text of calibration.json; the same account gives the same text."""
     result = account.result
     content = {
         "schema": SCHEMA,
@@ -71,7 +71,7 @@ def calibration_text(account: CalibrationAccount) -> str:
 
 
 def _without(value: object, *keys: str) -> Record:
-    """Fields of a data class but some."""
+    """Encode a data class without some fields."""
     return {key: field for key, field in encode(value).items() if key not in keys}
 
 

@@ -1,7 +1,7 @@
-"""Frozen data <-> plain data of JSON, as the types of the fields say: a key for each field.
+"""Conversion between frozen data classes and plain JSON data, by the types of the fields.
 
-Both directions of a class stand in its own declaration and nowhere else. Reading is strict: text is
-no number, a truth value is no number, and only null is NaN.
+The declaration of a class defines both directions. Reading is strict: texts and truth values are
+not numbers, and only null is NaN.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _PLAIN = frozenset({str, int, bool, type(None)})
 
 
 def encode(value: object) -> Json:
-    """Plain data of numbers, texts, arrays, tuples and data classes; NaN becomes None."""
+    """Convert numbers, texts, arrays, tuples and data classes to plain data; NaN becomes None."""
     if type(value) in _PLAIN:
         return value
     if isinstance(value, np.ndarray) and value.dtype.kind in "biuf":  # numbers, truth values
@@ -47,7 +47,7 @@ def encode(value: object) -> Json:
 
 
 def decode(hint: Any, value: Json) -> Any:  # noqa: ANN401
-    """Inverse of `encode` for a type; None becomes NaN where a number is expected.
+    """Invert `encode` for a type; None becomes NaN where a number is expected.
 
     Raises
     ------
@@ -81,7 +81,7 @@ _TYPE_NAMES = {str: "text", int: "a whole number", bool: "true or false"}
 
 
 def from_record(owner: type[Owner], record: Record, **given: object) -> Owner:
-    """Inverse of `encode` for a data class; `given` are fields that stand elsewhere."""
+    """Invert `encode` for a data class; `given` are fields stored elsewhere."""
     read = {
         name: decode(hint, record[name])
         for name, hint in _hints(cast("Hashable", owner)).items()
@@ -96,8 +96,8 @@ def _hints(owner: Hashable) -> dict[str, Any]:
 
 
 def numbers(value: Json, *shape: int) -> Floats:
-    """Array of nested lists; None becomes NaN. Raises ValueError where its shape is another."""
-    # Strings would be converted by numpy without a word.
+    """Convert nested lists to an array; None becomes NaN. Raises ValueError for another shape."""
+    # numpy would convert strings silently
     _refuse_text(value)
     array = np.array(value, dtype=np.float64).reshape(shape if 0 in shape else np.shape(value))
     if array.shape != shape:
@@ -122,14 +122,14 @@ class Table(Generic[Owner]):
     owner
         The class; its fields are columns of N values: arrays (N, ...) or tuples.
     elsewhere
-        Fields that do not stand in these records.
+        Fields that are not in these records.
     """
 
     owner: type[Owner]
     elsewhere: tuple[str, ...] = ()
 
     def dump(self, table: Owner) -> list[Record]:
-        """Records, one for each row."""
+        """Return the records, one for each row."""
         columns: dict[str, list[Json]] = {}
         for name in self.names():
             column, values = self.column(name), encode(getattr(table, name))
@@ -140,7 +140,7 @@ class Table(Generic[Owner]):
         return _rows(columns)
 
     def load(self, records: Sequence[Record], **given: object) -> Owner:
-        """Inverse of `dump`; `given` are the fields `elsewhere`."""
+        """Invert `dump`; `given` are the fields `elsewhere`."""
         hints, n = _hints(cast("Hashable", self.owner)), len(records)
         read: dict[str, object] = {}
         for name in self.names():
@@ -169,7 +169,7 @@ class Table(Generic[Owner]):
 
 
 def records(**columns: object) -> list[Record]:
-    """Records of columns of N values by name."""
+    """Convert columns of N values by name to records."""
     return _rows({key: encode(column) for key, column in columns.items()})
 
 
@@ -178,7 +178,7 @@ def _rows(columns: Mapping[str, Sequence[Json]]) -> list[Record]:
 
 
 def joined(*tables: Sequence[Record]) -> list[Record]:
-    """Records whose keys stand in several lists, row by row."""
+    """Merge the records of several lists, row by row."""
     return [
         {k: v for part in parts for k, v in part.items()} for parts in zip(*tables, strict=True)
     ]

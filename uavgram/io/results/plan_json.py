@@ -1,4 +1,4 @@
-"""plan.json: a plan completely, in both directions."""
+"""Reader and writer of plan.json, the complete plan."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def write_plan(plan: FlightPlanned, path: str | Path) -> None:
 
 
 def is_plan(path: Path) -> bool:
-    """Whether a file begins as `write_plan` begins its own."""
+    """Return whether a file begins like those of `write_plan`."""
     try:
         with path.open(encoding="utf-8") as file:
             return _MARK in file.read(_BEGINNING)
@@ -53,7 +53,7 @@ def read_plan(path: str | Path) -> FlightPlanned:
     Raises
     ------
     InputError
-        The file cannot be read, or is no plan of this program.
+        The file cannot be read, or is not a plan of this program.
     """
     path = Path(path)
     text = read_text(path, "so it is no plan")
@@ -86,11 +86,11 @@ PARTS: dict[str, type] = {
     "points": PlannedPoints,
     "grid": AccuracyGrid,
 }
-"""Of which there may be none."""
+"""Parts of a plan that may be empty."""
 
 
 def _part(owner: type, record: Record) -> object:
-    """A part of a plan; no place at all has still three coordinates."""
+    """Read a part of a plan; an empty list of points still has three coordinates."""
     none = {name: np.zeros((0, 3)) for name in record if name.endswith("world_m")}
     none |= {name: np.zeros((0, 4, 3)) for name in record if name == "corner_world_m"}
     return from_record(owner, record, **{name: none[name] for name in none if not record[name]})

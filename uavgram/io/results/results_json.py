@@ -1,8 +1,7 @@
-"""`Result` <-> results.json (schema 1): every number exactly, NaN as null, one record a line.
+"""Reader and writer of results.json (schema 1): exact numbers, NaN as null, one record a line.
 
-The reader gives back the object that was written. Which key holds what stands once for both
-directions: the types of the fields say it (codec.py), the tables declare their keys (tables.py),
-and what differs from that is here.
+The reader returns an object equal to the written one. Keys are defined once for both directions: by
+the types of the fields (codec.py), by the tables (tables.py), and for all exceptions here.
 """
 
 from __future__ import annotations
@@ -48,7 +47,7 @@ SCHEMA = 1
 
 
 def dump_results(result: Result) -> str:
-    """Write a result as the text of results.json.
+    """Return a result as the text of results.json.
 
     Deterministic: the same result gives the same text. Floats are written by repr (shortest text
     that reads back as the same number).
@@ -56,7 +55,7 @@ def dump_results(result: Result) -> str:
     Raises
     ------
     ValueError
-        A number is infinite: a bug, results have none.
+        A number is infinite, which is a bug.
     """
     content = {
         "schema": SCHEMA,
@@ -106,19 +105,18 @@ def write_results(result: Result, path: str | Path) -> None:
     Raises
     ------
     OutputError
-        The file cannot be written; an earlier one is untouched.
+        The file cannot be written; an earlier one is unchanged.
     """
     replace_text(Path(path), dump_results(result))
 
 
 def load_results(path: str | Path) -> Result:
-    """Read results.json: the same object that was written.
+    """Read results.json as an object equal to the written one.
 
     Raises
     ------
     InputError
-        The file cannot be read, is cut short, is no JSON, is of another schema, or lacks
-        something.
+        The file cannot be read, is incomplete, is not JSON, is of another schema, or lacks a key.
     """
     path = Path(path)
     content = _parse(path)
@@ -166,7 +164,7 @@ def _result(content: Record) -> Result:
 
 
 def one_record_a_line(content: dict[str, Any]) -> str:
-    """JSON with a line for each key, and for each record of a list: small, and fit for diff."""
+    """Return JSON with a line for each key, and for each record of a list, fit for diff."""
     compact = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
     lines = []
     for key, value in content.items():
@@ -206,9 +204,9 @@ def _refuse_constant(name: str) -> float:
 
 
 def load_message(record: Record) -> Message:
-    """Inverse of `Message.record`; what a message does not have is left out there."""
+    """Invert `Message.record`, which leaves out empty fields."""
     none = dict.fromkeys((*SUBJECTS, *NUMBERS), ())
-    # What would put it right stands with the verdict.
+    # remedies are stored with the verdict
     return from_record(Message, none | record, several=None, plain="", mend=None, instead=())
 
 
@@ -225,12 +223,12 @@ def _load_world(record: Record) -> World:
 
 
 def dump_inputs(inputs: Iterable[InputDigest]) -> Record:
-    """Size and digest of each file, by its path."""
+    """Return size and digest of each file, by its path."""
     return {one.path: {"sha256": one.sha256, "bytes": one.size_bytes} for one in inputs}
 
 
 def _load_provenance(record: Record) -> Provenance:
-    """What made the result; lists in the options become tuples."""
+    """Read the provenance; lists in the options become tuples."""
     return from_record(
         Provenance,
         record,
@@ -256,7 +254,7 @@ _TELEMETRY = ("boresight_deg", "lever_arm_m", "position_bias_m", "heading_bias_d
 
 
 def _dump_estimate(estimate: Estimate | None) -> Record | None:
-    """Value and sigma: numbers where the unknown is one number, else lists."""
+    """Return value and sigma: numbers where the unknown is one number, else lists."""
     if estimate is None:
         return None
     pair = encode(estimate)
@@ -271,7 +269,7 @@ def _load_estimate(record: Record) -> Estimate:
 
 
 def _dump_clock(shared: SharedResult) -> Record:
-    """Camera clock minus UTC; null without a log."""
+    """Return the camera clock minus UTC; null without a log."""
     none = {"value": None, "sigma": None}
     offset = _dump_estimate(shared.clock_offset_s) or none
     drift = _dump_estimate(shared.clock_drift_ppm) or none
@@ -288,9 +286,9 @@ def _load_clock(value: Json, sigma: Json) -> Estimate | None:
 
 
 def _dump_shared(result: Result) -> Record:
-    """Shared unknowns, each with value and sigma; null where there is none.
+    """Return the shared unknowns, each with value and sigma; null where there is none.
 
-    The camera's also with the calibration they began with, and what the survey taught of it.
+    The camera's are compared with the calibration before the survey.
     """
     shared = result.shared
     learnt = learnt_camera(result.camera, shared.intrinsics)
@@ -304,7 +302,7 @@ def _dump_shared(result: Result) -> Record:
 
 
 def _load_shared(record: Record, clock: Record) -> SharedResult:
-    """Inverse of `_dump_shared` and `_dump_clock`; the plane stands with the areas."""
+    """Invert `_dump_shared` and `_dump_clock`; the plane is stored with the areas."""
     return SharedResult(
         **{key: None if record[key] is None else _load_estimate(record[key]) for key in _TELEMETRY},
         clock_offset_s=_load_clock(clock["offset_s"], clock["sigma_s"]),
@@ -333,7 +331,7 @@ def _load_plane(record: Record) -> AreaPlane:
 
 
 def _dump_noise(noise: Noise | None) -> Record | None:
-    """Sigmas of the picks by source, roughness by area, sigmas of lengths and identification."""
+    """Return the noise: picks by source, roughness by area, lengths and identification."""
     if noise is None:
         return None
     return {
@@ -349,7 +347,7 @@ def _without(record: Record, key: str) -> Record:
 
 
 def _load_noise(record: Record | None) -> Noise | None:
-    """Inverse of `_dump_noise`."""
+    """Invert `_dump_noise`."""
     if record is None:
         return None
     return Noise(
@@ -365,7 +363,7 @@ def _load_noise(record: Record | None) -> Noise | None:
 
 
 def _load_error_budget(record: Record | None) -> ErrorBudget | None:
-    """Shares of the variance of each measurement, by source."""
+    """Read the shares of the variance of each measurement, by source."""
     if record is None:
         return None
     sources = decode(tuple[str, ...], record["sources"])

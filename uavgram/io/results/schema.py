@@ -1,7 +1,7 @@
-"""results.schema.json: the JSON Schema of results.json, from the types that the codec writes.
+"""JSON Schema of results.json (results.schema.json), from the types written by the codec.
 
-Descriptions are those of the attributes in the data classes' docstrings. A file that this version
-writes has no other keys than these; later versions may add some.
+Descriptions are those of the attributes in the data classes' docstrings. A file written by this
+version has no other keys; later versions may add some.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ UNITS_OF_KEYS = {
     "covariance_m3": "square metres, of east, north and up",
     "time_utc_s": "seconds since 1970-01-01 UTC",
 }
-"""By the end of a key, and by keys that do not end so."""
+"""Units by the end of a key, and by complete keys that have no such end."""
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -148,7 +148,7 @@ def results_schema() -> Record:
 
 
 def schema_of(hint: Any) -> Record:  # noqa: ANN401
-    """Return the schema of what `codec.encode` makes of a value of this type.
+    """Return the schema of the value that `codec.encode` makes of this type.
 
     Raises
     ------
@@ -186,7 +186,7 @@ def _annotated(kind: Any, marks: Sequence[object]) -> Record:  # noqa: ANN401
 def _properties(
     owner: type[Any], given: Mapping[str, Record] | None = None, without: Sequence[str] = ()
 ) -> dict[str, Record]:
-    """Return the schema of each field of a data class; `given` replace those of their fields."""
+    """Return the schema of each field of a data class; `given` ones replace those of fields."""
     hints = get_type_hints(owner, include_extras=True)
     about = _descriptions(owner)
     names = [one.name for one in fields(owner) if one.name not in without]
@@ -236,7 +236,7 @@ def _object(
 
 
 def _limited(key: str, schema: Record) -> Record:
-    """Return the schema of a value with the limits that its key gives to numbers."""
+    """Return the schema of a value with the numeric limits for its key."""
     is_share = key.endswith("probability")
     if not is_share and not SIGMA_KEY.fullmatch(key) and key not in NOT_NEGATIVE:
         return schema
@@ -253,7 +253,7 @@ def _with_limits(schema: Record, limits: Record) -> Record:
 
 
 def _with_unit(key: str, schema: Record) -> Record:
-    """Return the schema of a value with the unit that its key ends with in its description."""
+    """Return the schema of a value whose description includes the unit at the end of its key."""
     unit = UNITS_OF_KEYS.get(key) or UNITS.get(key.rpartition("_")[2] if "_" in key else "")
     if unit is None or schema.get("type") == "object":
         return schema
@@ -335,7 +335,7 @@ def _noise() -> Record:
 
 
 def _message() -> Record:
-    """Return the schema of a message, which has the subjects and numbers that it speaks of."""
+    """Return the schema of a message, with optional subjects and numbers."""
     keys = ("level", "code", "text", *SUBJECTS, *NUMBERS)
     every = _properties(Message)
     return _object({key: every[key] for key in keys}, optional=(*SUBJECTS, *NUMBERS))

@@ -1,4 +1,4 @@
-"""simulation.json: what many repetitions of a survey gave, and every one of them."""
+"""Writer of simulation.json: summary of many repetitions of a survey, and each of them."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ def write_simulation(simulation: Simulation, path: Path) -> None:
     Parameters
     ----------
     simulation
-        What came out.
+        Simulation to write.
     path
-        Where to.
+        Output file.
     """
     path.write_text(json.dumps(simulation_as_json(simulation), indent=1) + "\n", encoding="utf-8")
 
 
 def simulation_as_json(simulation: Simulation) -> Record:
-    """Plain data: metres and degrees; ranges are of 95 %; None where there is nothing."""
+    """Convert to plain data: metres and degrees; ranges are of 95 %; None for missing values."""
     found = simulation.repetitions
     return {
         "schema": SCHEMA,

@@ -1,4 +1,4 @@
-"""study.json: every number of studies, cell by cell."""
+"""Writer of study.json: every number of studies, cell by cell."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ SCHEMA = 1
 
 
 def write_studies(studies: tuple[Study, ...], path: Path) -> None:
-    """Write study.json: metres, seconds and shares; null where there is nothing.
+    """Write study.json: metres, seconds and shares; null for missing values.
 
     Parameters
     ----------
     studies
-        What was made.
+        Studies to write.
     path
-        Where to.
+        Output file.
     """
     record = {"schema": SCHEMA, "sources": list(SOURCES), "studies": _finite(encode(studies))}
     path.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _finite(value: Json) -> Json:
-    """Infinite numbers, of methods that nothing determines, have no place in JSON."""
+    """Replace infinite numbers, of undetermined methods, which JSON cannot hold."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""The tables of a result in results.json; their data classes name the keys (`Column`)."""
+"""Tables of a result in results.json; their data classes name the keys (`Column`)."""
 
 from __future__ import annotations
 
@@ -50,14 +50,14 @@ SECOND_ORDER = Table(SecondOrder)
 
 
 def dump_frames(frames: FrameResults) -> list[Record]:
-    """Frames; a pose that a frame does not have is null."""
+    """Return the frames; a missing pose is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
     poses = [{"seed": a, "refined": b} for a, b in zip(seed, refined, strict=True)]
     return joined(FRAMES.dump(frames), poses)
 
 
 def load_frames(records: Sequence[Record]) -> FrameResults:
-    """Inverse of `dump_frames`."""
+    """Invert `dump_frames`."""
     return FRAMES.load(
         records, **{key: _load_poses([row[key] for row in records]) for key in ("seed", "refined")}
     )
@@ -75,7 +75,7 @@ def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
 
 
 def dump_points(points: PointResults) -> list[Record]:
-    """Ground points; degrees for people, and the radians that they are made of."""
+    """Return the ground points; angles in degrees for people, and in the original radians."""
     relative = joined(RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
     for row, off_ground in zip(relative, points.is_off_ground, strict=True):
         if not off_ground:
@@ -86,8 +86,8 @@ def dump_points(points: PointResults) -> list[Record]:
 
 
 def load_points(records: Sequence[Record]) -> PointResults:
-    """Inverse of `dump_points`."""
-    nothing = {"covariance_m3": [[None] * 3] * 3}  # left out of points on the ground
+    """Invert `dump_points`."""
+    nothing = {"covariance_m3": [[None] * 3] * 3}  # left out for points on the ground
     relative = [nothing | row["relative"] for row in records]
     return POINTS.load(
         records,
@@ -114,7 +114,7 @@ def _load_ellipses(records: Sequence[Record]) -> Record:
 
 
 def load_measurements(records: Sequence[Record], correlation: Json) -> MeasurementResults:
-    """Measured values, their correlation beside them."""
+    """Read the measured values with their correlation."""
     n = len(records)
     return MEASUREMENTS.load(
         records,
@@ -123,7 +123,7 @@ def load_measurements(records: Sequence[Record], correlation: Json) -> Measureme
 
 
 def with_evidence(result: Result, content: Record) -> Record:
-    """What is known of the reliability of lengths, picks, priors and measurements, row by row."""
+    """Add the reliability of lengths, picks, priors and measurements, row by row."""
     if (evidence := result.evidence) is not None:
         content["lines"] = joined(content["lines"], EFFECTS.dump(evidence.lines))
         content["picks"] = joined(content["picks"], EFFECTS.dump(evidence.picks))
@@ -138,7 +138,7 @@ def with_evidence(result: Result, content: Record) -> Record:
 
 
 def load_evidence(content: Record) -> Evidence | None:
-    """Evidence of a results file; None where it has none."""
+    """Read the evidence of a results file; None where it has none."""
     if "priors" not in content:
         return None
     priors = content["priors"]
@@ -151,7 +151,7 @@ def load_evidence(content: Record) -> Evidence | None:
 
 
 def load_second_order(records: Sequence[Record]) -> SecondOrder | None:
-    """Second-order terms of the measurements; None where there are none."""
+    """Read the second-order terms of the measurements; None where there are none."""
     if not records or "second_order_sigma" not in records[0]:
         return None
     return SECOND_ORDER.load(records)

@@ -1,4 +1,4 @@
-"""The verdict of results.json: reasons, and what would put them right where that is known."""
+"""Verdict in results.json: reasons, and their remedies where known."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from uavgram.model.message import Correction, Remedy
 from uavgram.model.result.verdict import Reason, Verdict
 
 _ADDED: Record = {"plain": "", "mend": None, "instead": []}
-"""Keys of a reason that are left out where they say nothing."""
+"""Keys of a reason that are left out where they are empty."""
 
 
 def dump_verdict(verdict: Verdict) -> Record:
-    """Level and reasons."""
+    """Return level and reasons."""
     return {"level": verdict.level, "reasons": [_dump_reason(one) for one in verdict.reasons]}
 
 
 def load_verdict(record: Record) -> Verdict:
-    """Inverse of `dump_verdict`."""
+    """Invert `dump_verdict`."""
     return from_record(
         Verdict, record, reasons=tuple(_load_reason(one) for one in record["reasons"])
     )

@@ -1,1 +1,1 @@
-"""The camera: interior orientation, where it comes from, and what a calibration found."""
+"""Camera: interior orientation, its sources, and results of a calibration."""

@@ -1,7 +1,7 @@
-"""Photos of a calibration board: the board, what was found of it, and what is asked for.
+"""Calibration board, its corners in photos, and options of a calibration.
 
-The board's frame is OpenCV's: origin at its first corner, x along a row, y down the columns,
-z into the board, away from the camera.
+The board's frame is OpenCV's: origin at its first corner, x along a row, y down the columns, z into
+the board, away from the camera.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Board:
     Attributes
     ----------
     kind
-        What is printed on it.
+        Printed pattern.
     columns, rows
         Inner corners along x and along y: a corner's number is row * columns + column.
     square_m
@@ -67,7 +67,7 @@ def flat_board(
     marker_m: float = 0.0,
     dictionary: str = "",
 ) -> Board:
-    """Board of `columns` x `rows` inner corners, `square_m` apart, in the plane z = 0.
+    """Return a board of `columns` x `rows` inner corners, `square_m` apart, in the plane z = 0.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def flat_board(
     square_m
         Side of a square.
     kind, marker_m, dictionary
-        What is printed on it, see `Board`.
+        Printed pattern, see `Board`.
     """
     row, column = np.divmod(np.arange(columns * rows), columns)
     corner = np.stack([column, row, np.zeros(columns * rows)], axis=1) * square_m
@@ -93,7 +93,7 @@ def flat_board(
 
 @dataclass(frozen=True, kw_only=True)
 class LensSetting:
-    """What a photo's EXIF says of camera and lens; None and empty where it says nothing.
+    """Camera and lens in a photo's EXIF; None and empty where EXIF has no entry.
 
     Attributes
     ----------
@@ -104,9 +104,9 @@ class LensSetting:
     focal_length_35mm
         Equivalent focal length, referred to the 36 x 24 mm frame.
     focus_distance_m
-        Distance that the lens is focused on.
+        Distance at which the lens is focused.
     focal_length_px
-        Focal length in pixels of this photo, as far as EXIF (or a table of cameras) tells it.
+        Focal length in pixels of this photo, where EXIF (or a table of cameras) gives it.
     """
 
     camera: str = ""
@@ -125,15 +125,15 @@ class BoardPhoto:
     file
         Name of the photo.
     width_px, height_px
-        Of the original image.
+        Size of the original image.
     corner
         (n,) indices into ``Board.corner_board_m``, each at most once.
     pixel_px
-        (n, 2) where they were found, (0, 0) = centre of the top-left pixel.
+        (n, 2) image coordinates, (0, 0) = centre of the top-left pixel.
     sigma_px
         (n,) standard deviation of each of the two coordinates.
     setting
-        What EXIF says of the lens.
+        Camera and lens from EXIF.
     """
 
     file: str
@@ -179,16 +179,16 @@ class BoardObservations:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class IntrinsicsPrior(FrozenArrays):
-    """Independent knowledge of the interior orientation: from EXIF, a table of cameras, a file.
+    """Prior of the interior orientation: from EXIF, a table of cameras, a file.
 
     Attributes
     ----------
     source
-        Where it comes from, in words.
+        Source of the values, in words.
     parameters
         (P,) of a camera of the same model; coefficients beyond them are unknown.
     information
-        (P, P) inverse of their covariance; rows of zeros where nothing is known.
+        (P, P) inverse of their covariance; rows of zeros for unknown parameters.
     """
 
     source: str
@@ -198,15 +198,15 @@ class IntrinsicsPrior(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationOptions:
-    """How to calibrate.
+    """Options of a calibration.
 
     Attributes
     ----------
     model
         Lens model.
     coefficients
-        Distortion coefficients to estimate. Brown: 3 (k1 k2 k3: radial only), 5 (k1 k2 p1 p2 k3)
-        or 8 (rational: with k4 k5 k6); fisheye: 4. 0: chosen by cross-validation.
+        Distortion coefficients to estimate. Brown: 3 (k1 k2 k3: radial only), 5 (k1 k2 p1 p2 k3) or
+        8 (rational: with k4 k5 k6); fisheye: 4. 0: chosen by cross-validation.
     aspect
         fx / fy to hold; None: both are estimated.
     fixed_principal_point
@@ -217,14 +217,14 @@ class CalibrationOptions:
     bow_sigma_m
         Prior sigma of the height of the middle above the rim.
     corner_sigma
-        ``residuals``: the corners' sigmas are right up to a common factor, which the residuals
-        tell (as in OpenCV); ``given``: they are right as they stand.
+        ``residuals``: the corners' sigmas are right up to a common factor, estimated from the
+        residuals (as in OpenCV); ``given``: they are right as given.
     outliers
         ``report``, or ``remove``: one at a time in each photo, each one reported.
     significance
-        Probability of suspecting anything at all in photos without outliers.
+        Probability of any suspicion in photos without outliers.
     prior
-        Knowledge of the intrinsics that is independent of the photos.
+        Prior of the intrinsics that is independent of the photos.
     """
 
     model: LensModel = "brown"
@@ -245,5 +245,5 @@ class CalibrationOptions:
 
 
 def parameter_count(model: LensModel, coefficients: int) -> int:
-    """Length P of the parameters of a camera that is calibrated with so many coefficients."""
+    """Return the number P of parameters of a camera with so many distortion coefficients."""
     return 12 if model == "brown" and coefficients == 8 else len(PARAMETER_NAMES[model])

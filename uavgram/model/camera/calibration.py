@@ -1,7 +1,7 @@
-"""Interior orientation: what is known of the camera, how well, and errors to assume.
+"""Interior orientation with its covariance, and errors assumed where none are stated.
 
-Where each number comes from stands beside it. They are meant to be generous: a survey that knows
-better says so by its own observations, and a calibration replaces them.
+The source of each number is given next to it. The assumed errors are generous: the observations of
+a survey reduce them, and a calibration replaces them.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ class CameraProvenance:
     Attributes
     ----------
     program, version
-        What wrote the file.
+        Program that wrote the file.
     created_utc
         ISO 8601.
     source
         In words: calibrated from photos, converted, scaled.
     inputs
-        The files that it was made of: photos, or an earlier camera file.
+        Files from which it was made: photos, or an earlier camera file.
     board
         The target, in words; empty where there was none.
     options
@@ -72,7 +72,7 @@ _RATIONAL_NAMES = ("k4", "k5", "k6")
 
 
 def parameter_counts(model: LensModel) -> tuple[int, ...]:
-    """Numbers of parameters that a camera of this model may have.
+    """Return the permitted numbers of parameters of a camera of this model.
 
     A brown camera has 9, or 12 with the rational coefficients k4 k5 k6 (OpenCV's 8 coefficients).
     """
@@ -81,7 +81,7 @@ def parameter_counts(model: LensModel) -> tuple[int, ...]:
 
 
 def parameter_names(model: LensModel, count: int) -> tuple[str, ...]:
-    """Names of the parameters of a camera that has `count` of them.
+    """Return the names of the parameters of a camera that has `count` of them.
 
     Raises
     ------
@@ -98,7 +98,7 @@ def parameter_names(model: LensModel, count: int) -> tuple[str, ...]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibration:
-    """A camera's interior orientation with its covariance.
+    """Interior orientation of a camera with its covariance.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Calibration:
     covariance
         (P, P), same order.
     readout
-        How long a photo is read, where that is known: None stands for "it is not".
+        Readout time of a photo; None where it is unknown.
     """
 
     name: str
@@ -136,7 +136,7 @@ class Calibration:
 
     @property
     def correlation(self) -> Floats:
-        """(P, P) of the parameters; 0 where one is known exactly."""
+        """(P, P) correlations of the parameters; 0 where one is known exactly."""
         return correlation_of(self.covariance)
 
     @property
@@ -146,7 +146,7 @@ class Calibration:
 
 
 def correlation_of(covariance: Floats) -> Floats:
-    """(P, P) correlations of a covariance, whose elements are comparable.
+    """Return the (P, P) correlations of a covariance, so that its elements are comparable.
 
     A variance of 0, which holds a parameter fixed, stays 0.
     """
@@ -156,20 +156,23 @@ def correlation_of(covariance: Floats) -> Floats:
 
 
 ASPECT_SIGMA = 0.005
-"""Of fx / fy. Pixels are square; what calibrations make of them is fy / fx = 1.0036 (Phantom 3),
-1.0053 (Phantom 3, video) and 0.9997 (Mavic Pro, video)."""
+"""Standard deviation of fx / fy.
+
+Pixels are square, but calibrations give fy / fx = 1.0036 (Phantom 3), 1.0053 (Phantom 3, video) and
+0.9997 (Mavic Pro, video).
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AssumedErrors:
-    """Standard deviations of a camera that nobody stated.
+    """Assumed standard deviations of a camera without stated ones.
 
     Attributes
     ----------
     focal
-        Of fx and of fy, as a share of each. Their ratio is known to `ASPECT_SIGMA`.
+        Of fx and of fy, relative to each. Their ratio is known to `ASPECT_SIGMA`.
     centre
-        Of cx and cy, as a share of the image's width.
+        Of cx and cy, relative to the image's width.
     radial
         Of k1 k2 k3 (brown), and of k4 k5 k6 where there are any.
     tangential
@@ -186,14 +189,17 @@ class AssumedErrors:
 
 
 CALIBRATION_FILE = AssumedErrors(focal=0.01, centre=0.005)
-"""A calibration by another program that states no errors."""
+"""Errors of a calibration by another program that states none."""
 
 FACTORY = AssumedErrors(focal=0.005, centre=0.005)
-"""The maker's calibration of this very lens, in its photos. Of two Phantom 4 RTK on record the
-factory's focal lengths (3659.8, 3684.5 px) lie -0.2 and +0.5 % from the design's 3666.7 px: a lens
-that has aged, or was refocused, is taken to differ by as much."""
+"""Errors of the maker's calibration of the individual lens, stored in its photos.
 
-# The table of drone cameras against calibrations at hand, none of a full 4:3 frame:
+In two recorded Phantom 4 RTK the factory's focal lengths (3659.8, 3684.5 px) differ by -0.2 and
++0.5 % from the design's 3666.7 px: a lens that has aged, or was refocused, is assumed to differ by
+as much.
+"""
+
+# The table of drone cameras compared with available calibrations, none of a full 4:3 frame:
 #   Phantom 3 photo (FC300X, 4000 x 2250): table 2285.7 px; published fx 2302.0, fy 2310.2: +0.9 %;
 #     principal point +5 and +55 px from the centre; k1 k2 k3 -0.010 +0.015 -0.018; p1 p2 0.0064,
 #     0.0005 from the table's
@@ -206,26 +212,34 @@ that has aged, or was refocused, is taken to differ by as much."""
 DRONE_TABLE = AssumedErrors(
     focal=0.02, centre=0.01, radial=(0.02, 0.1, 0.1), tangential=0.006, fisheye=(0.1,) * 4
 )
-"""The table's sensor size and distortion: a whole frame of the sensor."""
+"""Errors of the sensor size and distortion in the table, for a full frame of the sensor."""
 
 FOCAL_OF_A_STRIP = 0.08
-"""Of a photo that is no whole frame: 0.9 and 11.7 % in the two cases above, rms 8.3 %."""
+"""Relative focal error of a photo that is not a full frame: 0.9 and 11.7 % above, rms 8.3 %."""
 
 CENTRE_OF_A_STRIP = 0.02
-"""Likewise: rms of the six coordinates above is 1.9 % of the width."""
+"""Principal point error of such a photo: rms of the six coordinates above, 1.9 % of the width."""
 
 RADIAL_UNKNOWN = (0.16, 0.25, 0.23)
-"""k1 k2 k3 of a lens of which nothing is known: two thirds of the 57 colour cameras in the table
-that have a distortion lie below these."""
+"""Standard deviations of k1 k2 k3 of an unknown lens.
+
+Two thirds of the 57 colour cameras with distortion in the table have smaller values.
+"""
 
 EQUIVALENT_FOCAL = 0.03
-"""Of a focal length from its 35 mm equivalent, whole frame: rounded to whole millimetres (1.4 % at
-20 mm), and by the diagonal or by the width (4 % apart at 4:3): CIPA DC-008 leaves it open."""
+"""Relative error of a focal length from its 35 mm equivalent, full frame.
+
+Rounded to whole millimetres (1.4 % at 20 mm), and by the diagonal or by the width (4 % apart at
+4:3): CIPA DC-008 leaves it open.
+"""
 
 FOCAL_PLANE_FOCAL = 0.02
-"""Of a focal length over EXIF's FocalPlaneXResolution and FocalPlaneYResolution: Canon's EOS 5D
-Mark II states a sensor of 37.06 x 24.33 mm (5616 x 3744 px at 3849.21 and 3908.14 per inch), by its
-specification 35.8 x 23.9 mm: 2.7 % in the mean of both. Others are nearer, at some 0.5 %."""
+"""Relative error of a focal length from EXIF's FocalPlaneXResolution and FocalPlaneYResolution.
+
+Canon's EOS 5D Mark II states a sensor of 37.06 x 24.33 mm (5616 x 3744 px at 3849.21 and 3908.14
+per inch), by its specification 35.8 x 23.9 mm: 2.7 % in the mean of both. Others are closer, at
+some 0.5 %.
+"""
 
 ORDINARY_EQUIVALENTS_MM = {
     "djiFC300X": 20.0,  # Phantom 3; EXIF of its photos
@@ -247,24 +261,26 @@ ORDINARY_EQUIVALENTS_MM = {
     "djiFC6540": 36.9,  # Zenmuse X7 with its 24 mm lens; likewise
     "djiXT2": 37.0,  # Zenmuse XT2, 8 mm, colour; likewise
 }
-"""35 mm equivalents of main colour cameras of drones, by the names of the table of drone cameras,
-which holds no focal lengths of theirs: as their makers' specifications state them. What an
-ordinary drone camera is, and how far they differ, follows from these."""
+"""35 mm equivalents of main colour cameras of drones, from their makers' specifications.
+
+Keys are names in the table of drone cameras, which has no focal lengths of these cameras. The
+ordinary drone camera and the range of such cameras are derived from these values.
+"""
 
 
 def assumed_covariance(
     model: LensModel, parameters: Floats, width_px: int, errors: AssumedErrors
 ) -> Floats:
-    """(P, P) covariance of a camera by its assumed errors; fx and fy go together.
+    """Return the (P, P) covariance of a camera with assumed errors; fx and fy are correlated.
 
     Parameters
     ----------
     model, parameters
         The lens; (P,).
     width_px
-        Of the image.
+        Width of the image.
     errors
-        Standard deviations to assume.
+        Assumed standard deviations.
     """
     fx, fy = parameters[:2].tolist()
     centre_px = errors.centre * width_px
@@ -277,7 +293,7 @@ def assumed_covariance(
         [errors.focal * fx, errors.focal * fy, centre_px, centre_px, *lens][: len(parameters)]
     )
     covariance = np.diag(sigma**2)
-    # var(fx / fy) = 2 focal^2 (1 - correlation), relative
+    # correlation of fx and fy from var(fx / fy) = 2 focal^2 (1 - correlation), relative
     correlation = max(0.0, 1.0 - 0.5 * (ASPECT_SIGMA / errors.focal) ** 2)
     covariance[0, 1] = covariance[1, 0] = correlation * sigma[0] * sigma[1]
     return covariance

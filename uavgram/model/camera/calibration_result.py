@@ -1,4 +1,4 @@
-"""Result of a calibration: the camera, how well it is known, and its account for readers."""
+"""Result of a calibration: the camera, its accuracy, and all that its reports contain."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Status = Literal["used", "suspect", "removed"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CornerResults(FrozenArrays):
-    """All N corners that were found, of removed photos too.
+    """All N corners that were found, including those of removed photos.
 
     Attributes
     ----------
@@ -31,12 +31,12 @@ class CornerResults(FrozenArrays):
         (N, 2) as found; predicted minus found (for a removed photo with the pose that fits it
         best).
     sigma_px
-        (N,) standard deviation per coordinate, as scaled.
+        (N,) standard deviation per coordinate, after scaling.
     w, redundancy
-        (N,) length of the residual in its own standard deviations; how much of an error in the
-        corner shows in its residual. 0 where the corner was not used.
+        (N,) length of the standardised residual; redundancy number (the part of an error that shows
+        in the residual). 0 where the corner was not used.
     status
-        (N,) ``suspect``: fails its test, but stays.
+        (N,) ``suspect``: fails its test, but is kept.
     """
 
     photo: Annotated[Ints, "n"]
@@ -51,14 +51,14 @@ class CornerResults(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoResults(FrozenArrays):
-    """The M photos that could be used, and the others by name.
+    """The M usable photos, and the others by name.
 
     Attributes
     ----------
     file
         (M,) names.
     poses
-        Of the camera in the board's frame (the world is the board); covariance as scaled.
+        Of the camera in the board's frame (the world is the board); covariance after scaling.
     rms_px
         (M,) root mean square length of the residuals.
     held_out_px
@@ -69,7 +69,7 @@ class PhotoResults(FrozenArrays):
     status, reason
         (M,) why it is suspect or removed; empty where it is used.
     unusable
-        Names and reasons of photos that say nothing of the camera.
+        Names and reasons of photos without information on the camera.
     """
 
     file: Annotated[tuple[str, ...], "m"]
@@ -89,14 +89,14 @@ class ModelScore:
     Attributes
     ----------
     coefficients
-        Of distortion.
+        Number of distortion coefficients.
     aic, bic
         Information criteria: smaller is better; None where the photos do not determine the model.
     held_out_px
-        Standard deviation per coordinate of corners of photos left out; None where the model
-        cannot do without one of the photos.
+        Standard deviation per coordinate of corners of photos left out; None where the model is
+        undetermined without one of the photos.
     is_chosen
-        Whether it is the one of the result.
+        Whether it is the model of the result.
     dropped
         Why it could not be chosen; empty where it could.
     """
@@ -111,21 +111,21 @@ class ModelScore:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ImageMaps(FrozenArrays):
-    """What is known over the image; R rows of C cells.
+    """Maps over the image of residuals and projection uncertainty; R rows of C cells.
 
     Attributes
     ----------
     cell_px
-        (R, C, 2) their middles.
+        (R, C, 2) centres of the cells.
     corners
-        (R, C) how many corners lie in them.
+        (R, C) number of corners in each.
     residual_px
         (R, C, 2) mean residual; NaN without corners.
     residual_probability
-        (R, C) of so long a mean residual by chance.
+        (R, C) of such a long mean residual by chance.
     uncertainty_px
-        (R, C) standard deviation of the projection in its worst direction, once the turn of the
-        camera that hides it best is taken away; NaN where the lens has no inverse.
+        (R, C) standard deviation of the projection in its worst direction, after removal of the
+        camera rotation that compensates it best; NaN where the lens has no inverse.
     """
 
     cell_px: Annotated[Floats, "r", "c", 2]
@@ -137,23 +137,22 @@ class ImageMaps(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True)
 class CalibrationQuality:
-    """How well everything fits.
+    """Quality of fit of a calibration.
 
     Attributes
     ----------
     sigma_scale
         Factor by which the corners' sigmas were scaled to agree with the residuals.
     sigma_px
-        Standard deviation per coordinate of a corner, after that (root of the mean square).
+        Standard deviation per coordinate of a corner after scaling (root mean square).
     variance_factor, chi2_probability
-        Of the adjustment with the corners' sigmas as they were given, and of so large a factor by
-        chance.
+        Of the adjustment with the corners' sigmas as given, and of such a large factor by chance.
     degrees_of_freedom
         Observations and priors, less unknowns.
     photo_factor, photo_probability
-        How much more the photos disagree about the camera than their corners' noise explains, and
-        of so large a factor by chance; the covariance was multiplied by it where that is
-        improbable. None with too few photos.
+        Disagreement of the photos about the camera relative to that explained by their corners'
+        noise, and probability of such a large factor by chance; the covariance was multiplied by it
+        where that is improbable. None with too few photos.
     held_out_px
         Standard deviation per coordinate of corners of photos left out; None where the others do
         not determine the camera.
@@ -175,31 +174,31 @@ class CalibrationQuality:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationResult:
-    """A calibrated camera.
+    """Result of a camera calibration.
 
     Attributes
     ----------
     calibration
-        The camera, with the covariance to rely on: that of the corners, times the photo factor
+        The camera, with the recommended covariance: that of the corners, times the photo factor
         where there is one.
     covariance_given_sigma
-        (P, P) for the corners' sigmas as they were given.
+        (P, P) for the corners' sigmas as given.
     covariance_corners
-        (P, P) for the corners' sigmas as scaled, corners taken as independent: OpenCV's.
+        (P, P) for the corners' sigmas after scaling, corners treated as independent: OpenCV's.
     options
-        As used, the number of coefficients decided.
+        As used, including the chosen number of coefficients.
     board
         The board, flat.
     bow_m, bow_covariance_m2
-        (k,), (k, k) height of the board's middle over its rim, along z: one or two curvatures.
+        (k,), (k, k) height of the board's middle above its rim, along z: one or two curvatures.
     corners, photos
-        What became of each.
+        Results of each.
     quality
-        How it fits.
+        Quality of fit.
     models
         Lens models compared; at least the one used.
     maps
-        Over the image.
+        Maps over the image.
     messages
         Remarks, in words.
     """
@@ -224,19 +223,19 @@ class CalibrationResult:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LengthUncertainty(FrozenArrays):
-    """What a calibration's errors do to lengths on level ground, seen from a given pose.
+    """Effect of a calibration's errors on lengths on level ground, seen from a given pose.
 
     Attributes
     ----------
     pixel_px
         (L, 2, 2) ends of the lengths in the image.
     length
-        (L,) in heights of the camera above the ground.
+        (L,) in multiples of the camera's height above the ground.
     pose_known
-        (L,) relative standard deviation where the pose comes from elsewhere (the flight log).
+        (L,) relative standard deviation where the pose comes from another source (the flight log).
     pose_fitted
-        (L,) where the pose follows the picture: lengths relative to each other, as where known
-        lengths fix pose and scale.
+        (L,) where the pose is fitted to the picture: lengths relative to each other, as where known
+        lengths determine pose and scale.
     """
 
     pixel_px: Annotated[Floats, "n", 2, 2, Column("ends_px")]
@@ -246,7 +245,7 @@ class LengthUncertainty(FrozenArrays):
 
     @property
     def medians(self) -> tuple[float, float]:
-        """What the lens alone costs a usual length, as a share: `pose_fitted`, `pose_known`."""
+        """Median relative standard deviations from the lens alone: `pose_fitted`, `pose_known`."""
         return float(np.median(self.pose_fitted)), float(np.median(self.pose_known))
 
 
@@ -255,7 +254,7 @@ PhotoReason = tuple[str, str]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LensEffect:
-    """What the camera's errors do to lengths on level ground, at one pose.
+    """Effect of the camera's errors on lengths on level ground, at one pose.
 
     Attributes
     ----------
@@ -271,12 +270,12 @@ class LensEffect:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CalibrationAccount:
-    """All that files and pictures of a calibration are made from.
+    """Content of the files and pictures of a calibration.
 
     Attributes
     ----------
     result
-        The camera and its judgement.
+        The camera with its quality.
     provenance
         Chain of custody.
     packages
@@ -284,7 +283,7 @@ class CalibrationAccount:
     without_board
         Photos in which the board was not found, with the reason.
     common_error_px
-        Added to the corners' own sigmas in quadrature: what residuals show beside their noise.
+        Added to the corners' own sigmas in quadrature: part of the residuals beyond their noise.
     effects
         One for each of `POSES_DEG`.
     messages

@@ -1,4 +1,4 @@
-"""What a photo says of its camera, and how long a camera takes to read a photo."""
+"""Camera tags of a photo, and published readout times of rolling shutters."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 from uavgram.model.arrays import Floats, FrozenArrays
 
 TABLE_SIGMA_S = 0.005
-"""Of a published readout time: other firmware, another mode, or the way it was measured."""
+"""Standard deviation of a published readout time [s]: other firmware, mode, or measurement."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,13 +25,13 @@ class Readout:
 
 
 UNKNOWN_READOUT = Readout(value_s=0.0, sigma_s=0.030)
-"""Of a camera of which nothing is said: all rows at once, or about as slow as most in the table."""
+"""Prior for an unknown camera: all rows at once, or about as slow as most in the table."""
 
-# Milliseconds, by the most megapixels of a photo that they hold for. From OpenDroneMap's
+# Readout times [ms] by the upper limit of a photo's megapixels. From OpenDroneMap's
 # opendm/rollingshutter.py (values measured by its users with a blinking light,
-# https://github.com/OpenDroneMap/RSCalibration). The Phantom 4 Pro (FC6310) is left out: as the
-# Mavic 3 Enterprise and others with a mechanical shutter, it has two kinds, and a photo does not
-# say which one it was taken with.
+# https://github.com/OpenDroneMap/RSCalibration). The Phantom 4 Pro (FC6310) is omitted: like the
+# Mavic 3 Enterprise and others with a mechanical shutter, it has two kinds of shutter, and its
+# photos do not record which one was used.
 _ANY = float("inf")
 _PUBLISHED_MS: dict[str, tuple[tuple[float, float], ...]] = {
     "autel robotics xl724": ((_ANY, 29),),  # Nano+
@@ -63,12 +63,12 @@ _PUBLISHED_MS: dict[str, tuple[tuple[float, float], ...]] = {
 
 
 def published_readout(make: str, model: str, width_px: int, height_px: int) -> Readout | None:
-    """What is published of a camera; None where nothing is.
+    """Return the published readout time of a camera; None where there is none.
 
     Parameters
     ----------
     make, model
-        As EXIF has them.
+        As in EXIF.
     width_px, height_px
         Size of the photos: some cameras have several modes.
     """
@@ -81,14 +81,14 @@ def published_readout(make: str, model: str, width_px: int, height_px: int) -> R
 
 
 def named_camera(make: str, model: str) -> str:
-    """Make and model in words; many models begin with the make: "Canon", "Canon EOS 6D"."""
+    """Join make and model; many models begin with the make: "Canon", "Canon EOS 6D"."""
     first, stated = make.casefold().split()[:1], model.casefold().split()[:1]
     return model if first and first == stated else " ".join(filter(None, (make, model)))
 
 
 @dataclass(frozen=True, kw_only=True)
 class CameraTags:
-    """Tags of one photo about its camera; NaN or empty for what they do not say.
+    """Camera tags of one photo; NaN or empty where missing.
 
     Attributes
     ----------
@@ -101,7 +101,7 @@ class CameraTags:
     serial
         EXIF BodySerialNumber, or the maker's own tag.
     focal_mm, focal_step_mm
-        EXIF FocalLength, and the step it is rounded to.
+        EXIF FocalLength, and its rounding step.
     focal_35mm_mm
         EXIF FocalLengthIn35mmFilm.
     focal_plane_per_mm
@@ -116,7 +116,7 @@ class CameraTags:
         The maker's calibration, DJI's DewarpData: fx fy cx cy k1 k2 p1 p2 k3, and k4 k5 k6 of
         DewarpDataK6; cx and cy from the image's centre. Empty where there is none.
     dewarped
-        The maker's program took the distortion out of the photo already (DJI's DewarpFlag).
+        The maker's program has already removed the distortion from the photo (DJI's DewarpFlag).
     """
 
     path: str
@@ -137,7 +137,7 @@ class CameraTags:
 
     @property
     def camera_name(self) -> str:
-        """Make and model, as a person would say them."""
+        """Make and model, as displayed."""
         return named_camera(self.make, self.model)
 
 
@@ -150,19 +150,19 @@ class DroneCamera(FrozenArrays):
     make_model
         Make in lower case, and model, without a blank between them.
     comment
-        The table's own words for it.
+        Comment in the table.
     is_thermal
-        One of two cameras of one name may be.
+        True for the thermal one of two cameras of the same name.
     width_px, height_px
-        A whole frame.
+        Size of a full frame.
     pitch_mm
         Width and height of a pixel.
     focal_mm
-        Of a lens that the photos do not state; NaN where EXIF does.
+        Focal length of a lens whose photos do not state it; NaN where EXIF does.
     is_perspective
         False: a fisheye, with a polynomial of its own.
     distortion
-        k1 k2 p1 p2 k3; all zero where the table knows none.
+        k1 k2 p1 p2 k3; all zero where the table has none.
     """
 
     make_model: str

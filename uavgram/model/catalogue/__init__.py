@@ -1,1 +1,1 @@
-"""Every message of the program: its meaning, its place in the order, its effect on the verdict."""
+"""Catalogue of all messages: meaning, order, and effect on the verdict."""

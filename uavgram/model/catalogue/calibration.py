@@ -1,4 +1,4 @@
-"""Calibrating a camera."""
+"""Messages on the calibration of a camera."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera of a survey."""
+"""Messages on the camera of a survey."""
 
 from __future__ import annotations
 

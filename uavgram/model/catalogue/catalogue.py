@@ -53,5 +53,5 @@ CATALOGUE: Mapping[str, Entry] = MappingProxyType(
 
 
 def entry_of(code: str) -> Entry:
-    """Return the entry of a code; of an unknown one (a result of another version) an empty one."""
+    """Return the entry of a code; an empty one for an unknown code (from another version)."""
     return CATALOGUE.get(code) or Entry(code, ("info", "warning", "error"), finding="")

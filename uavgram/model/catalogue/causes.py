@@ -1,4 +1,4 @@
-"""Causes that explain other misfits."""
+"""Messages on causes that explain other misfits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An entry of the catalogue of messages, and the values that it can have."""
+"""Entries of the catalogue of messages, and their possible values."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ WARNING_OR_NOTE: tuple[Level, ...] = ("warning", "info")
 
 
 class Order(IntEnum):
-    """Place of a message among those of its level: causes first, their consequences last."""
+    """Position of a message among those of its level: causes first, their consequences last."""
 
     CAUSE_OF_ALL = auto()
-    """Found, and explains misfits of the whole survey; before errors."""
+    """Cause that explains misfits of the whole survey; before errors."""
     CAUSE_OF_ONE = auto()
-    """Found, and explains the misfit of one photo, label or length; before errors."""
+    """Cause that explains the misfit of one photo, label or length; before errors."""
     POSSIBLE_CAUSE = auto()
     LOG_FAULT = auto()
     LOG_GAP = auto()
@@ -34,9 +34,9 @@ class Order(IntEnum):
     UNCHECKED = auto()
     OTHER = auto()
     EXCLUDED = auto()
-    """Photos and picks without a part in the result, which another message explains."""
+    """Photos and picks that are not used, for a reason given by another message."""
     GROUP = auto()
-    """Sums of what other messages name one by one."""
+    """Totals of findings that other messages list one by one."""
     APPROXIMATION = auto()
 
     @property
@@ -46,7 +46,7 @@ class Order(IntEnum):
 
 
 class Effect(Enum):
-    """Effect of a warning or error on the verdict; its value states it for people."""
+    """Effect of a warning or error on the verdict; its value is the text for people."""
 
     NONE = ""
     AMBER = "At best amber: something does not fit."
@@ -57,32 +57,33 @@ class Effect(Enum):
 
 @dataclass(frozen=True)
 class Entry:
-    """All that is fixed about the messages of one code.
+    """Fixed properties of the messages of one code.
 
     Attributes
     ----------
     code
-        Of the message, kebab-case; never renamed.
+        Code of the message, kebab-case; never renamed.
     levels
-        That its messages can have. A message that a cause explains is ``info`` besides.
+        Possible levels. A message that a cause explains may also be ``info``.
     finding
-        What was found.
+        The finding.
     consequence
-        For the numbers, beside the effect on the verdict; empty where there is none.
+        Consequence for the numbers, beside the effect on the verdict; empty where there is none.
     action
-        What the reader should do; empty where nothing has to be done.
+        Action for the reader; empty where none is needed.
     effect
-        On the verdict.
+        Effect on the verdict.
     order
-        Place in the list of messages.
+        Position in the list of messages.
     one, several
-        The reason of a verdict in one sentence, of one object and of several (empty: the same
+        The reason of a verdict in one sentence, for one object and for several (empty: the same
         sentence), with ``{labels}``, ``{frames}``, ``{lengths}``, ``{measurements}`` and
         ``{count}``. Without it, the reason is the beginning of the message's own text.
     labels_of_one
-        Labels that a message names of one object.
+        Number of labels in a message about one object.
     accuses
-        Whether it accuses an observation. It becomes a note where a cause explains the misfit.
+        Whether it declares an observation suspect. It becomes a note where a cause explains the
+        misfit.
     part_of
         Code of a message that contains this one as a reason of the verdict.
     is_detail
@@ -111,11 +112,11 @@ class Subject:
     Attributes
     ----------
     title
-        Of its section.
+        Title of its section.
     entries
         In the order of the section.
     introduction
-        Before the entries; may be empty.
+        Text before the entries; may be empty.
     """
 
     title: str

@@ -1,4 +1,4 @@
-"""The flight log."""
+"""Messages on the flight log."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Observations that were left out or removed, and data that is not used."""
+"""Messages on observations that were left out or removed, and on data that is not used."""
 
 from __future__ import annotations
 

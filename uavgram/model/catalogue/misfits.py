@@ -1,4 +1,4 @@
-"""Observations that do not fit."""
+"""Messages on observations that do not fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Photos, their times and the places where they were taken."""
+"""Messages on photos, their times and the positions from which they were taken."""
 
 from __future__ import annotations
 

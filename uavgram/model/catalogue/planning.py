@@ -1,4 +1,4 @@
-"""Planning a flight."""
+"""Messages on the planning of a flight."""
 
 from __future__ import annotations
 

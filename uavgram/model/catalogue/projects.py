@@ -1,4 +1,4 @@
-"""A new project, tie points, products, imports and targets."""
+"""Messages on a new project, tie points, products, imports and targets."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far a result can be trusted; the ground."""
+"""Messages on the trustworthiness of a result, and on the ground."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""What a flight left behind: log, photos, poses."""
+"""Data of a flight: log, photos, poses."""

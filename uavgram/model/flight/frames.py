@@ -1,4 +1,4 @@
-"""Photos as files, frames as instants, and what is known of their poses before adjusting."""
+"""Photos as files, frames with their times of exposure, and pairs of photos and camera events."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ TimeSource = Literal["exif", "filename", "none"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Photos(FrozenArrays):
-    """F photos as they lie on disk, in the order of their names.
+    """F photo files, in the order of their names.
 
     Attributes
     ----------
     frame_id
         (F,) file names, unique in the project.
     path
-        (F,) where they are.
+        (F,) paths.
     width_px, height_px
         (F,) size of the stored, unrotated image.
     file_time_s
-        (F,) the camera clock's reading as UTC seconds since the Unix epoch (a stated zone taken
-        off, otherwise read as if it were UTC); NaN where the file states none.
+        (F,) the camera clock's reading as UTC seconds since the Unix epoch (corrected for a stated
+        zone, otherwise read as if it were UTC); NaN where the file has none.
     file_time_resolution_s
-        (F,) the step of that reading: 1.0 for plain EXIF, 0.001 with three sub-second digits.
+        (F,) resolution of that reading: 1.0 for plain EXIF, 0.001 with three sub-second digits.
     time_source
-        Where the readings come from, one for all photos.
+        Source of the readings, one for all photos.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -42,7 +42,7 @@ class Photos(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Frames(FrozenArrays):
-    """F frames and the instants of their exposures.
+    """F frames and their times of exposure.
 
     Attributes
     ----------
@@ -51,19 +51,19 @@ class Frames(FrozenArrays):
     time_utc_s
         (F,) UTC seconds since the Unix epoch; NaN where unknown.
     sigma_time_s
-        (F,) of each frame's own timing error (resolution, jitter), without what all frames have
-        in common; NaN where the time is.
+        (F,) of each frame's own timing error (resolution, jitter), without the error common to all
+        frames; NaN where the time is.
     matched
-        (F,) whether the instant lies inside the flight log.
+        (F,) whether the time is within the flight log.
     reason
         (F,) why a frame is unmatched; empty where it is matched.
     clock_offset_s
-        Camera clock minus UTC, as assumed here (a file time t was really t - offset).
+        Assumed camera clock minus UTC (a file time t was really t - offset).
     clock_offset_sigma_s
         Its prior standard deviation, common to all frames.
     clock_drift_sigma
         Prior standard deviation of the camera clock's drift against the flight's (dimensionless;
-        1e-6 is 1 ppm); 0 where the instants are those of the flight's own clock.
+        1e-6 is 1 ppm); 0 where the times are those of the flight's own clock.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -81,7 +81,7 @@ PairStatus = Literal["certain", "hidden", "crowded", "none"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pairing(FrozenArrays):
-    """F photos and E camera events of one boot.
+    """Pairing of F photos with E camera events of one boot.
 
     Attributes
     ----------
@@ -96,9 +96,9 @@ class Pairing(FrozenArrays):
     reason
         (F,) why a photo has no certain event; empty where it has.
     unused_event
-        (U,) rows of the boot's camera events that no photo was paired with.
+        (U,) rows of the boot's camera events without a photo.
     unused_reason
-        (U,) where they lie among the photos.
+        (U,) their position among the photos.
     drift, drift_sigma
         Of the camera's clock against the autopilot's.
     """

@@ -1,4 +1,4 @@
-"""Flight log: neutral tables for each boot, second opinions, and a summary."""
+"""Flight log: neutral tables for each boot, redundant measurements for checks, and a summary."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class VelocitySamples(FrozenArrays):
     ned_m_s
         (N, 3) north, east, down.
     source
-        The message they come from.
+        Log message of these samples.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -44,7 +44,7 @@ class VelocitySamples(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TurnRateSamples(FrozenArrays):
-    """N rates at which the vehicle turns, by its gyroscopes: no reset of an estimator moves them.
+    """N angular rates of the vehicle from its gyroscopes, unaffected by resets of an estimator.
 
     Attributes
     ----------
@@ -53,7 +53,7 @@ class TurnRateSamples(FrozenArrays):
     body_rad_s
         (N, 3) about the body's axes forward, right, down.
     source
-        The message they come from.
+        Log message of these samples.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -63,12 +63,12 @@ class TurnRateSamples(FrozenArrays):
 
 @dataclass(frozen=True)
 class EstimatorReset:
-    """The autopilot's own word that its estimator began anew.
+    """Reset of its estimator, as reported by the autopilot.
 
     Attributes
     ----------
     time_boot_s
-        When.
+        Time of the reset.
     what
         In plain words, such as ``reset of the heading``.
     """
@@ -79,18 +79,19 @@ class EstimatorReset:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightEvidence(FrozenArrays):
-    """What a track can be held against, on its clock and in its world.
+    """Redundant measurements to check a track, in its clock and its world.
 
     Attributes
     ----------
     velocity_time_s, velocity_world_m_s
-        (V,) strictly increasing UTC, (V, 3); V = 0 where the log states no velocity.
+        (V,) strictly increasing UTC, (V, 3); V = 0 where the log has no velocity.
     receiver_time_s, receiver_world_m
-        (R,), (R, 3) places by the receiver alone; R = 0 where the log has none beside the track's.
+        (R,), (R, 3) positions by the receiver alone; R = 0 where the log has only the track's
+        positions.
     turn_time_s, turn_body_rad_s
-        (T,), (T, 3) rates of the vehicle's turn about its own axes; T = 0 where it states none.
+        (T,), (T, 3) angular rates of the vehicle about its own axes; T = 0 where the log has none.
     resets
-        (UTC, what) of every stated reset, in the order of time.
+        (UTC, what) of every reported reset, in the order of time.
     """
 
     velocity_time_s: Annotated[Floats, "v"]
@@ -104,20 +105,20 @@ class FlightEvidence(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True)
 class LogFault:
-    """One place where a log contradicts itself.
+    """One contradiction within a log.
 
     Attributes
     ----------
     kind
-        Of fault.
+        Kind of fault.
     start_s, end_s
-        UTC; of a jump the two samples between which it lies.
+        UTC; for a jump, the two samples before and after it.
     change
-        East, north, up: of a jump what no movement explains [m], or the turn about these axes
-        [rad]; of other faults how wrong the log may be from `start_s` to `end_s`, in the same
-        units.
+        East, north, up: for a jump the displacement that no movement explains [m], or the rotation
+        about these axes [rad]; for other faults the possible error of the log from `start_s` to
+        `end_s`, in the same units.
     resets
-        What the autopilot itself noted then; empty where it is silent.
+        Resets reported by the autopilot at that time; empty where there are none.
     """
 
     kind: FaultKind
@@ -128,12 +129,12 @@ class LogFault:
 
     @property
     def is_jump(self) -> bool:
-        """Whether the log is right before and behind it, but for what lies between the two."""
+        """Whether the log is right before and after it, but for the difference of the two."""
         return self.kind in ("position-jump", "attitude-jump")
 
     @property
     def is_of_attitude(self) -> bool:
-        """Whether it leaves directions in doubt, and not places."""
+        """Whether it makes directions uncertain, instead of positions."""
         return self.kind.startswith(("attitude", "gimbal"))
 
     @property
@@ -164,11 +165,11 @@ class PositionSamples(FrozenArrays):
     height_m
         (N,) above `datum`.
     height_home_m
-        (N,) above home as the log has it; NaN where it has none.
+        (N,) above home in the log; NaN where it has none.
     datum
-        What `height_m` is above.
+        Datum of `height_m`.
     source
-        The message they come from, such as ``POS`` or ``GLOBAL_POSITION_INT``.
+        Log message of these samples, such as ``POS`` or ``GLOBAL_POSITION_INT``.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -191,7 +192,7 @@ class AttitudeSamples(FrozenArrays):
     ned_from_body_xyzw
         (N, 4) unit quaternions, body FRD to local NED.
     source
-        The message they come from.
+        Log message of these samples.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -201,7 +202,7 @@ class AttitudeSamples(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GimbalSamples(FrozenArrays):
-    """N attitudes of the gimbal: roll and pitch earth-referenced, yaw as `yaw_frame` says.
+    """N attitudes of the gimbal: roll and pitch earth-referenced, yaw relative to `yaw_frame`.
 
     Attributes
     ----------
@@ -213,7 +214,7 @@ class GimbalSamples(FrozenArrays):
         ``earth``: from north; ``vehicle``: from the vehicle's heading, whose yaw (only) is to be
         added.
     source
-        The message they come from.
+        Log message of these samples.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -226,7 +227,7 @@ class GimbalSamples(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EstimatorSigmas(FrozenArrays):
-    """N statements of the estimator about its own standard deviations; NaN where it is silent.
+    """N standard deviations reported by the estimator; NaN where it reports none.
 
     Attributes
     ----------
@@ -239,7 +240,7 @@ class EstimatorSigmas(FrozenArrays):
     is_fixed
         (N,) whether the receiver had a fixed RTK solution. Empty: never.
     source
-        The messages they come from.
+        Log messages of these samples.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -258,18 +259,19 @@ class EstimatorSigmas(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ReceptionSamples(FrozenArrays):
-    """N statements of the satellite receiver about what it hears; NaN where it is silent.
+    """N reports of satellite reception by the receiver; NaN where it reports none.
 
     Attributes
     ----------
     time_boot_s
         (N,) increasing.
     satellites
-        (N,) number of those in use.
+        (N,) number of satellites in use.
     hdop
-        (N,) by which their directions multiply errors, horizontally: below 1 is good.
+        (N,) horizontal dilution of precision, the factor from range to position errors: below 1 is
+        good.
     source
-        The message they come from.
+        Log message of these samples.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -280,7 +282,7 @@ class ReceptionSamples(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraEvents(FrozenArrays):
-    """N exposures that the log knows of.
+    """N exposures recorded in the log.
 
     Attributes
     ----------
@@ -291,15 +293,15 @@ class CameraEvents(FrozenArrays):
     confirmed
         (N,) 1.0 where the camera's feedback confirms it, 0.0 where only the trigger is known.
     source
-        The messages they come from, such as ``CAM`` or ``TRIG+CAM``.
+        Log messages of these samples, such as ``CAM`` or ``TRIG+CAM``.
     instant
-        What the times of confirmed events are: ``feedback``, stamped by a wire from the camera
-        (the exposure itself); ``command``, when the autopilot ordered it, a shutter's lag earlier.
+        Meaning of the times of confirmed events: ``feedback``, stamped by a wire from the camera
+        (the exposure itself); ``command``, the order of the autopilot, earlier by the shutter lag.
     repeated
-        Image numbers that the log states more than once, each once and sorted.
+        Image numbers that occur more than once in the log, each once and sorted.
     lost
         Image numbers that are missing between the first and the last, sorted: shots that the
-        autopilot counted and this log does not hold.
+        autopilot counted but this log does not contain.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -331,16 +333,16 @@ class ClockSamples(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HomeSamples(FrozenArrays):
-    """N statements of home, each in force from its time on.
+    """N home positions, each valid from its time on.
 
     Attributes
     ----------
     time_boot_s, latitude_deg, longitude_deg, height_m
         (N,); height above `datum`.
     datum
-        What `height_m` is above.
+        Datum of `height_m`.
     source
-        The message they come from.
+        Log message of these samples.
     """
 
     time_boot_s: Annotated[Floats, "n"]
@@ -355,8 +357,8 @@ class HomeSamples(FrozenArrays):
 class Boot:
     """One power-up of one autopilot: all of its tables share one boot clock.
 
-    A table that the log does not have is empty in `clocks` and `resets`, and None elsewhere.
-    `receiver` are its places where `positions` are another's.
+    A table that is not in the log is empty in `clocks` and `resets`, and None elsewhere. `receiver`
+    has the receiver's positions where `positions` come from another source.
     """
 
     positions: PositionSamples | None
@@ -375,7 +377,7 @@ class Boot:
 
 @dataclass(frozen=True, kw_only=True)
 class MessageCount:
-    """How often one message type occurs in a log, and between which times since boot [s]."""
+    """Number of messages of one type in a log; first and last time since boot [s]."""
 
     name: str
     count: int
@@ -385,22 +387,22 @@ class MessageCount:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FlightLog:
-    """A flight log, read.
+    """Contents of a flight log.
 
     Attributes
     ----------
     path, kind
         The file; ``dataflash``, ``tlog`` or ``ulog``.
     vehicle, firmware
-        As the log states them; empty where it does not.
+        As stated in the log; empty where it does not.
     boots
         At least one, once its messages are read.
     messages
-        What the file holds, by type, sorted by name.
+        Numbers of messages in the file by type, sorted by name.
     undulation_m
         Geoid height above the ellipsoid from the log itself; NaN where it has none.
     notes
-        What was odd about the file (bad bytes skipped, a truncated tail...), in plain words.
+        Irregularities of the file (bad bytes skipped, a truncated tail...), in plain words.
     """
 
     path: str
@@ -415,16 +417,16 @@ class FlightLog:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BootClock:
-    """The line from one boot's clock to UTC: ``utc = offset_s + rate * time_boot``.
+    """Linear relation of one boot's clock to UTC: ``utc = offset_s + rate * time_boot``.
 
     Attributes
     ----------
     offset_s, rate
-        Of the line; rate is 1 + drift.
+        Parameters of the line; rate is 1 + drift.
     sigma_s
-        Standard deviation of a converted instant, common to the boot.
+        Standard deviation of a converted time, common to the boot.
     source
-        Which clock samples it was made of.
+        Clock samples from which it was made.
     drift_sigma
         Standard deviation of the rate, about the middle of the samples; NaN where not stated.
     scatter_s
@@ -441,7 +443,7 @@ class BootClock:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track(FrozenArrays):
-    """A flight in the local ENU world on the UTC clock, ready to be interpolated.
+    """Flight in the local ENU world and in UTC, ready for interpolation.
 
     Attributes
     ----------
@@ -464,7 +466,7 @@ class Track(FrozenArrays):
     sigma_attitude_rad
         (S, 2) of roll and pitch, and of yaw.
     source
-        Which messages it is made of.
+        Log messages from which it is made.
     """
 
     position_time_s: Annotated[Floats, "n"]
@@ -481,29 +483,28 @@ class Track(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BootSummary(FrozenArrays):
-    """One boot, judged.
+    """Summary of one boot with its checks.
 
     Attributes
     ----------
     boot
         Its tables.
     clock
-        Its line to UTC; None where the log has none.
+        Its relation to UTC; None where the log has none.
     span_utc
         First and last position, for people; empty without a clock.
     track_m
         (N, 2) positions, metres east and north of the first.
     path_m
-        Length of the way over ground.
+        Length of the path over ground.
     clock_time_s, clock_residual_s
-        (C,) boot times of the readings that the clock was made of, and by how much each is ahead
-        of its line.
+        (C,) boot times of the clock samples, and their deviations from the line (positive: ahead).
     event_track_m
-        (E, 2) where the camera events lie on the track; NaN outside of it.
+        (E, 2) positions of the camera events on the track; NaN outside of it.
     home_moves_m
-        The furthest that home moves from where it first was.
+        Largest distance of home from its first position.
     messages
-        What is odd about the clock, the track, the events.
+        Irregularities of the clock, the track, the events.
     """
 
     boot: Boot
@@ -520,7 +521,7 @@ class BootSummary(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LogSummary:
-    """A flight log and its judged boots."""
+    """A flight log and the summaries of its boots."""
 
     log: FlightLog
     boots: tuple[BootSummary, ...]

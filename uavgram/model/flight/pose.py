@@ -1,4 +1,4 @@
-"""Exterior orientation: camera poses with covariances, and those that come with photos."""
+"""Exterior orientation: camera poses with covariances, telemetry priors, poses from photos."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ class Poses(FrozenArrays):
     covariance: Annotated[Floats, "n", 6, 6]
 
     def take(self, index: Ints) -> Poses:
-        """Some of the poses, in the order of `index`."""
+        """Return selected poses, in the order of `index`."""
         return replace(self, **rows_of(self, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TelemetryPrior(FrozenArrays):
-    """What the flight log says of N poses, without what is a shared unknown of the adjustment.
+    """Prior of N poses from the flight log, without the shared unknowns of the adjustment.
 
-    A camera stands at ``p(t) - bias + Rb l`` and looks along ``Rz Rm(t) C exp(boresight)`` with
-    t = `time_s` - clock correction - drift (`time_s` - `middle_s`); see
+    A camera is at ``p(t) - bias + Rb l`` and has the rotation ``Rz Rm(t) C exp(boresight)`` with t
+    = `time_s` - clock correction - drift (`time_s` - `middle_s`); see
     geometry/motion/telemetry_pose.py.
 
     Attributes
@@ -51,16 +51,17 @@ class TelemetryPrior(FrozenArrays):
     frame_index
         (N,) into the survey's frames.
     time_s
-        (N,) UTC instants at zero clock correction.
+        (N,) UTC at zero clock correction.
     middle_s
-        Of all exposures of the flight: where a drift leaves the clock correction alone.
+        Middle of all exposures of the flight: the time at which a drift does not change the clock
+        correction.
     gimbal_from_camera
         (3, 3) camera axes in the mount's frame (of the gimbal, or of the body).
     covariance
         (N, 6, 6) independent from frame to frame: (δcentre world m, δθ camera rad).
     clock_sigma_s, clock_drift_sigma
-        Prior sigmas of the clock correction, and of the clock's drift (dimensionless; 1e-6 is
-        1 ppm).
+        Prior sigmas of the clock correction, and of the clock's drift (dimensionless; 1e-6 is 1
+        ppm).
     boresight_sigma_rad, heading_bias_sigma_rad
         Prior sigmas of those shared unknowns.
     lever_arm_m, lever_arm_sigma_m
@@ -68,9 +69,9 @@ class TelemetryPrior(FrozenArrays):
     position_bias_sigma_m
         (3,) east, north, up.
     heading_bias_rad
-        Where the heading bias is looked for: the mean of its prior, which the seeds share.
+        Prior mean of the heading bias, which the seeds share.
     mount_is_assumed
-        Whether nobody states where the camera looks, neither log, photos nor project.
+        Whether the viewing direction is assumed, as neither log, photos nor project state it.
     """
 
     frame_index: Annotated[Ints, "n"]
@@ -91,7 +92,7 @@ class TelemetryPrior(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CandidatePoses(FrozenArrays):
-    """Poses that one frame may have, best first: where an adjustment may start.
+    """Possible poses of one frame, best first, as starting values of an adjustment.
 
     Attributes
     ----------
@@ -100,7 +101,7 @@ class CandidatePoses(FrozenArrays):
     center_world_m, world_from_camera
         (S, 3), (S, 3, 3).
     misfit
-        (S,) how badly each fits what it was made from; 0 is exact.
+        (S,) misfit of each to the data from which it was made; 0 is exact.
     """
 
     frame_id: str
@@ -114,23 +115,23 @@ PoseChoice = Literal["seed", "refined"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GeoTags(FrozenArrays):
-    """N photos as other programs want to know them.
+    """Poses of N photos in the form that other programs read.
 
     Attributes
     ----------
     frame_id, path
-        (N,) name, and where the photo is.
+        (N,) name and path of the photo.
     pose
-        (N,) which pose the row was made of.
+        (N,) pose from which the row was made.
     latitude_deg, longitude_deg, height_m
         (N,) WGS 84 of the projection centre, height above `datum`.
     datum
-        What the heights are above.
+        Datum of the heights.
     gimbal_ypr_rad, nadir_ypr_rad
-        (N, 3) yaw, pitch, roll in both conventions of geometry/motion/camera_motion.py, yaw in
-        [0, 2 pi).
+        (N, 3) yaw, pitch, roll in both conventions of geometry/motion/camera_motion.py, yaw in [0,
+        2 pi).
     sigma_horizontal_m, sigma_vertical_m
-        (N,) the larger axis of the horizontal standard ellipse, and of the height.
+        (N,) semi-major axis of the horizontal standard ellipse, and sigma of the height.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -150,13 +151,13 @@ _UNSTATED: Floats = np.empty(0)
 
 
 def unstated() -> Floats:
-    """Stand for a column of NaN: the source of the poses does not state it."""
+    """Return the placeholder for a column of NaN that the source of the poses does not provide."""
     return _UNSTATED
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoPoses(FrozenArrays):
-    """N photos with a place each, and perhaps an attitude, as their source states them.
+    """Positions and perhaps attitudes of N photos, as stated by their source.
 
     Attributes
     ----------
@@ -165,25 +166,25 @@ class PhotoPoses(FrozenArrays):
     latitude_deg, longitude_deg
         (N,) WGS 84, of the camera; NaN where only another source has it.
     height_m
-        (N,) above `datum`; NaN where the place is.
+        (N,) above `datum`; NaN where the position is.
     height_home_m
         (N,) above the take-off point; NaN where unknown.
     datum
-        What `height_m` is above.
+        Datum of `height_m`.
     datum_guess
         Why this datum was assumed; empty where the source states it.
     time_utc_s
-        (N,) UTC seconds since the Unix epoch, where the source itself states the exposure (not
-        the camera's clock); NaN elsewhere.
+        (N,) UTC seconds since the Unix epoch, where the source itself states the exposure (not the
+        camera's clock); NaN elsewhere.
     ypr_rad
-        (N, 3) yaw (from north), pitch, roll, Z-Y-X, of the gimbal: x the optical axis, -z image
-        up, so pitch -90 degrees looks straight down; NaN where unknown.
+        (N, 3) yaw (from north), pitch, roll, Z-Y-X, of the gimbal: x the optical axis, -z image up,
+        so pitch -90 degrees is straight down; NaN where unknown.
     vehicle_ypr_rad
         (N, 3) of the vehicle, body FRD; NaN where unknown.
     sigma_horizontal_m, sigma_vertical_m, sigma_attitude_rad
         (N,) standard deviations of each axis; NaN where the source states none.
     source
-        What they were read from, in words.
+        Name of the source, in words.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -210,20 +211,20 @@ class PhotoPoses(FrozenArrays):
         super().__post_init__()
 
     def rows(self, index: Ints) -> PhotoPoses:
-        """Pick the photos at `index` (M,), in that order."""
+        """Return the photos at `index` (M,), in that order."""
         return replace(self, **rows_of(self, index))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PhotoExposures(FrozenArrays):
-    """Photo poses in the local world: exposures that no clock can move.
+    """Photo poses in the local world: exposures that do not depend on a clock.
 
     Attributes
     ----------
     frame_id
         (N,) names.
     position_world_m
-        (N, 3) of the reference point that the source states.
+        (N, 3) of the reference point of the source.
     world_from_body
         (N, 3, 3) the vehicle, in whose axes the lever arm is given.
     world_from_gimbal
@@ -235,7 +236,7 @@ class PhotoExposures(FrozenArrays):
     by_course
         (N,) True where the yaw is only the course from photo to photo.
     source
-        Where they come from.
+        Name of the source.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -248,21 +249,21 @@ class PhotoExposures(FrozenArrays):
     source: str
 
     def rows_of(self, names: Iterable[str]) -> Ints:
-        """(n,) row of each name."""
+        """Return the (n,) row of each name."""
         row = {name: k for k, name in enumerate(self.frame_id)}
         return np.array([row[name] for name in names], dtype=np.int64)
 
 
 Flight = Track | PhotoExposures
-"""What an exposure is looked up in: by its time, or by its photo."""
+"""Source in which an exposure is looked up: by its time, or by its photo."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Telemetry:
     """Seed poses, their prior for the adjustment, and the flight (or the photos' own poses).
 
-    `correlation_s` is the range of the time over which errors of frames go together; None: each is
-    on its own.
+    `correlation_s` is the range of the time over which errors of frames are correlated; None: they
+    are independent.
     """
 
     poses: Poses

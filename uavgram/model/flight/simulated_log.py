@@ -1,4 +1,4 @@
-"""What the autopilot of a synthetic flight recorded."""
+"""Autopilot log of a synthetic flight."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uavgram.model.arrays import Floats, FrozenArrays
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SimulatedLog(FrozenArrays):
-    """What the autopilot recorded, with its errors.
+    """Recording of the autopilot, with its errors.
 
     Attributes
     ----------
@@ -27,7 +27,7 @@ class SimulatedLog(FrozenArrays):
     gimbal_time_s, gimbal_rpy_rad
         (L,), (L, 3) roll and pitch from the earth, yaw from the vehicle's heading.
     gps_time_s, gps_geodetic, gps_accuracy_m
-        (G,), (G, 3), (G, 2) horizontal and vertical, as the receiver states it.
+        (G,), (G, 3), (G, 2) horizontal and vertical, as stated by the receiver.
     event_time_s, event_geodetic, event_rpy_rad
         (E,), (E, 3), (E, 3) exposures; attitude of the vehicle.
     """

@@ -1,1 +1,1 @@
-"""Everything that a run computed, as frozen, batched data."""
+"""Results of a run, as frozen, batched data."""

@@ -1,4 +1,4 @@
-"""Known things and lines of position, as given and as adjusted."""
+"""Known quantities and lines of position, as given and as adjusted."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays
 
 LineOfPositionStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
-"""As of a known thing; a line is never idle in a world that has its place."""
+"""Status as of a known quantity; never ``idle``, as a line always constrains a placed world."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControlLineResults(FrozenArrays):
-    """L lines, in a world that has its place; NaN stands for "there is none".
+    """L lines of position in a georeferenced world; NaN means "there is none".
 
     Attributes
     ----------
@@ -26,7 +26,7 @@ class ControlLineResults(FrozenArrays):
     has_height
         (L,) whether the heights are known.
     sigma_m
-        (L,) of the line's place, square to it, in its middle.
+        (L,) of the line's position, perpendicular to it, in its middle.
     offset_m
         (L,) of the adjusted points from the line, in plan: the largest, positive to the left.
     w, redundancy, mdb_m
@@ -68,7 +68,7 @@ KnownStatus = Literal["used", "suspect", "removed", "checked", "unseen", "idle"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownResults(FrozenArrays):
-    """N known things; NaN stands for "there is none".
+    """N known quantities; NaN means "there is none".
 
     Attributes
     ----------
@@ -79,19 +79,19 @@ class KnownResults(FrozenArrays):
     unit
         (N,) m, m2 or deg.
     adjusted, adjusted_sigma
-        (N,) the value between the adjusted points, and its sigma. Of a condition, by how much it
-        is not met: of several numbers (offsets of points from a line) the root of the sum of
-        squares, without a sigma.
+        (N,) the value between the adjusted points, and its sigma. For a condition, its misclosure:
+        for several numbers (offsets of points from a line) the root of the sum of squares, without
+        a sigma.
     residual
-        (N,) adjusted less given; of a condition the same as `adjusted`.
+        (N,) adjusted less given; for a condition the same as `adjusted`.
     w, redundancy, mdb
-        (N,) Baarda's standardised residual, redundancy number and minimal detectable bias; of
-        several numbers the largest w (in magnitude), the mean redundancy, and the largest bias. Of
-        what was withheld w is the error over the joint sigma (of several numbers, a normal
-        deviate as unlikely as their chi-square), the others NaN.
+        (N,) Baarda's standardised residual, redundancy number and minimal detectable bias; for
+        several numbers the largest w (in magnitude), the mean redundancy, and the largest bias. For
+        withheld ones w is the error over the joint sigma (for several numbers, a normal deviate as
+        unlikely as their chi-square), the others NaN.
     status
         (N,) ``used``, ``suspect``, ``removed``, ``checked`` (withheld), ``unseen``, ``idle`` (all
-        of its points lie on the ground, of which it says nothing).
+        of its points are on the ground, which it does not constrain).
     """
 
     name: Annotated[tuple[str, ...], "n"]

@@ -1,4 +1,4 @@
-"""Parts of photos that a report shows, and which parts those are."""
+"""Parts of photos that a report shows, and the ground picture of its plan."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ Subject = Literal["overview", "point", "measurement"]
 
 @dataclass(frozen=True, kw_only=True)
 class Region:
-    """A part of a photo to be shown.
+    """Part of a photo to be shown.
 
     Attributes
     ----------
     subject, row
-        What it shows, and the row of that among the points or the measurements; 0 of an overview.
+        Kind of subject, and its row among the points or the measurements; 0 for an overview.
     frame
         Row of the photo among the frames.
     left_px, top_px, width_px, height_px
-        Whole pixels of the photo: the first column and row, and how many.
+        Whole pixels of the photo: the first column and row, and their numbers.
     """
 
     subject: Subject
@@ -33,19 +33,19 @@ class Region:
 
 @dataclass(frozen=True, kw_only=True)
 class Picture:
-    """What a region looks like.
+    """Picture of a region.
 
     Attributes
     ----------
     region
-        Of the photo.
+        Region of the photo.
     jpeg
-        Of that part, perhaps reduced.
+        Image of that part, perhaps reduced.
     shown_px
-        Its width in pixels of its own: less than the region's where it is reduced.
+        Its width in its own pixels: less than the region's where it is reduced.
     stretch
         Values of the photo that are shown as black and as white, and gamma; None where it is shown
-        as it is.
+        unchanged.
     """
 
     region: Region
@@ -56,7 +56,7 @@ class Picture:
 
 @dataclass(frozen=True, kw_only=True)
 class GroundPicture:
-    """The ground from straight above, put together from photos.
+    """Top view of the ground, composed from photos.
 
     Attributes
     ----------
@@ -80,16 +80,16 @@ class GroundPicture:
 
 @dataclass(frozen=True, kw_only=True)
 class Pictures:
-    """All that a report shows of the photos.
+    """All pictures in a report.
 
     Attributes
     ----------
     shown
         The overview first, then points and measurements by their rows.
     left_out
-        Names of points and measurements of which no picture is shown.
+        Names of points and measurements without a picture.
     ground
-        Below the plan; None where photos show none of it.
+        Top view below the plan; None where photos show none of it.
     """
 
     shown: tuple[Picture, ...] = ()
@@ -98,4 +98,4 @@ class Pictures:
 
 
 NO_PICTURES = Pictures()
-"""Of a report without photos."""
+"""Pictures of a report without photos."""

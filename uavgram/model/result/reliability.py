@@ -1,6 +1,6 @@
 """Reliability of a result: error budget, noise, and effects of undetected errors.
 
-NaN (or an empty name) stands for "there is none".
+NaN (or an empty name) means "there is none".
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ class ErrorBudget(FrozenArrays):
     Attributes
     ----------
     source
-        (S,) names for people, such as ``picks``; what contributes nothing anywhere is left out.
+        (S,) names for people, such as ``picks``; sources that contribute nothing are left out.
     share
         (M, S) of the variance, rows add up to 1; NaN where there is no value.
     """
@@ -37,21 +37,21 @@ PICKED: dict[str, str] = {
     "match": "matches",
     "tie": "tie points",
 }
-"""What is seen in photos, by who found it: a group of its own, with a sigma of its own."""
+"""Origins of image points, each a group with a sigma of its own, and their displayed names."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PickNoise:
-    """The sigma of picks of one source.
+    """Noise of the picks of one source.
 
     Attributes
     ----------
     source
-        How they were made: one of `PICKED`.
+        Origin of the picks: one of `PICKED`.
     stated_px
         Their sigma as stated (root mean square) [px].
     factor, sigma
-        What it is multiplied by, and the standard deviation of that factor.
+        Estimated factor of that sigma, and the standard deviation of that factor.
     """
 
     source: str
@@ -62,14 +62,14 @@ class PickNoise:
 
 @dataclass(frozen=True, kw_only=True)
 class LearntSigma:
-    """A sigma in metres.
+    """Estimate of a sigma in metres.
 
     Attributes
     ----------
     stated_m
         As stated (root mean square) [m].
     factor, sigma
-        What it is multiplied by, and the standard deviation of that factor.
+        Estimated factor of that sigma, and the standard deviation of that factor.
     """
 
     stated_m: float
@@ -79,22 +79,22 @@ class LearntSigma:
 
 @dataclass(frozen=True, kw_only=True)
 class AreaNoise:
-    """How far the ground of one area departs from its plane.
+    """Departure of the ground of one area from its plane.
 
     Attributes
     ----------
     area
         Its name.
     stated_m, estimated_m, sigma_m
-        Each point's own departure (roughness): as stated, as found, and the standard deviation of
-        that [m].
+        Each point's own departure (roughness): as stated, as estimated, and the standard deviation
+        of the estimate [m].
     shape
-        What else the ground is: ``quadratic`` (a crown or a hollow) or ``correlated`` (relief that
-        changes smoothly); ``plane``: nothing else.
+        Shape of the smooth departures: ``quadratic`` (a crown or a hollow) or ``correlated``
+        (relief that changes smoothly); ``plane``: none.
     relief_m
         Size of these smooth departures (root mean square at the points) [m]; 0 for a plane.
     probability
-        Of so uneven a ground by chance, where it is as stated.
+        Of such an uneven ground by chance, if it is as stated.
     """
 
     area: str
@@ -107,15 +107,15 @@ class AreaNoise:
 
     @property
     def size_m(self) -> float:
-        """How far a point lies off the plane: roughness and smooth departures together [m]."""
+        """Departure of a point from the plane: roughness and smooth departures together [m]."""
         return math.hypot(self.estimated_m, self.relief_m)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
-    """What the survey says of the errors of its picks and taped lengths, and of its ground.
+    """Noise of picks and taped lengths, and unevenness of the ground, estimated from the survey.
 
-    `identification` is how far people pick beside what was meant, alike in all photos.
+    `identification` is the deviation of the picked from the intended point, the same in all photos.
     """
 
     picks: tuple[PickNoise, ...]
@@ -124,24 +124,24 @@ class Noise:
     identification: LearntSigma | None = None
 
     def called(self, picks: PickNoise) -> str:
-        """What picks of one source are called; just picks where people made all."""
+        """Return the name of the picks of one source; just picks where people made all."""
         people_alone = [one.source for one in self.picks] == ["hand"]
         return "picks" if people_alone else PICKED[picks.source]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Effects(FrozenArrays):
-    """External reliability of n observations: what an error that no test finds would do.
+    """External reliability of n observations: effect of an error that no test finds.
 
-    The error is as large as the minimal detectable bias; of all measurements, the one that it
-    moves by most of its own sigmas is named.
+    The error is as large as the minimal detectable bias; the measurement that it moves by most of
+    its own sigmas is named.
 
     Attributes
     ----------
     on
         (n,) name of that measurement; empty where there is none.
     change
-        (n,) by how much it would move, signed, in the measurement's unit.
+        (n,) its change, signed, in the measurement's unit.
     sigmas
         (n,) the same in the measurement's sigmas, not signed.
     """
@@ -162,10 +162,10 @@ class WeakestLinks(FrozenArrays):
     bias, unit
         (M,) its minimal detectable bias.
     change
-        (M,) by how much that would move the measurement, in the measurement's unit.
+        (M,) change of the measurement by it, in the measurement's unit.
     unchecked
-        (M,) observations that move it and that nothing checks, in words: of an error there, no
-        test would say anything, however large it is.
+        (M,) observations that move it without any redundancy, in words: no test would find an error
+        there, however large.
     """
 
     what: Annotated[tuple[str, ...], "n"]
@@ -177,14 +177,14 @@ class WeakestLinks(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PriorResults(FrozenArrays):
-    """n numbers known beforehand (log, mount, clock, ground, calibration, control), and their fit.
+    """n priors (log, mount, clock, ground, calibration, control), and their fit.
 
     Attributes
     ----------
     kind, name
-        (n,) group, and what it is in words.
+        (n,) group, and name in words.
     frame_id
-        (n,) of the frame whose telemetry it is; else empty.
+        (n,) frame of a telemetry prior; else empty.
     unit
         (n,) of `bias`.
     residual
@@ -218,7 +218,7 @@ class Evidence:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SecondOrder(FrozenArrays):
-    """What first-order propagation leaves out, for M measurements.
+    """Errors of first-order propagation, for M measurements.
 
     Attributes
     ----------
@@ -230,7 +230,7 @@ class SecondOrder(FrozenArrays):
     curvature
         (M,) largest change of slope over one sigma, in slopes.
     off
-        (M,) whether first order is not good enough.
+        (M,) whether first order is not accurate enough.
     """
 
     bias: Annotated[Floats, "n", NAN_IS_NONE, Column("second_order_bias")]
@@ -241,14 +241,14 @@ class SecondOrder(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True)
 class RemovalRecord:
-    """One observation that was taken out as a blunder, or a mend that was made instead.
+    """One observation that was removed as a gross error, or a correction that was made instead.
 
     Attributes
     ----------
     what, w
-        The observation in words, and its test statistic before it was taken out.
+        The observation in words, and its test statistic before removal.
     group
-        Other observations that no test can part from it.
+        Other observations that no test can separate from it.
     rivals
         Observations that might have been the wrong one instead, with odds of more than 1 in 20.
     variance_factor_before, variance_factor_after
@@ -256,9 +256,9 @@ class RemovalRecord:
     change
         (M,) after minus before, of each measured value.
     cause
-        Code of the message on what was mended; empty where an observation was taken out.
+        Code of the message on the correction; empty where an observation was removed.
     mended
-        What a mend changed, in words: before, and after.
+        Text before and after a correction.
     """
 
     what: str

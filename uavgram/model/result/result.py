@@ -1,6 +1,6 @@
-"""Everything that a run computed: the content of results.json as frozen, batched data.
+"""Result of a run: the content of results.json as frozen, batched data.
 
-NaN stands for "there is none" (null in the file).
+NaN means "there is none" (null in the file).
 """
 
 from __future__ import annotations
@@ -62,10 +62,10 @@ class GroupFactor:
 
 @dataclass(frozen=True, kw_only=True)
 class Alternative:
-    """Another pose that explains the lengths (nearly) as well: they alone do not decide.
+    """Another pose that fits the lengths (nearly) as well: the lengths alone are ambiguous.
 
-    `cost` is its weighted sum of squared residuals; `values` are the measured values under it,
-    in the order of the measurements.
+    `cost` is its weighted sum of squared residuals; `values` are the measured values under it, in
+    the order of the measurements.
     """
 
     frame_id: str
@@ -77,7 +77,7 @@ class Alternative:
 
 @dataclass(frozen=True, kw_only=True)
 class SolutionSummary:
-    """How the adjustment went."""
+    """Statistics of the adjustment."""
 
     degrees_of_freedom: int
     variance_factor: float
@@ -111,32 +111,32 @@ class Result:
     profiles: ProfileResults = NO_PROFILES
     """Points of the measured profiles."""
     monte_carlo: MonteCarloResults | None = None
-    """Where sampling was asked for."""
+    """Sampled distribution, where sampling was requested."""
     second_order: SecondOrder | None = None
-    """What first-order propagation leaves out of the measurements."""
+    """Errors of first-order propagation in the measurements."""
     evidence: Evidence | None = None
-    """External reliability: what errors that no test finds would do."""
+    """External reliability: effects of errors that no test finds."""
     removals: tuple[RemovalRecord, ...] = ()
-    """What was taken out as blunders, in order."""
+    """Observations removed as gross errors, in order."""
     error_budget: ErrorBudget | None = None
-    """Where the variance of each measurement comes from."""
+    """Sources of the variance of each measurement."""
     checks_overall: ChecksOverall | None = None
     """All checks together; None where nothing was withheld."""
     point_checks: PointChecks
     line_checks: LineChecks
     solution: SolutionSummary
     noise: Noise | None = None
-    """How large errors are, as the survey shows; None where the stated sigmas were kept."""
+    """Sizes of errors, estimated from the survey; None where the stated sigmas were kept."""
     orientation: OrientationCorrelation | None = None
-    """What the poses have in common with camera and plane; None where nothing was adjusted."""
+    """Correlations of the poses with camera and plane; None where nothing was adjusted."""
     ties: TieSummary | None = None
-    """All tie points together; None where none took part."""
+    """All tie points together; None where none were used."""
     messages: tuple[Message, ...]
     verdict: Verdict
 
     @property
     def plane(self) -> AreaPlane:
-        """Of the first area: all of the ground where no pick names another."""
+        """Plane of the first area: all of the ground where no pick names another."""
         return self.areas[0]
 
     @property

@@ -1,4 +1,4 @@
-"""Unknowns that all frames share, and what the survey says of its camera."""
+"""Unknowns shared by all frames, and comparison of the camera before and after the survey."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.naming import Column
 
 POSE_NAMES = ("east", "north", "up", "turn about right", "turn about down", "turn about forward")
-"""Of the six unknowns of a pose: centre in the world, and small turns about the camera's axes."""
+"""Unknowns of a pose: centre in the world, and small rotations about the camera's axes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OrientationCorrelation(FrozenArrays):
-    """Correlations of the adjusted poses with what all photos share, to four decimals.
+    """Correlations of the adjusted poses with the shared unknowns, to four decimals.
 
-    Those within one pose follow from its covariance. NaN stands where something is known exactly.
+    Those within one pose follow from its covariance. NaN where something is known exactly.
 
     Attributes
     ----------
     parameters
-        (P,) names of what is shared: the lens model's parameters, height and slopes of the ground
-        plane, and the readout time where that is an unknown.
+        (P,) names of the shared unknowns: the lens model's parameters, height and slopes of the
+        ground plane, and the readout time where that is an unknown.
     shared
         (P, P) among these.
     frame_id
@@ -42,7 +42,7 @@ class OrientationCorrelation(FrozenArrays):
 
 
 LEARNT_BELOW = 0.9
-"""Of the ratio of sigmas: what the survey shrinks by less than a tenth, it does not know."""
+"""Largest ratio of posterior to prior sigma of a parameter that the survey determines."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,8 +58,8 @@ class LearntCamera(FrozenArrays):
     value, sigma
         (P,) with the survey's own observations.
     ratio
-        (P,) sigma over prior sigma: 1 where nothing was learnt; NaN where the calibration holds
-        the parameter fixed.
+        (P,) sigma over prior sigma: 1 where nothing was learnt; NaN where the calibration holds the
+        parameter fixed.
     shift
         (P,) of the value, in prior sigmas; NaN likewise.
     learnt
@@ -77,16 +77,16 @@ class LearntCamera(FrozenArrays):
 
 
 def learnt_camera(prior: Calibration, refined: Estimate) -> LearntCamera:
-    """Compare a calibration with what the survey made of it.
+    """Compare a calibration with its estimate from the survey.
 
     Parameters
     ----------
     prior
-        The calibration that the survey began with.
+        The calibration before the survey.
     refined
         Its parameters in the adjustment, (P,).
     """
-    sigma = np.sqrt(np.maximum(prior.covariance.diagonal(), 0.0))  # rounded below zero is none
+    sigma = np.sqrt(np.maximum(prior.covariance.diagonal(), 0.0))  # not negative by rounding
     free = np.where(sigma > 0, sigma, np.nan)
     ratio = refined.sigma / free
     return LearntCamera(
@@ -111,7 +111,7 @@ class Estimate(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SharedResult:
-    """The unknowns that all frames share, after the adjustment.
+    """Unknowns shared by all frames, after the adjustment.
 
     Attributes
     ----------
@@ -119,13 +119,13 @@ class SharedResult:
         Of the telemetry; None without a log. Biases are log minus truth; the position bias is
         (east, north, up); the boresight a rotation vector in the camera frame.
     clock_drift_ppm
-        Of the camera's clock against the flight's, about the middle of the exposures; None
-        without a log.
+        Of the camera's clock against the flight's, about the middle of the exposures; None without
+        a log.
     readout_s
         Time in which a photo is read from its first row to the last; None where it is no unknown.
     tape_scale
         By the name of each tape that was used, which may be empty: +0.01 where it is 1 % too long,
-        and so reads short. Nothing where tapes are taken as exact, or none was used.
+        and so reads short. Empty where tapes are exact, or none was used.
     intrinsics
         In the order of the lens model's parameters.
     """
@@ -143,7 +143,7 @@ class SharedResult:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AreaPlane(FrozenArrays):
-    """The plane of one area of the ground, after the adjustment.
+    """Plane of one area of the ground, after the adjustment.
 
     Attributes
     ----------
@@ -166,6 +166,6 @@ class AreaPlane(FrozenArrays):
         return np.concatenate([self.height_m.value, np.tan(np.deg2rad(self.slope_deg.value))])
 
     def height_at(self, east_north_m: Floats) -> Floats:
-        """(...) heights [m] of the plane under (..., 2) world positions [m]."""
+        """Return the (...) heights [m] of the plane at (..., 2) world positions [m]."""
         surface = self.surface
         return np.asarray(surface[0] + (east_north_m - self.pivot_m) @ surface[1:])

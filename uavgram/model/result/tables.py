@@ -1,6 +1,6 @@
 """Tables of a result: a row for each frame, point, line, pick, measurement, profile and tie.
 
-NaN stands for "there is none" (null in the file).
+NaN means "there is none" (null in the file).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ SOURCES: tuple[Source, ...] = get_args(Source)
 
 
 def picks_by_source(picks: PickResults) -> dict[str, dict[Source, int]]:
-    """How many picks of each label took part, by who made them."""
+    """Count the used picks of each label by their source."""
     found: dict[str, dict[Source, int]] = {}
     for label, source, status in zip(picks.label, picks.source, picks.status, strict=True):
         if status in ("used", "suspect"):
@@ -33,7 +33,7 @@ def picks_by_source(picks: PickResults) -> dict[str, dict[Source, int]]:
 def sources_behind(
     picks: PickResults, points: Sequence[Sequence[str]]
 ) -> tuple[tuple[Source, ...], ...]:
-    """Who made the picks behind each of some groups of labels.
+    """Return the sources of the picks on which each group of labels is based.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def sources_behind(
 
 
 def only_by_program(picks: PickResults, points: Sequence[Sequence[str]]) -> Bools:
-    """(M,) which groups of labels rest on picks, but on none that a person made.
+    """Return a (M,) mask of groups of labels that have picks, but none made by a person.
 
     Parameters
     ----------
@@ -60,7 +60,7 @@ def only_by_program(picks: PickResults, points: Sequence[Sequence[str]]) -> Bool
 
 
 COLUMNS = ("station", "offset", "height", "ground")
-"""What is told of each point of a profile."""
+"""Values of each point of a profile."""
 PLACE_KEYS = tuple(f"{name}_m" for name in COLUMNS)
 SIGMA_KEYS = tuple(f"{name}_sigma_m" for name in COLUMNS)
 
@@ -78,10 +78,10 @@ class ProfileResults(FrozenArrays):
     label
         (N,) name of the point.
     place_m
-        (N, 4) station from the first point; offset, to the right of the line positive; height over
-        the first point; height of the ground below over the first point.
+        (N, 4) station from the first point; offset, to the right of the line positive; height above
+        the first point; height of the ground at the point above the first point.
     sigma_m
-        (N, 4) their standard deviations; 0 where that is so by definition.
+        (N, 4) their standard deviations; 0 where that holds by definition.
     """
 
     profile: Annotated[tuple[str, ...], "n"]
@@ -90,7 +90,7 @@ class ProfileResults(FrozenArrays):
     sigma_m: Annotated[Floats, "n", 4, Column(keys=SIGMA_KEYS, axes=COLUMNS)]
 
     def each(self) -> Iterator[tuple[str, Ints]]:
-        """Name of every profile, and the rows of its points."""
+        """Iterate over the profiles: name, and rows of its points."""
         for name in dict.fromkeys(self.profile):
             yield name, np.array([i for i, one in enumerate(self.profile) if one == name])
 
@@ -102,12 +102,12 @@ NO_PROFILES = ProfileResults(
 
 @dataclass(frozen=True, kw_only=True)
 class TieSummary:
-    """All tie points together; how many sightings each photo has stands with the frames.
+    """All tie points together; the number of sightings of each photo is in `FrameResults`.
 
     Attributes
     ----------
     points, sightings
-        How many tie points took part, and how often they were seen in photos.
+        Number of tie points used, and of their sightings in photos.
     rms_px
         Root mean square of the residuals of each coordinate [px].
     """
@@ -119,14 +119,14 @@ class TieSummary:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TieCloud(FrozenArrays):
-    """Tie points to look at; they are too many for results.json.
+    """Tie points for display; they are too many for results.json.
 
     Attributes
     ----------
     position_world_m
         (T, 3) east, north, up, as adjusted.
     frame, pixel_px
-        (N,), (N, 2) photos that show them (among all frames of the project), and where.
+        (N,), (N, 2) photos that show them (among all frames of the project), and the pixels.
     """
 
     position_world_m: Annotated[Floats, "t", 3]
@@ -138,7 +138,7 @@ FrameStatus = Literal["refined", "seeded", "unmatched", "rejected"]
 LineStatus = Literal["used", "suspect", "removed", "checked", "unseen"]
 PickStatus = Literal["used", "suspect", "removed", "unused"]
 HeightSource = Literal["ground", "stated", "free", "found"]
-"""Where a point's height over the ground is from."""
+"""Source of a point's height above the ground."""
 
 IN_SPACE = Column(stem="space_covariance", unit="m2")
 INTERVAL = Column(axes=("lower", "upper"), stem="bound_95")
@@ -160,7 +160,7 @@ class FrameResults(FrozenArrays):
     Attributes
     ----------
     frame_id, path
-        (F,) file name; where the photo is, relative to the project's folder where it is inside.
+        (F,) file name; path of the photo, relative to the project's folder where it is inside.
     time_utc_s
         (F,) of the exposure, after the adjustment; NaN where unknown.
     status, reason
@@ -169,13 +169,13 @@ class FrameResults(FrozenArrays):
     seed, refined
         Poses from the telemetry, and after the adjustment: of the middle row.
     sweep
-        (F, 6) by which the camera moved while the photo was read, from first row to last: δcentre
-        in world [m], δθ in camera [rad]; 0 where that is not known.
+        (F, 6) movement of the camera while the photo was read, from first row to last: δcentre in
+        world [m], δθ in camera [rad]; 0 where unknown.
     ties, ties_rms_px
-        (F,) how many tie points were seen in it and used, and the root mean square of their
-        residuals in each coordinate; 0 and NaN where there are none, and left out.
+        (F,) number of tie points seen in it and used, and the root mean square of their residuals
+        in each coordinate; 0 and NaN where there are none, and if omitted.
     folder
-        Of the project, which relative paths begin at; not in files, which may be moved.
+        Folder of the project, the start of relative paths; not in files, which may be moved.
     """
 
     frame_id: Annotated[tuple[str, ...], "n"]
@@ -206,7 +206,7 @@ class FrameResults(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanarUncertainty(FrozenArrays):
-    """Uncertainty of K points in the plane, and in space of those off the ground.
+    """Uncertainty of K points in plan, and in space of those off the ground.
 
     Attributes
     ----------
@@ -217,8 +217,8 @@ class PlanarUncertainty(FrozenArrays):
     ellipse_azimuth_rad
         (K,) of the major axis, clockwise from north, in [0, pi).
     covariance_m3
-        (K, 3, 3) of east, north and up, where the turn in space is taken out too; NaN of points on
-        the ground.
+        (K, 3, 3) of east, north and up, where the rotation in space is removed too; NaN of points
+        on the ground.
     """
 
     covariance_m2: Annotated[Floats, "n", 2, 2]
@@ -252,26 +252,26 @@ class PointResults(FrozenArrays):
     ellipse_azimuth_rad
         (K,) of the major axis, clockwise from north, in [0, pi).
     relative
-        The same within the survey: what all points have in common, a shift and a turn, is taken
-        out. It tells how well the scene's shape is known, whatever the receiver's bias.
+        The same within the survey: a shift and a rotation common to all points are removed. It is
+        the accuracy of the scene's shape, independent of the receiver's bias.
     departure_m, departure_sigma_m
-        (K,) how far the ground under the point lies above the plane of its area; both 0 where the
-        ground is a plane.
+        (K,) height of the ground at the point above the plane of its area; both 0 where the ground
+        is a plane.
     height_above_ground_m, height_sigma_m
-        (K,) over the ground below, smooth as it was adjusted; both 0 of a point on the ground. The
-        sigma of a point off it contains how rough the ground is.
+        (K,) above the smooth adjusted ground below; both 0 for a point on the ground. The sigma of
+        a point off it includes the roughness of the ground.
     covariance_m3
         (K, 3, 3) of east, north and up [m2].
     height_source
-        (K,) where the height is from: the ``ground``, ``stated``, ``free`` as someone said, or
-        ``found`` by the adjustment though nobody said so.
+        (K,) source of the height: the ``ground``, ``stated``, ``free`` as declared by the user, or
+        ``found`` by the adjustment without a declaration.
     latitude_deg, longitude_deg
         (K,) NaN with gauge ``plane``.
     frames
         (K,) the names of the frames in which it was picked and used.
     neighbour_sigma_m
-        (K,) how well it is known against the points next to it: the median of the standard
-        deviations of the distances to them. NaN of a point that is alone.
+        (K,) accuracy relative to the neighbouring points: the median of the standard deviations of
+        the distances to them. NaN for a single point.
     neighbours
         (K,) their names, the nearest first.
     """
@@ -304,12 +304,12 @@ class PointResults(FrozenArrays):
 
     @property
     def is_off_ground(self) -> Bools:
-        """(K,) whether a point stands off the ground."""
+        """(K,) mask of points off the ground."""
         return np.asarray((self.height_above_ground_m != 0) | (self.height_sigma_m > 0))
 
     @property
     def departs(self) -> Bools:
-        """(K,) whether the ground under a point is no plane."""
+        """(K,) mask of points at which the ground is not a plane."""
         return np.asarray(self.departure_sigma_m > 0, dtype=np.bool_)
 
 
@@ -322,8 +322,8 @@ class LineResults(FrozenArrays):
     length_m, sigma_m
         (L,) as given.
     adjusted_m, adjusted_sigma_m
-        (L,) what its tape should read between the adjusted points (its scale, and level or not, as
-        the length was taken), and its sigma; NaN where an end was never picked.
+        (L,) expected tape reading between the adjusted points (with its scale, and horizontal or
+        not, as the length was taken), and its sigma; NaN where an end was never picked.
     residual_m
         (L,) adjusted minus given.
     w, redundancy, mdb_m
@@ -349,7 +349,7 @@ class LineResults(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PickResults(FrozenArrays):
-    """P picks, as given and how well they fit.
+    """P picks, as given, with their fit.
 
     Attributes
     ----------
@@ -362,12 +362,12 @@ class PickResults(FrozenArrays):
     redundancy
         (P,) mean of the two coordinates' redundancy numbers.
     status
-        (P,) ``used``, ``suspect``, ``removed`` (it contradicts the rest), ``unused`` (nothing
-        is known by it, or its frame is not in the adjustment).
+        (P,) ``used``, ``suspect``, ``removed`` (it contradicts the rest), ``unused`` (it determines
+        nothing, or its frame is not in the adjustment).
     source
-        (P,) who made it: ``hand``, ``match`` or ``target``; left out, a person made all.
+        (P,) origin: ``hand``, ``match`` or ``target``; if omitted, a person made all.
     score
-        (P,) how well what the program found agrees with what it sought, 0 to 1; NaN of others.
+        (P,) agreement of a match or target with its template, 0 to 1; NaN for others.
     """
 
     image: Annotated[tuple[str, ...], "n"]
@@ -390,7 +390,7 @@ class PickResults(FrozenArrays):
 
     @property
     def by_hand(self) -> Bools:
-        """(P,) which picks a person made."""
+        """(P,) mask of the picks made by a person."""
         return np.array([source == "hand" for source in self.source], dtype=np.bool_)
 
 
@@ -405,8 +405,7 @@ class MeasurementResults:
     Attributes
     ----------
     name, kind, points
-        (M,) what was asked for. A ``coordinate`` gives two rows, named ``NAME east`` and
-        ``NAME north``.
+        (M,) as requested. A ``coordinate`` gives two rows, named ``NAME east`` and ``NAME north``.
     value, sigma
         (M,) in `unit`; NaN where it cannot be computed.
     unit
@@ -416,20 +415,20 @@ class MeasurementResults:
     correlation
         (M, M), same order; NaN in rows that cannot be computed.
     alternative_values
-        (M,) what other solutions that explain the observations as well would give, where that lies
-        outside `interval_95`: empty where they all agree. Left out, there are none.
+        (M,) values of other solutions that fit the observations as well, where they are outside
+        `interval_95`: empty where they all agree. If omitted, there are none.
     sigma_stated
-        (M,) the sigma if all errors were as large as stated, where the survey showed otherwise;
-        else, and left out, `sigma`.
+        (M,) the sigma if all errors were as large as stated, where the survey gave another size;
+        else, and if omitted, `sigma`.
     shift_relief_10cm
-        (M,) by how much the value shifts, at most, if the ground at its points is 10 cm higher or
-        lower than taken; NaN where there is no value, or (left out) it was not computed.
+        (M,) largest shift of the value if the ground at its points is 10 cm higher or lower than
+        assumed; NaN where there is no value, or (if omitted) it was not computed.
     shift_tape_1pct
-        (M,) by how much it shifts if the tapes read 1 % more; NaN likewise, and without lengths.
+        (M,) its shift if the tapes read 1 % more; NaN likewise, and without lengths.
     parameters
-        (M,) as measure.csv has them, such as ``mu=0.7;mu_sigma=0.05``; left out, there are none.
+        (M,) as in measure.csv, such as ``mu=0.7;mu_sigma=0.05``; if omitted, there are none.
     status
-        (M,) how far each can be trusted; left out, nothing checked them.
+        (M,) trustworthiness of each; if omitted, nothing checked them.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -463,7 +462,7 @@ class MeasurementResults:
 
     @cached_property
     def outlines(self) -> tuple[tuple[str, ...], ...]:
-        """(M,) labels that are drawn: of a volume those around it, without its top and plane."""
+        """(M,) labels that are drawn: for a volume those around it, without its top and plane."""
         beside = [("top=" in text) + 3 * ("plane=" in text) for text in self.parameters]
         return tuple(
             labels[: len(labels) - more] if kind == "volume" else labels
@@ -472,7 +471,7 @@ class MeasurementResults:
 
     @cached_property
     def is_ambiguous(self) -> Bools:
-        """(M,) whether another solution puts the value outside its interval."""
+        """(M,) mask of values for which another solution is outside the interval."""
         ambiguous = np.array([len(values) > 0 for values in self.alternative_values], dtype=bool)
         ambiguous.flags.writeable = False
         return ambiguous
@@ -480,7 +479,7 @@ class MeasurementResults:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MonteCarloResults(FrozenArrays):
-    """Sampled distribution of the M measured values, beside their first-order sigmas.
+    """Sampled distribution of the M measured values, to compare with their first-order sigmas.
 
     Attributes
     ----------
@@ -489,7 +488,7 @@ class MonteCarloResults(FrozenArrays):
     interval_95
         (M, 2) probabilistically symmetric: the 2.5 % and 97.5 % quantiles.
     samples, failed
-        Number of repetitions that came to rest, and of those that did not and were left out.
+        Number of repetitions that converged, and of those that did not and were left out.
     seed
         Of the draws.
     """

@@ -1,4 +1,4 @@
-"""The one judgement of a result that people act on: red, amber or green, and why."""
+"""Verdict on a result: red, amber or green, with its reasons."""
 
 from __future__ import annotations
 
@@ -8,33 +8,39 @@ from typing import Literal
 from uavgram.model.message import Remedy
 
 VerdictLevel = Literal["green", "amber", "red"]
-"""Red: the observations contradict each other, do not use the numbers. Amber: something does not
-fit, or nothing checks it. Green: everything fits, and a gross error in any single reading would
-have been noticed. No level at all (None): nothing was measured."""
+"""Level of a verdict.
+
+Red: the observations contradict each other, do not use the numbers. Amber: something does not fit,
+or nothing checks it. Green: everything fits, and a gross error in any single reading would have
+been noticed. No level at all (None): nothing was measured.
+"""
 
 MeasurementStatus = Literal["ok", "not-checked", "doubtful", "contradicted"]
-"""Of one measurement: in order; nothing would show an error in it; something that it rests on does
-not fit; something contradicts it."""
+"""Status of one measurement.
+
+In order; no observation would show an error in it; an observation on which it depends does not fit;
+an observation contradicts it.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Reason:
-    """Why a result is not green.
+    """Reason why a result is not green.
 
     Attributes
     ----------
     cause
         Code of the message that explains it (`uavgram explain`).
     text
-        One plain sentence, and what to do.
+        One plain sentence, and the action.
     frames, labels, lengths, measurements
-        Names of what it speaks of.
+        Names of its subjects.
     plain
-        What is wrong, in one sentence without numbers of tests; may be empty.
+        Finding in one sentence without numbers of tests; may be empty.
     mend
-        What would put it right; None where only a person can.
+        Proposed correction; None where only a person can.
     instead
-        What else could, where nothing tells which.
+        Alternatives, where the observations cannot decide.
     """
 
     cause: str

@@ -1,1 +1,1 @@
-"""What people observed, and everything that enters the adjustment."""
+"""Observations by people and programs, and the survey that enters the adjustment."""

@@ -1,4 +1,4 @@
-"""Known things: distances, angles, areas and the like, and lines of known position."""
+"""Known geometric quantities (distances, angles, areas...), and lines of known position."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ import numpy as np
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, FrozenArrays, Ints
 
 ON_LINE = "on_line"
-"""Kind of the known thing that such a line is."""
+"""Kind of the known quantity that a line of known position gives."""
 
 STRAIGHTNESS_M = 0.005
-"""How far picked points may lie beside a line for which nothing is stated."""
+"""Default sigma of the distance of picked points from a line [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ControlLines(FrozenArrays):
-    """L lines with known coordinates, geodetic or local, as the file has them.
+    """L lines with known coordinates, geodetic or local, as in the file.
 
     Attributes
     ----------
     name, points
-        (L,) what each is called, and the labels that were picked somewhere on it.
+        (L,) name, and labels of the points picked on it.
     kind
-        ``geodetic``: (latitude_deg, longitude_deg, height_m); ``local``: (east_m, north_m, up_m)
-        in the world's axes.
+        ``geodetic``: (latitude_deg, longitude_deg, height_m); ``local``: (east_m, north_m, up_m) in
+        the world's axes.
     coordinates
-        (L, 2, 3) of start and end, as `kind` says; NaN for heights that are not known.
+        (L, 2, 3) of start and end, in the form of `kind`; NaN for unknown heights.
     sigma_m
-        (L, 2, 3) of each: east, north, up; NaN where the height is not known.
+        (L, 2, 3) of each: east, north, up; NaN where the height is unknown.
     straightness_m
-        (L,) sigma of how far a point that was picked lies beside the line.
+        (L,) sigma of the distance of a picked point from the line.
     adjust
-        (L,) True: an observation; False: withheld, only judged.
+        (L,) True: an observation; False: withheld as a check.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -49,12 +49,12 @@ class ControlLines(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LinePosition(FrozenArrays):
-    """Where one line lies in the world.
+    """Position of one line in the world.
 
     Attributes
     ----------
     ends_m
-        (2, 3) start and end; without known heights their third coordinates are 0 and mean nothing.
+        (2, 3) start and end; without known heights their third coordinates are 0 without meaning.
     sigma_m
         (2, 3) of them.
     straightness_m
@@ -70,7 +70,7 @@ class LinePosition(FrozenArrays):
 
     @property
     def across_m(self) -> float:
-        """Sigma of the place of its middle, square to it in plan."""
+        """Sigma of the line's middle, perpendicular to the line in plan."""
         ahead = self.ends_m[1, :2] - self.ends_m[0, :2]
         square = np.array([-ahead[1], ahead[0]]) / np.linalg.norm(ahead)
         ends = np.linalg.norm(self.sigma_m[:, :2] * square, axis=1)
@@ -95,31 +95,31 @@ NOT_KNOWN = {
     "profile": "it has no single value: give the heights or distances of its points",
     ON_LINE: "give lines of known position in control_lines.csv (`control_lines` in the project)",
 }
-"""Kinds of measurement that cannot be given as known, and why or what to do instead."""
+"""Kinds of measurement that cannot be given as known, with the reason or the alternative."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownThings(FrozenArrays):
-    """N things that are known of the scene, as a project states them.
+    """N known quantities of the scene, as stated in a project.
 
     Attributes
     ----------
     name, kind
-        (N,) what each is called, and what it is.
+        (N,) name and kind of each.
     points
         (N,) labels of each, in order.
     value
         (N,) in the unit of the measurement of that kind (metres, square metres, degrees); NaN for
         conditions, which have none.
     sigma
-        (N,) standard deviation in the same unit; of conditions degrees or metres.
+        (N,) standard deviation in the same unit; for conditions in degrees or metres.
     adjust
-        (N,) True: an observation; False: withheld, only judged.
+        (N,) True: an observation; False: withheld as a check.
     parameters
         (N,) numbers that a kind needs beside its points.
     position
-        (N,) of points on a line of known position: where that lies; None of others. Or nothing at
-        all where there is no such line.
+        (N,) position of the line for points on a line of known position; None for others. Empty if
+        there is no such line.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -132,14 +132,14 @@ class KnownThings(FrozenArrays):
     position: tuple[LinePosition | None, ...] = ()
 
     def seen_thing(self, index: int, place: Mapping[str, int]) -> KnownThing | None:
-        """One of them, where it is seen whole: of a line of known position any point will do.
+        """Return one of them if all its points are present (on a line of known position: any).
 
         Parameters
         ----------
         index
-            Which.
+            Row of the known quantity.
         place
-            Row of every label that is there.
+            Row of every label that is present.
         """
         points = self.points[index]
         seen = tuple(place[label] for label in points if label in place)
@@ -147,7 +147,7 @@ class KnownThings(FrozenArrays):
         return self.thing(index, seen) if len(seen) == len(points) or (is_line and seen) else None
 
     def thing(self, index: int, label: tuple[int, ...]) -> KnownThing:
-        """One of them, with its points as rows of a survey's labels."""
+        """Return one of them, with its points as rows of a survey's labels."""
         return KnownThing(
             index=index,
             name=self.name[index],
@@ -162,17 +162,17 @@ class KnownThings(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True)
 class KnownThing:
-    """One known thing of a survey.
+    """One known quantity of a survey.
 
     Attributes
     ----------
     index
-        Which it is among the project's: it keeps that number when others are left out.
+        Row among the project's; it keeps that number when others are left out.
     name, kind, value, sigma, parameters
         As in `KnownThings`; the value of a condition is NaN.
     position
-        Of points on a line of known position: where that lies. Its own sigmas hold for a `sigma` of
-        `LinePosition.across_m`, and grow and shrink with that.
+        Position of the line for points on a line of known position. Its own sigmas hold for a
+        `sigma` of `LinePosition.across_m`, and scale with that.
     label
         Its points, as rows of the survey's labels.
     """
@@ -187,7 +187,7 @@ class KnownThing:
     position: LinePosition | None = None
 
     def relabelled(self, new_label: Ints) -> KnownThing | None:
-        """The same with the labels' new rows (-1: gone); None where too many are gone for it."""
+        """Return it with the labels' new rows (-1: gone); None where too few labels are left."""
         new = tuple(k for k in new_label[list(self.label)].tolist() if k >= 0)
         whole = len(new) == len(self.label) or (self.position is not None and bool(new))
         return replace(self, label=new) if whole else None
@@ -204,13 +204,13 @@ NO_KNOWN = KnownThings(
 )
 
 LEAST_TURN_RAD = 0.1
-"""Lines whose directions differ by less count as parallel: along them nothing fixes a position."""
+"""Smallest angle between lines that are not parallel [rad]; parallel ones fix one direction."""
 
 
 def lines_place(things: Iterable[KnownThing]) -> bool:
-    """Whether lines of known position fix a plane figure of ground points on the map.
+    """Return whether lines of known position fix a plane figure of ground points on the map.
 
-    East, north and heading are three numbers: it takes three points on lines, not all parallel.
+    East, north and heading are three unknowns: this takes three points on lines, not all parallel.
     """
     on_lines = [(one.position, len(one.label)) for one in things if one.position is not None]
     if sum(count for _, count in on_lines) < 3:

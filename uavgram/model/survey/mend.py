@@ -1,4 +1,4 @@
-"""What would put a survey in order: changes of its observations, by index, as data."""
+"""Corrections of a survey's observations, by index."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uavgram.model.message import Message
 
 
 class Ends(NamedTuple):
-    """Labels between which a length is, by index."""
+    """Labels of the ends of a length, by index."""
 
     start: int
     end: int
@@ -18,26 +18,26 @@ class Ends(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Mend:
-    """Changes of what people wrote, by index into the survey that was handed in.
+    """Changes of the user's input, by index into the given survey.
 
     Attributes
     ----------
     label_of_pick
-        Pick -> the label that it should have.
+        Pick to its correct label.
     without_picks
-        Picks to take out.
+        Picks to remove.
     pixel_of_pick
-        Pick -> column and row [px] where it should be, of a photo that was mirrored or turned.
+        Pick to its correct column and row [px], for a photo that was mirrored or turned.
     length_m
-        Known length -> what it should read [m].
+        Known length to its correct value [m].
     ends
-        Known length -> the labels between which it is.
+        Known length to its correct end labels.
     without_lines
-        Known lengths to take out.
+        Known lengths to remove.
     level
-        Known lengths that were taped level.
+        Known lengths that were taped horizontally.
     free
-        Label -> whether its height is to be found, or it lies on the ground.
+        Label to whether its height is an unknown (True) or it is on the ground (False).
     """
 
     label_of_pick: Mapping[int, int] = field(default_factory=dict)
@@ -62,18 +62,18 @@ class Mend:
 
 @dataclass(frozen=True, kw_only=True)
 class Cause:
-    """What explains misfits of a survey.
+    """Possible cause of misfits in a survey.
 
     Attributes
     ----------
     message
-        What it is and what to do, for people.
+        Finding and action, for people.
     mend
-        What would put it in order; None where only a person can.
+        Changes that correct it; None where only a person can.
     gain
-        Fall of the weighted sum of squares, and of what was left out for it.
+        Decrease of the weighted sum of squares, plus that of observations left out for it.
     settles
-        Lengths and frames, by name, of which it explains that they did not fit.
+        Names of lengths and frames whose misfit it explains.
     """
 
     message: Message

@@ -1,4 +1,4 @@
-"""Observations of people and of the program: picks, lengths, points, targets, imports."""
+"""Observations by people and programs: picks, lengths, points, targets, imports."""
 
 from __future__ import annotations
 
@@ -18,12 +18,14 @@ def _none() -> Floats:
 
 
 Source = Literal["hand", "match", "target"]
-"""Who made a pick: a person; the program, which found in another photo what a person had picked; or
-the program, which found a target."""
+"""Origin of a pick.
+
+A person; the program, which matched a person's pick in another photo; or the program, which
+found a target."""
 
 
 def taken(table: Any, rows: Sequence[int]) -> dict[str, Any]:  # noqa: ANN401  (any data class)
-    """Some rows of a table's columns, arrays or tuples, without those that have none."""
+    """Return selected rows of a table's columns (arrays or tuples), without empty columns."""
     columns = {one.name: getattr(table, one.name) for one in fields(table)}
     return {
         name: tuple(column[i] for i in rows if column)
@@ -34,7 +36,7 @@ def taken(table: Any, rows: Sequence[int]) -> dict[str, Any]:  # noqa: ANN401  (
 
 
 SAME_PLACE_PX = 0.01
-"""A match is of a pick that lies no further than that from where the match was found from."""
+"""Largest distance between a pick and the stored origin of its matches [px]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,20 +58,20 @@ class Picks:
     height_sigma_m
         (P,) its standard deviation; NaN where the file gives none.
     is_free
-        (P,) whether the file says that the height is to be found.
+        (P,) whether the file declares the height unknown.
     area
-        (P,) name of the area whose plane the point lies on, empty where the file gives none; or
-        nothing at all where none is given anywhere.
+        (P,) name of the area whose plane contains the point, empty where the file gives none; or an
+        empty tuple where none is given anywhere.
     source
-        (P,) who made it; or nothing at all: a person made all.
+        (P,) origin of the pick; or an empty tuple: a person made all.
     score
-        (P,) how well a match or a target agrees with what was sought, 0 to 1; NaN where the file
-        gives none.
+        (P,) agreement of a match or a target with its template, 0 to 1; NaN where the file gives
+        none.
     from_image, from_px
-        (P,), (P, 2) of a match: photo and place of the pick that it was found from; empty and NaN
-        of others, or no photo at all.
+        (P,), (P, 2) of a match: photo and pixel of the pick from which it was found; empty and NaN
+        for others, or an empty tuple.
     line
-        (P,) line of the file; nothing where they come from no file.
+        (P,) line of the file; empty where they come from no file.
     """
 
     image: Annotated[tuple[str, ...], "n"]
@@ -99,21 +101,21 @@ class Picks:
                 raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
 
     def take(self, rows: Sequence[int]) -> Picks:
-        """Some of the picks, by index."""
+        """Return selected picks, by index."""
         return Picks(**taken(self, rows))
 
     def source_of(self, pick: int) -> Source:
-        """Who made a pick."""
+        """Return the origin of a pick."""
         return self.source[pick] if self.source else "hand"
 
     def of_source(self, source: Source) -> Bools:
-        """(P,) which picks were made by one."""
+        """Return a (P,) mask of the picks of one origin."""
         made = [self.source_of(i) == source for i in range(len(self.image))]
         return np.array(made, dtype=np.bool_)
 
     @property
     def is_copy(self) -> Bools:
-        """(P,) rows that repeat an earlier one to the last digit: counted once."""
+        """(P,) mask of rows that repeat an earlier one exactly and are counted once."""
         seen: set[tuple[object, ...]] = set()
         copy = np.zeros(len(self.image), dtype=np.bool_)
         for i, place in enumerate(map(tuple, self.pixel_px.tolist())):
@@ -124,19 +126,19 @@ class Picks:
 
     @property
     def clicks(self) -> dict[tuple[str, str], list[int]]:
-        """Photo and label -> the rows that are no matches and no copies: one or more clicks."""
+        """Rows of each photo and label that are neither matches nor copies: one or more clicks."""
         rows: dict[tuple[str, str], list[int]] = {}
         for i in np.flatnonzero(~(self.of_source("match") | self.is_copy)).tolist():
             rows.setdefault((self.image[i], self.label[i]), []).append(i)
         return rows
 
     def line_of(self, pick: int) -> int | None:
-        """Line of the file in which a pick stands; None where there is no file."""
+        """Return the line of a pick in its file; None where there is no file."""
         return self.line[pick] if self.line else None
 
 
 Along = Literal["slope", "horizontal"]
-"""What a length is: the straight 3-D distance, or the distance in the horizontal plane."""
+"""Quantity that was taped: the straight 3-D distance, or the horizontal distance."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -150,12 +152,12 @@ class KnownLines(FrozenArrays):
     length_m, sigma_m
         (L,) reading of the tape and its standard deviation.
     adjust
-        (L,) True: an observation; False: withheld, only judged.
+        (L,) True: an observation; False: withheld as a check.
     tape
-        (L,) name of the tape, empty where the file gives none: the one tape; or nothing at all
+        (L,) name of the tape, empty where the file gives none: the one tape; or an empty tuple
         where none is given anywhere.
     along
-        (L,) what was measured; or nothing at all: the straight 3-D distance of all.
+        (L,) measured quantity; or an empty tuple: the straight 3-D distance of all.
     """
 
     name: Annotated[tuple[str, ...], "n"]
@@ -168,11 +170,11 @@ class KnownLines(FrozenArrays):
     along: tuple[Along, ...] = ()
 
     def take(self, rows: Sequence[int]) -> KnownLines:
-        """Some of the lines, by index."""
+        """Return selected lines, by index."""
         return KnownLines(**taken(self, rows))
 
     def with_more(self, others: KnownLines) -> KnownLines:
-        """Append others."""
+        """Append other lines."""
         mine, theirs = range(len(self.name)), range(len(others.name))
         return KnownLines(
             name=self.name + others.name,
@@ -193,27 +195,27 @@ class KnownLines(FrozenArrays):
                 raise ValueError(f"{name}: {len(getattr(self, name))} entries, expected {n}")
 
     def tape_of(self, line: int) -> str:
-        """Name of the tape of a length; empty for the one tape."""
+        """Return the name of the tape of a length; empty for the one tape."""
         return self.tape[line] if self.tape else ""
 
     def along_of(self, line: int) -> Along:
-        """What was measured between the ends of a length."""
+        """Return the quantity that was taped for a length."""
         return self.along[line] if self.along else "slope"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownPoints(FrozenArrays):
-    """C points with known coordinates, geodetic or local, as the file has them.
+    """C points with known coordinates, geodetic or local, as in the file.
 
     Attributes
     ----------
     label
         (C,) names.
     kind
-        ``geodetic``: (latitude_deg, longitude_deg, height_m); ``local``: (east_m, north_m, up_m)
-        in the world's axes.
+        ``geodetic``: (latitude_deg, longitude_deg, height_m); ``local``: (east_m, north_m, up_m) in
+        the world's axes.
     coordinates
-        (C, 3) as `kind` says.
+        (C, 3) in the form of `kind`.
     sigma_m
         (C, 3) east, north, up.
     """
@@ -254,12 +256,12 @@ MeasurementKind = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class MeasurementRequest:
-    """One thing to measure.
+    """Requested measurement.
 
     Attributes
     ----------
     name, kind
-        Its name; what it is.
+        Its name and kind.
     points
         Labels in order.
     parameters
@@ -273,12 +275,12 @@ class MeasurementRequest:
 
     @property
     def parameters_text(self) -> str:
-        """The parameters as measure.csv has them."""
+        """The parameters in the form of measure.csv."""
         return ";".join(f"{name}={value!r}" for name, value in self.parameters)
 
 
 class LeftOut(Enum):
-    """Why a plate that was recognised is not measured; what a message says of it."""
+    """Reason why a recognised plate is not measured, in the words of its message."""
 
     NO = ""
     COVERED = "something lies across it, such as the edge of a shadow, dirt, or a wheel"
@@ -289,17 +291,17 @@ class LeftOut(Enum):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SeenPlate(FrozenArrays):
-    """A plate in one photo.
+    """Coded plate in one photo.
 
     Attributes
     ----------
     plate
         Its id.
     corner_px, sigma_px
-        (4, 2), (4,) of its black square, from the first corner on, as its rows of cells run; the
-        standard deviation of each coordinate. NaN where a corner was not seen.
+        (4, 2), (4,) of its black square, from the first corner on, in the order of its rows of
+        cells; the standard deviation of each coordinate. NaN where a corner was not found.
     center_px, center_sigma_px
-        (2,) the place where its diagonals meet, and its standard deviation.
+        (2,) intersection of its diagonals, and its standard deviation.
     score
         Correlation of a plate's picture with the photo.
     shadows
@@ -319,7 +321,7 @@ class SeenPlate(FrozenArrays):
 
     @property
     def side_px(self) -> float:
-        """Length of its shortest side; NaN where a corner was not seen."""
+        """Length of its shortest side [px]; NaN where a corner was not found."""
         sides = np.roll(self.corner_px, -1, axis=0) - self.corner_px
         return float(np.linalg.norm(sides, axis=1).min())
 
@@ -333,12 +335,12 @@ class ImportedPicks(FrozenArrays):
     image, label
         (P,) file name of the photo, and name of the point.
     pixel_px
-        (P, 2) u right, v down of the original, unrotated file; (0, 0) is the centre of the
-        top-left pixel.
+        (P, 2) u right, v down of the original, unrotated file; (0, 0) is the centre of the top-left
+        pixel.
     known
-        Coordinates that the file holds of its points, with the sigma that was stated for them.
+        Coordinates of its points in the file, with the sigma that was stated for them.
     messages
-        What was left out, or had to be assumed.
+        Rows that were left out, and assumptions.
     """
 
     image: Annotated[tuple[str, ...], "n"]

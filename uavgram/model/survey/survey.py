@@ -1,4 +1,4 @@
-"""Everything that enters the adjustment, by index instead of by name."""
+"""Survey: everything that enters the adjustment, by index instead of by name."""
 
 from __future__ import annotations
 
@@ -18,26 +18,29 @@ from uavgram.model.survey.observations import Along
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
 
 LOGGED_RATE_RAD_S = 0.03
-"""How well a log says how fast a camera turns, 1.7 degrees a second: attitudes good to 0.1 degree,
-ten times a second, and a mount that shakes in between."""
+"""Standard deviation of a camera's angular rate from a log, 1.7 degrees a second.
+
+Reason: attitudes accurate to 0.1 degree, ten times a second, and a mount that shakes in between.
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RollingShutter(FrozenArrays):
-    """What an adjustment needs to find the readout time.
+    """Input of an adjustment that estimates the readout time.
 
     Attributes
     ----------
     readout
-        What is known of it beforehand.
+        Its prior.
     motion
         (F, 6) of each frame at its exposure: velocity [m/s], in the world or, where the survey's
         gauge is free, in camera axes; angular rate in camera axes [rad/s].
     rate_sigma_rad_s
-        How well `motion` says how fast a camera turns.
+        Standard deviation of the angular rates in `motion`.
     by_photos
-        Whether no log says how the camera moved: `motion` is then the way from photo to photo, in
-        the time between them or at a usual speed, and the unknown is a readout time at that speed.
+        Whether no log gives the motion of the camera: `motion` is then the path from photo to
+        photo, divided by the time between them or at a usual speed, and the unknown is a readout
+        time at that speed.
     """
 
     readout: Readout
@@ -47,12 +50,12 @@ class RollingShutter(FrozenArrays):
 
     @property
     def first_value(self) -> Floats:
-        """(1,) the readout time beforehand [s]."""
+        """(1,) prior readout time [s]."""
         return np.array([self.readout.value_s])
 
 
 class Geodetic(NamedTuple):
-    """A place on the earth: WGS 84, and its height above the datum that is said beside it."""
+    """Position on the earth: WGS 84, and height above the datum stated with it."""
 
     latitude_deg: float
     longitude_deg: float
@@ -66,19 +69,18 @@ class World:
     Attributes
     ----------
     origin
-        Its place; None where nothing ties the world to the earth.
+        Its position; None where the world is not georeferenced.
     height_datum
         ``msl`` or ``ellipsoid``.
     gauge
-        ``world``: positions and headings mean something; ``plane``: only shape does (no
-        telemetry, no control): z = 0 is the plane, the first frame stands above x = y = 0 and its
-        image up is north.
+        ``world``: positions and headings are meaningful; ``plane``: only the shape is (no
+        telemetry, no control): z = 0 is the plane, the first frame is above x = y = 0 and its image
+        up is north.
     crs
-        Projected coordinate system of maps and drawings, such as ``EPSG:32756``; None where
-        nothing ties the world to the earth.
+        Projected coordinate system of maps and drawings, such as ``EPSG:32756``; None where the
+        world is not georeferenced.
     undulation_m
-        How high mean sea level lies above the ellipsoid there, as the flight log says; None where
-        nothing says it.
+        Height of mean sea level above the ellipsoid there, from the flight log; None where unknown.
     """
 
     origin: Geodetic | None
@@ -89,20 +91,20 @@ class World:
 
     @property
     def ellipsoid_shift_m(self) -> float | None:
-        """What to add to a height above the datum to have it above the WGS 84 ellipsoid [m].
+        """Difference from a height above the datum to one above the WGS 84 ellipsoid [m].
 
-        None where nobody knows: sea level is up to a hundred metres off the ellipsoid.
+        None where it is unknown: sea level is up to a hundred metres off the ellipsoid.
         """
         return 0.0 if self.height_datum == "ellipsoid" else self.undulation_m
 
 
 DEFAULT_AREA = "default"
-"""Of labels that name no area."""
+"""Area of labels that name none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Relief(FrozenArrays):
-    """How an area's ground departs from its plane, smoothly: a sum of functions of the place.
+    """Smooth departure of an area's ground from its plane: a sum of basis functions.
 
     Attributes
     ----------
@@ -114,7 +116,7 @@ class Relief(FrozenArrays):
     scale_m
         Distance from the middle at which the squares are one; range of the correlation.
     knots_m
-        (B, 2) east and north of the knots; of a quadratic surface, its middle alone.
+        (B, 2) east and north of the knots; for a quadratic surface, its middle alone.
     """
 
     kind: Literal["quadratic", "correlated"]
@@ -130,12 +132,12 @@ class Relief(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Ground:
-    """The plane of one area beforehand: z = height + slopes . ((e, n) - pivot).
+    """Prior of the plane of one area: z = height + slopes . ((e, n) - pivot).
 
     Attributes
     ----------
     name
-        Of the area.
+        Name of the area.
     height_m, height_sigma_m
         At the pivot.
     slope_sigma_rad
@@ -156,67 +158,68 @@ class Ground:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Survey:
-    """The observations of one adjustment.
+    """Observations of one adjustment.
 
     Attributes
     ----------
     frame_id
         (F,) names.
     time_s, time_sigma_s
-        (F,) when each photo was taken, all by one clock [s], and each one's own standard
-        deviation; NaN where nobody says. Empty: of none.
+        (F,) time of each photo, all by one clock [s], and its own standard deviation; NaN where
+        unknown. Empty: unknown for all.
     seeds
         First poses and their marginal covariances, in the order of `frame_id`; None without
         telemetry.
     telemetry, track
-        Their prior without what is a shared unknown, and the flight to interpolate (or the photos'
-        own poses); None without either. The prior's `frame_index` runs over 0..F-1.
+        Their prior without the shared unknowns, and the flight to interpolate (or the photos' own
+        poses); None without either. The prior's `frame_index` runs over 0..F-1.
     calibration
-        Interior orientation beforehand.
+        Prior of the interior orientation.
     label, height_above_m
         (K,) names of the points, and stated heights above the ground of their area; 0: on it.
     height_sigma_m
         (K,) standard deviations of these heights; 0: exact. Empty: all are.
     is_free
-        (K,) whether the height is an unknown of which nothing is known. Empty: of none.
+        (K,) whether the height is an unknown without a prior. Empty: for none.
     identification_sigma_m
-        (K,) standard deviation, east and north, between the point that people picked, alike in all
-        photos, and the point that was meant (taped, controlled, measured); 0: they are the same.
-        Empty: of all.
+        (K,) standard deviation, east and north, between the picked point, the same in all photos,
+        and the intended point (taped, controlled, measured); 0: they coincide. Empty: for all.
     pick_frame, pick_label, pixel_px, pick_sigma_px
-        (P,), (P,), (P, 2), (P,): frame, label, place and sigma of each pick.
+        (P,), (P,), (P, 2), (P,): frame, label, position and sigma of each pick.
     target_pick
-        (n,) which picks the program made: it found a target there.
+        (n,) picks made by the program, which found a target there.
     matches
-        Chains of sightings: a pick, and where the program found what it shows in other photos. A
-        chain's point is what lies under the picked pixel, which is not quite what was meant.
+        Chains of sightings: a pick and its matches in other photos. A chain's point is the ground
+        below the picked pixel, which is not exactly the intended point.
     ties
-        Sightings of tie points, of which nothing else is known.
+        Sightings of tie points, which have no other observations.
     line_start, line_end, length_m, length_sigma_m
         (L,) labels of the ends of each known length, and the length.
     line_name
-        (L,) what the project calls each known length; empty where they have no names.
+        (L,) name of each known length in the project; empty where they have no names.
     line_tape, line_along
-        (L,) name of the tape of each known length, and what was measured; empty: one tape (as is
-        the tape without a name), and the straight 3-D distance, for all.
+        (L,) name of the tape of each known length, and measured quantity; empty: one tape (the tape
+        without a name), and the straight 3-D distance, for all.
     tape_scale_sigma
         Prior of the scale of each tape (see estimation/survey/observations/lengths.py); 0: exact.
     own_scale_sigma
-        Pairs of a tape's name and the prior of its scale, of tapes with another one.
+        Pairs of a tape's name and the prior of its scale, for tapes with another one.
     known
-        What else is known of the points.
+        Other known quantities of the points.
     control_label, control_world_m, control_sigma_m
         (C,), (C, 3), (C, 3): points with known coordinates.
     grounds
-        (A,) the planes beforehand, one for each area; at least one.
+        (A,) priors of the planes, one for each area; at least one.
     area
         (K,) index of each label's area.
     candidate_poses
-        Of frames that something else than lengths and telemetry could place: first values only.
+        Poses of frames that observations other than lengths and telemetry could determine: first
+        values only.
     rolling
-        Readout time and motion where rows are read one after the other and that is felt, else None.
+        Readout time and motion where rows are read one after the other with a noticeable effect,
+        else None.
     gauge
-        ``world``, or ``plane`` where nothing fixes position and heading: then the first area's
+        ``world``, or ``plane`` where position and heading are undetermined: then the first area's
         plane is z = 0.
     """
 
@@ -271,7 +274,7 @@ class Survey:
                 raise ValueError(f"{len(texts)} names of {len(self.line_start)} known lengths")
 
     def scale_sigma_of(self, tape: str) -> float:
-        """Prior of the scale of one tape."""
+        """Return the prior sigma of the scale of one tape."""
         return dict(self.own_scale_sigma).get(tape, self.tape_scale_sigma)
 
     @cached_property
@@ -281,24 +284,24 @@ class Survey:
 
     @property
     def pick_is_target(self) -> Bools:
-        """(P,) whether the program made a pick: it found a target there."""
+        """(P,) mask of the picks of targets, made by the program."""
         found = np.zeros(len(self.pick_frame), dtype=np.bool_)
         found[self.target_pick] = True
         return found
 
     @cached_property
     def identified(self) -> Ints:
-        """(Q,) labels of which people picked a point that may not be the one that was meant."""
+        """(Q,) labels picked by a person whose picked point may differ from the intended one."""
         by_hand = np.bincount(self.pick_label[~self.pick_is_target], minlength=len(self.label))
         return np.flatnonzero((by_hand > 0) & (self.identification_sigma_m > 0))
 
     @property
     def off_ground(self) -> Bools:
-        """(K,) whether a point is not simply where the ground is."""
+        """(K,) mask of points whose height is free, uncertain or other than 0."""
         stated = (self.height_above_m != 0.0) | (self.height_sigma_m > 0.0)
         return np.asarray(stated | self.is_free)
 
     @property
     def ground(self) -> Ground:
-        """The first area's plane: with a free gauge it is z = 0."""
+        """Plane of the first area; with a free gauge it is z = 0."""
         return self.grounds[0]

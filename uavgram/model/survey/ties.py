@@ -1,4 +1,4 @@
-"""Tie points: what several photos show of the ground, without a name."""
+"""Tie points: unnamed points of the ground that several photos show."""
 
 from __future__ import annotations
 
@@ -19,11 +19,12 @@ class TiePicks(FrozenArrays):
     image
         (N,) file name of the photo.
     tie
-        (N,) name of the tie point; one name stands in two photos or more.
+        (N,) name of the tie point; a name occurs in two photos or more.
     pixel_px, sigma_px
-        (N, 2), (N,) place, as of a pick, and the standard deviation of each coordinate.
+        (N, 2), (N,) position, in the convention of picks, and the standard deviation of each
+        coordinate.
     line
-        (N,) line of the file; nothing where they come from no file.
+        (N,) line of the file; empty where they come from no file.
     """
 
     image: Annotated[tuple[str, ...], "n"]
@@ -37,7 +38,7 @@ NO_TIES = TiePicks(image=(), tie=(), pixel_px=np.empty((0, 2)), sigma_px=np.empt
 
 
 MOST_LEFT = 0.5
-"""Share of the weights of the ties around a label that are left, from which on they still tell."""
+"""Smallest remaining share of the weights of a label's ties at which they are still used."""
 
 
 def _no_index() -> Ints:
@@ -46,20 +47,20 @@ def _no_index() -> Ints:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Beside(FrozenArrays):
-    """What ties say of the ground below B labels, each from m ties around it.
+    """Constraints on the ground height at B labels, each from m tie points around it.
 
     Attributes
     ----------
     label
         (B,) by index.
     tie, weight
-        (B, m) tie points, and the weights with which their heights over the area's plane make that
-        of the label.
+        (B, m) tie points, and the weights of their heights above the area's plane in that of the
+        label.
     sigma_m
-        (B,) of what they make, beside the prior that the ground is even; NaN where they say nothing
-        of the height.
+        (B,) of the weighted height, apart from the prior that the ground is even; NaN where they do
+        not determine the height.
     uneven
-        (B,) how many times as uneven as the area's ground is the ground there.
+        (B,) unevenness of the ground there as a multiple of that of the area.
     """
 
     label: Annotated[Ints, "b"] = field(default_factory=_no_index)
@@ -69,15 +70,15 @@ class Beside(FrozenArrays):
     uneven: Annotated[Floats, "b"] = field(default_factory=lambda: np.zeros(0))
 
     def of_labels(self, new_label: Ints) -> Beside:
-        """Of the labels by their new indices (K,); without those that have none (-1)."""
+        """Return the rows of labels with new indices (K,); without those of dropped labels (-1)."""
         kept = rows_of(self, np.flatnonzero(new_label[self.label] >= 0), "b")
         return replace(self, **kept | {"label": new_label[kept["label"]]})
 
     def of_ties(self, new_point: Ints) -> Beside:
-        """By the new indices of the tie points (T,); some are gone (-1).
+        """Return it with the new indices of the tie points (T,), -1 for dropped ones.
 
-        The others stand in for them: with what is left of the weights their sigma grows. Of the
-        height of a label that has lost most of them, nothing is said.
+        The other points replace them: their weights are rescaled and their sigma grows. A label
+        that has lost most of its weights gets no height (NaN).
         """
         if not len(self.label):
             return self
@@ -102,16 +103,16 @@ class Sightings(FrozenArrays):
     Attributes
     ----------
     frame, point
-        (N,) which frame shows which point.
+        (N,) frame and point of each sighting.
     pixel_px, sigma_px
-        (N, 2), (N,) where, and the standard deviation of each coordinate.
+        (N, 2), (N,) position, and the standard deviation of each coordinate.
     row
-        (N,) where each stands in the table that it is from; -1: nowhere.
+        (N,) row of each in the table from which it comes; -1: none.
     pick
-        (T,) the pick that a point lies under: the first of a chain of matches. Of other tie points
-        nothing is known but that they are seen: -1.
+        (T,) pick that shows the same point: the first of a chain of matches; -1 for points without
+        a pick.
     beside
-        What ties say of labels beside them, on the same ground.
+        Constraints from ties on the ground at labels near them.
     """
 
     frame: Annotated[Ints, "n"] = field(default_factory=_no_index)
@@ -128,7 +129,7 @@ class Sightings(FrozenArrays):
         return len(self.pick)
 
     def without(self, out: Bools) -> tuple[Sightings, Ints]:
-        """Those that are not in `out` (N,), and the points (T',) that are left.
+        """Return the sightings outside the mask `out` (N,), and the points (T',) that are left.
 
         A point that is then seen once or never is left out too.
         """

@@ -1,1 +1,1 @@
-"""The photos of the built-in scene, rendered: ground, cars, marks, plates."""
+"""Rendered photos of the built-in scene: ground, cars, marks, plates."""

@@ -1,4 +1,4 @@
-"""Which place of the scene each pixel of a photo shows, by the true camera and ground."""
+"""Scene coordinates of the pixels of a photo, from the true camera and ground."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.survey import SimulatedSurvey
 
 # Rays are computed on a coarse grid and interpolated: with f = 2100 px, k1 = -0.1 the map bends by
-# 2e-4 px per px^2, so straight lines across 8 px are 2e-3 px off.
+# 2e-4 px per px^2, so linear interpolation over 8 px is wrong by 2e-3 px.
 GRID_PX = 8
 PADDING_NODES = 2
 RELIEF_ROUNDS = 4
 MARGIN_PX = 2
 NOWHERE_M = 1e4
-"""Where pixels look of which the lens model knows no ray, and whatever is farther."""
+"""Coordinate of pixels without a ray in the lens model, and limit of all others [m]."""
 READ = np.array([-0.5, 0.0, 0.5])
 """First, middle and last row, in readout times."""
 
@@ -42,25 +42,25 @@ class Part(NamedTuple):
 
 
 def whole_photo(survey: SimulatedSurvey) -> Part:
-    """All of a photo."""
+    """Return the part that is the whole photo."""
     return Part(0, 0, survey.calibration.width_px, survey.calibration.height_px)
 
 
 def ground_map(
     survey: SimulatedSurvey, index: int, part: Part, sheet: Surface
 ) -> tuple[Weights, Weights]:
-    """Scene coordinates (x, y) of what the pixels of a photo see, (H, W) each [m].
+    """Compute the scene coordinates (x, y) of the pixels of a photo, (H, W) each [m].
 
     Parameters
     ----------
     survey, index
-        Whose frame.
+        The survey, and index of its frame.
     part
-        Which of its pixels.
+        Part of the photo.
     sheet
-        What they look at.
+        Surface that the pixels show.
     """
-    # Nodes at the centres of blocks: cv2.resize then interpolates without any shift.
+    # nodes at the centres of blocks: cv2.resize then interpolates without a shift
     first = np.array([part.left, part.top]) // GRID_PX - PADDING_NODES
     last = -(-np.array([part.right, part.bottom]) // GRID_PX) + PADDING_NODES
     u, v = np.meshgrid(
@@ -76,16 +76,16 @@ def ground_map(
 
 
 def part_showing(survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: Surface) -> Part:
-    """The part of a photo that may show what lies between some corners; empty if none.
+    """Return the part of a photo that may show the area between some corners, or an empty part.
 
     Parameters
     ----------
     survey, index
-        Whose frame.
+        The survey, and index of its frame.
     corners_m
         (K, 2) in the scene.
     sheet
-        What they are on.
+        Surface with the corners.
     """
     truth = survey.truth
     plane = survey.scenario.site.in_world(corners_m)
@@ -103,9 +103,9 @@ def part_showing(survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: 
 
 
 def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Surface) -> Floats:
-    """East and north (H, W, 2) where the rays of pixels (H, W, 2) meet a sheet."""
+    """Intersect the rays of pixels (H, W, 2) with a sheet: east and north (H, W, 2)."""
     truth, camera = survey.truth, survey.calibration
-    # One pose for each row of nodes.
+    # one pose for each row of nodes
     share = row_share(pixel[:, 0, 1], camera.height_px)
     center, rotation = _poses(survey, index, share)
     center = center[:, None]
@@ -113,7 +113,8 @@ def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Surface)
     falling = ray[..., :2] @ sheet.slope - ray[..., 2]
     from_middle = center[..., :2] - truth.surface.middle_m
     depth = (center[..., 2] - sheet.height_m - from_middle @ sheet.slope) / falling
-    # What it has beyond its plane slopes by a few per cent: so much of it is left each time.
+    # fixed-point iteration for departures from the plane: their slopes of a few per cent are the
+    # factor by which the error falls in each round
     for _ in range(0 if sheet.spec.is_plane else RELIEF_ROUNDS):
         up = sheet.up(from_middle + depth[..., None] * ray[..., :2])
         depth = depth + (center[..., 2] + depth * ray[..., 2] - up) / falling
@@ -121,7 +122,7 @@ def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Surface)
 
 
 def _poses(survey: SimulatedSurvey, index: int, share: Floats) -> tuple[Floats, Floats]:
-    """Centres (R, 3) and rotations (R, 3, 3) of rows, which may be read one after the other."""
+    """Return centres (R, 3) and rotations (R, 3, 3) at the times of rows (rolling shutter)."""
     truth = survey.truth
     if truth.rows is not None:
         return truth.rows.at(index, share)

@@ -1,4 +1,4 @@
-"""The ground of the built-in scene from above: grass, road, paint, skid marks, debris."""
+"""Texture of the ground of the built-in scene: grass, road, paint, skid marks, debris."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def paint_ground(road: RoadLayout, rng: np.random.Generator) -> GroundRaster:
     Parameters
     ----------
     road
-        What is where.
+        Layout of the road.
     rng
         Draws grain, wear and debris.
     """
@@ -72,7 +72,7 @@ def paint_ground(road: RoadLayout, rng: np.random.Generator) -> GroundRaster:
 
 
 def road_outlines(road: RoadLayout) -> tuple[Floats, Floats]:
-    """Asphalt of the main road and of the side road with its rounded corners."""
+    """Return the outlines of the main road and of the side road with its rounded corners."""
     half, radius = road.width_m / 2, road.corner_radius_m
     left, right = road.side_x_m - road.side_width_m / 2, road.side_x_m + road.side_width_m / 2
     side = np.vstack(
@@ -93,7 +93,7 @@ def _grass(grain: Weights, patches: Weights) -> Image:
 
 
 def _verge(image: Image, asphalt: Image, grain: Weights, patches: Weights) -> Image:
-    """Trodden gravel beside the asphalt, with a ragged edge."""
+    """Paint gravel beside the asphalt, with a ragged edge."""
     distance = cv2.distanceTransform(255 - asphalt, cv2.DIST_L2, 3) * np.float32(RESOLUTION_M)
     ragged = np.clip((0.75 + 0.12 * patches + 0.1 * grain - distance) / 0.25, 0.0, 1.0)
     gravel = ramp(1.2 * grain, (66, 78, 86), (110, 124, 134), (160, 172, 180))
@@ -105,7 +105,7 @@ def _footpath(image: Image, painter: Painter, grain: Weights, rng: np.random.Gen
     concrete = ramp(0.6 * grain, (128, 138, 142), (150, 160, 164), (174, 182, 186))
     lay(image, concrete, painter.polygons(box(-FAR, FAR, inner, outer)))
     joints = np.arange(-HALF_LENGTH_M, HALF_LENGTH_M, 1.5)
-    # Slabs weather differently.
+    # slabs weather differently
     slabs = painter.blank()
     for x, shade in zip(joints, rng.integers(0, 50, len(joints)), strict=True):
         painter.polygons(box(x, x + 1.5, inner, outer), mask=slabs, value=int(shade))
@@ -125,7 +125,7 @@ def _asphalt(
     image = ramp(
         0.9 * grain + 0.35 * patches, (70, 68, 66), (98, 96, 94), (114, 112, 110), (150, 149, 148)
     )
-    # Wheels polish four tracks; oil darkens the middle of each lane.
+    # wheels polish four tracks; oil darkens the middle of each lane
     lane = road.width_m / 4
     tracks = [
         np.array([[-FAR, y], [FAR, y]])
@@ -143,7 +143,7 @@ def _asphalt(
 
 
 def _crack(rng: np.random.Generator, start_m: Floats) -> Floats:
-    """Draw a wandering path (K, 2)."""
+    """Draw a random path (K, 2)."""
     turn = np.cumsum(rng.normal(0.0, 0.35, 24)) + rng.uniform(0.0, 2.0 * np.pi)
     step = np.column_stack([np.cos(turn), np.sin(turn)]) * rng.uniform(0.06, 0.2)
     path: Floats = start_m + np.cumsum(step, axis=0)
@@ -188,7 +188,7 @@ def _road_paint(
         np.array([[road.side_x_m, stop + 0.2], [road.side_x_m, -FAR]]),
         width_m=0.12,
     )
-    # Old paint: thin where the aggregate stands out.
+    # old paint: thin where the aggregate protrudes
     wear = np.clip(0.86 + 0.14 * grain + 0.1 * patches, 0.25, 1.0).astype(np.float32)
     lay(image, WHITE_PAINT, white, wear)
     lay(image, YELLOW_PAINT, centre, wear)
@@ -199,7 +199,7 @@ def _skid_marks(image: Image, painter: Painter, road: RoadLayout, grain: Weights
     for mark in road.skid_marks:
         path = _smooth(np.array(mark))
         painter.stripes(path, width_m=0.2, mask=mask, value=200)
-        # Rubber lies thickest under the tyre's shoulders.
+        # rubber is thickest under the tyre's shoulders
         outline = stripe_outline(path, 0.16)
         half = len(path)
         painter.stripes(outline[:half], outline[half:], width_m=0.05, mask=mask)
@@ -208,14 +208,14 @@ def _skid_marks(image: Image, painter: Painter, road: RoadLayout, grain: Weights
 
 
 def _smooth(corners_m: Floats) -> Floats:
-    """Resample a polyline (K, 2) to a soft curve through (nearly) the same places."""
+    """Resample a polyline (K, 2) to a smooth curve through (nearly) the same points."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners_m, axis=0), axis=1))])
     places = np.linspace(0.0, along[-1], 80)
     return np.stack([np.interp(places, along, column) for column in corners_m.T], axis=1)
 
 
 def _debris(image: Image, painter: Painter, road: RoadLayout, rng: np.random.Generator) -> None:
-    """Glass, plastic and dirt inside the debris field, denser towards its first corner."""
+    """Paint glass, plastic and dirt inside the debris field, denser towards its first corner."""
     if not road.debris:
         return
     corners = np.array(road.debris)
@@ -235,7 +235,7 @@ def _debris(image: Image, painter: Painter, road: RoadLayout, rng: np.random.Gen
 
 
 def _trees(image: Image, painter: Painter, rng: np.random.Generator) -> None:
-    """Bushes and trees far from the road, as seen from straight above, with their shadows."""
+    """Paint bushes and trees far from the road, seen from above, with their shadows."""
     places = np.array(
         [[-29, 13], [-22, 15.5], [-9, 17], [4, 14.5], [12, 18], [24, 14], [31, 16.5],
          [-31, -12], [-24, -16], [-12, -15], [20, -14.5], [27, -12], [33, -17], [14.5, -18]]
@@ -250,7 +250,7 @@ def _trees(image: Image, painter: Painter, rng: np.random.Generator) -> None:
 
 
 def _canopy(image: Image, painter: Painter, leaves_m: Floats, radius_m: float) -> None:
-    sun = np.array([0.35, 0.5])  # the shadow falls this way, per metre of radius
+    sun = np.array([0.35, 0.5])  # direction of the shadow, per metre of radius
     shade = painter.discs(leaves_m - 1.1 * radius_m * sun, 0.42, painter.blank())
     lay(image, (18, 30, 24), soften(shade, 3), 0.7)
     tones = ((24, 50, 34), (32, 68, 48), (42, 86, 62), (58, 110, 84))

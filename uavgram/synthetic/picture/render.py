@@ -1,4 +1,4 @@
-"""Photos of the simulated scene through the true, distorting camera."""
+"""Renderer of photos of the simulated scene through the true, distorting camera."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ from uavgram.synthetic.picture.things import Detail, details
 from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.survey import SimulatedSurvey
 
-VIGNETTING = 0.2  # of the light is lost in the corners
+VIGNETTING = 0.2  # share of the light lost in the corners
 SENSOR_NOISE = 2.2  # of 255
 EXPOSURE_SIGMA = 0.02
 PIXEL_SUBDIVISION_MAX = 4
-FARTHEST_M = 500.0  # to which the ground is mirrored: each time costs time
-LEAST_PX = 3  # what shows on fewer pixels is left out
+FARTHEST_M = 500.0  # limit of the mirrored ground, since each reflection takes time
+LEAST_PX = 3  # details on fewer pixels are left out
 
 
 @dataclass(frozen=True, eq=False)
 class _Sensor:
-    """What a lens and a sensor do to the light."""
+    """Effect of lens and sensor on the light."""
 
     falloff: Weights  # (H, W, 3)
-    noise: Weights  # (H + 64, W + 64, 3), another part for each photo
+    noise: Weights  # (H + 64, W + 64, 3), of which each photo gets another part
 
 
 def render_photos(survey: SimulatedSurvey) -> Iterator[Image]:
@@ -44,7 +44,7 @@ def render_photos(survey: SimulatedSurvey) -> Iterator[Image]:
     Parameters
     ----------
     survey
-        Its truth is photographed; the same survey gives the same photos.
+        Survey whose truth is photographed; the same survey gives the same photos.
 
     Yields
     ------
@@ -68,7 +68,7 @@ def render_photos(survey: SimulatedSurvey) -> Iterator[Image]:
 
 
 def _ground_photo(ground: GroundRaster, maps: tuple[Weights, Weights]) -> Image:
-    """The ground, mirrored over and over beyond its raster; black where nothing is seen."""
+    """Render the ground, mirrored repeatedly beyond its raster; black where no ground is seen."""
     near = np.clip(maps[0], -FARTHEST_M, FARTHEST_M), np.clip(maps[1], -FARTHEST_M, FARTHEST_M)
     photo = _sample(ground.image, ground.pixel_from_scene, near, cv2.BORDER_REFLECT_101)
     photo[np.maximum(maps[0], maps[1]) >= NOWHERE_M / 2] = 0
@@ -82,7 +82,7 @@ def _maps(
     sheet: Surface | None,
     of_ground: tuple[Weights, Weights],
 ) -> tuple[Weights, Weights]:
-    """Scene coordinates that a part of a photo shows; those of the ground are there already."""
+    """Return the scene coordinates of a part of a photo; those of the ground are given."""
     if sheet is None:
         return of_ground[0][part.slices], of_ground[1][part.slices]
     return ground_map(survey, index, part, sheet)
@@ -91,12 +91,12 @@ def _maps(
 def _sample(
     image: Image, pixel_from_scene: Floats, maps: tuple[Weights, Weights], border: int
 ) -> Image:
-    """Look an image of the ground up at scene coordinates (H, W), bilinearly."""
+    """Sample an image of the ground at scene coordinates (H, W), bilinearly."""
     along, across = maps
     (ux, uy, u0), (vx, vy, v0) = pixel_from_scene.astype(np.float32)
     u = across * uy + u0
     v = along * vx + v0
-    if ux or vy:  # it lies turned
+    if ux or vy:  # the image is rotated
         u += along * ux
         v += across * vy
     sampled: Image = cv2.remap(image, u, v, cv2.INTER_LINEAR, borderMode=border)  # type: ignore[assignment]
@@ -104,7 +104,7 @@ def _sample(
 
 
 def _lay_detail(photo: Image, detail: Detail, maps: tuple[Weights, Weights], part: Part) -> None:
-    """Lay a detail over a photo in place; each pixel is the mean of its subdivisions."""
+    """Draw a detail onto a photo in place; each pixel is the mean of its subdivisions."""
     height, width = maps[0].shape
     gsd_m = abs(float(maps[0][0, 0] - maps[0][-1, 0])) / (height - 1)
     times = int(np.clip(np.ceil(gsd_m / detail.resolution_m), 1, PIXEL_SUBDIVISION_MAX))

@@ -1,4 +1,4 @@
-"""Pictures of what is on the ground of the built-in scene: cars, labelled marks, coded plates."""
+"""Pictures of the objects on the ground of the built-in scene: cars, labelled marks, plates."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.survey import SimulatedSurvey
 
 MARK_RESOLUTION_M = 0.004
-HALF_HEIGHT_PX, NEAR_PX, FAR_PX = 72, 72, 384  # FAR: where the label is
+HALF_HEIGHT_PX, NEAR_PX, FAR_PX = 72, 72, 384  # FAR: on the side of the label
 TEXT_SCALE, TEXT_THICKNESS, TEXT_GAP_PX = 3.0, 10, 88
 RIM_PX = 13
 
@@ -32,7 +32,7 @@ def mark_raster(point: ScenePoint) -> GroundRaster:
     """Draw one mark and its label: BGRA, colours multiplied by alpha."""
     left_px = NEAR_PX if point.label_side == "right" else FAR_PX
     image = np.zeros((2 * HALF_HEIGHT_PX, NEAR_PX + FAR_PX, 4), np.uint8)
-    # Metres from the mark's middle, at the pixels' centres: right, down.
+    # metres from the mark's middle, at the pixels' centres: right, down
     v, u = np.indices(image.shape[:2]) + 0.5
     right, down = (u - left_px) * MARK_RESOLUTION_M, (v - HALF_HEIGHT_PX) * MARK_RESOLUTION_M
     square = np.maximum(np.abs(right), np.abs(down))
@@ -61,7 +61,7 @@ def _mask(where: NDArray[np.bool_]) -> Image:
 
 
 def _write(image: Image, point: ScenePoint, left_px: int) -> None:
-    """Spray the label, upright for one who looks along x, with a dark rim to be legible."""
+    """Draw the label, upright for a viewer looking along x, with a dark rim for legibility."""
     font = cv2.FONT_HERSHEY_DUPLEX
     (width, height), _ = cv2.getTextSize(point.label, font, TEXT_SCALE, TEXT_THICKNESS)
     at_px = left_px + TEXT_GAP_PX if point.label_side == "right" else left_px - TEXT_GAP_PX - width
@@ -79,7 +79,7 @@ def _text_color(point: ScenePoint) -> tuple[int, int, int, int]:
 
 VEHICLE_RESOLUTION_M = 0.01
 MARGIN_M = 1.2
-SHADOW_M = (-0.4, -0.55)  # where a car's shadow falls, in the scene
+SHADOW_M = (-0.4, -0.55)  # offset of a car's shadow in the scene
 
 GLASS = (52, 46, 40, 255)
 GLARE = (196, 186, 176, 255)
@@ -111,7 +111,7 @@ def _draw(image: Image, painter: Painter, vehicle: Vehicle) -> None:
     lay(image, DARK, painter.polygons(*wheels))
     paint = vehicle.color_rgb[::-1]
     lay(image, _shade(paint, 0.5), painter.polygons(body))
-    # Sheet metal rounds off towards its edge.
+    # the body is darker towards its rounded edge
     for inset, light in ((0.965, 0.75), (0.925, 0.92), (0.87, 1.0)):
         lay(image, _shade(paint, light), painter.polygons(_outline(vehicle, inset)))
     for side in (-1, 1):
@@ -144,13 +144,13 @@ def _glass(image: Image, painter: Painter, vehicle: Vehicle, paint: tuple[int, .
 
 
 def _shade(color: tuple[int, ...], light: float) -> tuple[int, ...]:
-    # Highlights go towards white: a lamp on red paint is not redder.
+    # highlights become white instead of a stronger colour
     lifted = [min(255.0, c * light + max(0.0, light - 1.0) * 90.0) for c in color]
     return (*(round(c) for c in lifted), 255)
 
 
 def _outline(vehicle: Vehicle, inset: float = 1.0) -> Floats:
-    """Body (72, 2) in the scene: a superellipse, its front pushed in on one corner."""
+    """Return the body (72, 2) in the scene: a superellipse with a dent at one front corner."""
     angle = np.linspace(0.0, 2.0 * np.pi, 72, endpoint=False)
     ahead = 0.5 * np.sign(np.cos(angle)) * np.abs(np.cos(angle)) ** 0.36
     side = 0.5 * np.sign(np.sin(angle)) * np.abs(np.sin(angle)) ** 0.3
@@ -160,7 +160,7 @@ def _outline(vehicle: Vehicle, inset: float = 1.0) -> Floats:
 
 
 def _part(vehicle: Vehicle, ahead: tuple[float, float], side: tuple[float, float]) -> Floats:
-    """Rectangle (4, 2), in parts of the car's length and width."""
+    """Return a rectangle (4, 2), given in fractions of the car's length and width."""
     (a0, a1), (s0, s1) = ahead, side
     return _place(vehicle, np.array([[a0, s0], [a1, s0], [a1, s1], [a0, s1]]))
 
@@ -170,7 +170,7 @@ def _quad(vehicle: Vehicle, *corners: tuple[float, float]) -> Floats:
 
 
 def _place(vehicle: Vehicle, parts: Floats) -> Floats:
-    """Scene coordinates (K, 2) of (K, 2) parts of the car's length (ahead) and width (left)."""
+    """Convert (K, 2) fractions of the car's length (ahead) and width (left) to the scene."""
     c, s = np.cos(np.deg2rad(vehicle.heading_deg)), np.sin(np.deg2rad(vehicle.heading_deg))
     body = parts * [vehicle.length_m, vehicle.width_m]
     placed: Floats = body @ np.array([[c, s], [-s, c]]) + [vehicle.x_m, vehicle.y_m]
@@ -178,13 +178,13 @@ def _place(vehicle: Vehicle, parts: Floats) -> Floats:
 
 
 PLATE_RESOLUTION_M = 0.004
-WHITE_CELLS = 1  # of paper around a plate's black border
+WHITE_CELLS = 1  # white cells of paper around a plate's black border
 LEVEL_M = 1e-6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Detail:
-    """One of them.
+    """Picture of an object on the ground.
 
     Attributes
     ----------
@@ -193,11 +193,11 @@ class Detail:
     pixel_from_scene
         (2, 3) affine matrix from scene (x, y, 1) to pixel (u, v).
     corners_m
-        (K, 2) what it lies between, in the scene.
+        (K, 2) its corners in the scene.
     resolution_m
         Side of a pixel.
     sheet
-        What it lies on; None: the ground.
+        Surface that carries it; None: the ground.
     """
 
     image: Image
@@ -208,10 +208,10 @@ class Detail:
 
 
 def details(survey: SimulatedSurvey) -> list[Detail]:
-    """All details of a survey's scene, in the order in which they cover each other."""
+    """Return all details of a survey's scene, in the order in which they cover each other."""
     scenario, truth, ground = survey.scenario, survey.truth, survey.truth.surface
     flat = [vehicle_raster(vehicle) for vehicle in scenario.road.vehicles]
-    # Marks last: people walk round the cars to spray them.
+    # marks last: they are sprayed around the cars
     laid = [_of_raster(raster, None) for raster in flat]
     world = truth.point_world_m[: len(scenario.points)]
     above = world[:, 2] - ground.up(world[:, :2] - ground.middle_m)
@@ -236,18 +236,22 @@ def _of_raster(raster: GroundRaster, sheet: Surface | None) -> Detail:
 
 
 def _plate(survey: SimulatedSurvey, number: int, corner_m: Floats) -> Detail:
-    """A coded plate, its paper flat on the plane of its corners (4, 3)."""
+    """Draw a coded plate, its paper flat on the plane of its corners (4, 3)."""
+    # picture of the code: one block of pixels for each cell
     cells = np.pad(cells_of(FAMILY, number), WHITE_CELLS, constant_values=True)
     side = survey.scenario.plates.side_m
     cell_px = max(1, round(side / (len(cells) - 2 * WHITE_CELLS) / PLATE_RESOLUTION_M))
     white = np.kron(cells, np.ones((cell_px, cell_px), np.bool_))
     image = np.where(white[..., None], np.array(WHITE, np.uint8), np.array(BLACK, np.uint8))
+    # affine map from the scene to the picture by the corners of the black square
     low, high = WHITE_CELLS * cell_px - 0.5, (len(cells) - WHITE_CELLS) * cell_px - 0.5
     corner_px = np.array([[low, low], [high, low], [high, high], [low, high]])
     scene = survey.scenario.site.in_scene(corner_m[:, :2])
     affine = np.linalg.lstsq(np.column_stack([scene, np.ones(CORNERS)]), corner_px)[0].T
+    # corners of the paper in the scene
     rim = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * len(image) - 0.5
     place = (rim - affine[:, 2]) @ np.linalg.inv(affine[:, :2]).T
+    # plane through the corners, on which the paper is
     ground = survey.truth.surface
     offset = corner_m[:, :2] - ground.middle_m
     rows = np.column_stack([np.ones(CORNERS), offset])

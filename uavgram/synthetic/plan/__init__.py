@@ -1,1 +1,1 @@
-"""Before a flight: where to photograph from, which lines to lay, how exact it will be."""
+"""Planning before a flight: camera positions, reference lines, and expected accuracy."""

@@ -1,4 +1,4 @@
-"""What a chosen layout will reach: measurements, lines, the map, and what other choices would."""
+"""Predicted accuracy of a layout: measurements, lines, the map, and gains of alternatives."""
 
 from __future__ import annotations
 
@@ -42,13 +42,13 @@ from uavgram.synthetic.plan.wanted import Wanted, equal_weights, lengths_over
 
 MAP_CELLS = 140
 NOTHING_HOLDS = 100.0
-"""Times the criterion beyond which a layout without one of its lines holds nothing any more."""
+"""Ratio of the criterion without a line to that of the layout at which it is undetermined."""
 
 
 def ends_of(possible: Possible, lines: Sequence[int]) -> Floats:
-    """(L, 2, 2) where lines begin and end, from west to east, the southernmost first.
+    """Return the (L, 2, 2) ends of lines, from west to east, the southernmost line first.
 
-    Of plates the corners (L, 4, 2), counterclockwise.
+    For plates the corners (L, 4, 2), counterclockwise.
     """
     ends = possible.spot_m[possible.candidates.ends[list(lines)]]
     ends = ends.reshape(-1, possible.candidates.ends.shape[1], 2)
@@ -60,17 +60,17 @@ def ends_of(possible: Possible, lines: Sequence[int]) -> Floats:
 
 
 def plain_mean(possible: Possible) -> Aim:
-    """What is wanted with weights that make the criterion a plain mean of lengths' sigmas."""
+    """Return the aim with weights that make the criterion a plain mean of lengths' sigmas."""
     return replace(possible.aim, weight=equal_weights(possible.kind, possible.unit))
 
 
 def mean_sigma(found: Predicted) -> float:
-    """Mean sigma of the lengths among the values; of all where there are none."""
+    """Return the mean sigma of the lengths among the values; of all where there are none."""
     return float(equal_weights(found.kind, found.unit) @ found.sigma)
 
 
 def chosen_by(possible: Possible) -> ChosenBy:
-    """What layouts are chosen by: a plain mean where all values weigh the same."""
+    """Return the criterion of the layouts: a plain mean where all weights are equal."""
     weight = possible.aim.weight
     return "mean" if np.allclose(weight, weight[0], rtol=1e-9, atol=0.0) else "shares"
 
@@ -78,7 +78,7 @@ def chosen_by(possible: Possible) -> ChosenBy:
 def planned_lines(
     scene: PlanScene, choice: Choice, lines: Sequence[int], found: Predicted
 ) -> PlannedLines:
-    """The lines of a layout; `found` is what it will reach, its lines as `ends_of` orders them.
+    """Return the lines of a layout; `found` is its prediction, in the order of `ends_of`.
 
     Parameters
     ----------
@@ -87,7 +87,7 @@ def planned_lines(
     lines
         The layout: candidates by index.
     found
-        What it will reach.
+        Predicted accuracy.
     """
     possible = choice.possible
     ends = ends_of(possible, lines) if choice.laid == "lines" else np.zeros((0, 2, 2))
@@ -107,7 +107,7 @@ def planned_lines(
 
 
 def planned_plates(scene: PlanScene, choice: Choice, plates: Sequence[int]) -> PlannedPlates:
-    """The plates of a layout, where these are laid.
+    """Return the plates of a layout, or none for lines.
 
     Parameters
     ----------
@@ -132,7 +132,7 @@ def planned_plates(scene: PlanScene, choice: Choice, plates: Sequence[int]) -> P
 def _seen_and_lost(
     scene: PlanScene, choice: Choice, lines: Sequence[int], world_m: Floats
 ) -> tuple[Floats, Floats]:
-    """(L,) in how many photos each of (L, k, 3) is whole, and the criterion without it."""
+    """Return the number of photos with each of (L, k, 3), and the criterion without it."""
     cameras, possible = choice.flight.cameras, choice.possible
     found = seen(scene.calibration, cameras, world_m.reshape(-1, 3), scene.deviation)
     shown = (large_enough(found, 0) if choice.laid == "plates" else found).certain
@@ -144,7 +144,7 @@ def _seen_and_lost(
 
 
 def _without(aim: Aim, possible: Possible, lines: Sequence[int], end: Floats) -> float:
-    """The criterion without the line or plate that has these ends (k, 2)."""
+    """Return the criterion without the line or plate that has these ends (k, 2)."""
     middle = possible.spot_m[possible.candidates.ends[list(lines)]].mean(axis=1)
     lost = int(np.argmin(np.linalg.norm(middle - end.mean(axis=0), axis=1)))
     return float(without_each(aim, possible.candidates, lines)[lost])
@@ -153,14 +153,14 @@ def _without(aim: Aim, possible: Possible, lines: Sequence[int], end: Floats) ->
 def planned_measurements(
     request: PlanRequest, wanted: Wanted, found: Predicted
 ) -> PlannedMeasurements:
-    """The values that are wanted, as they will be known.
+    """Return the wanted values with their predicted sigmas.
 
     Parameters
     ----------
     request, wanted
-        What is good enough, and of what.
+        Required sigmas, and wanted values.
     found
-        What will be reached.
+        Predicted accuracy.
     """
     asked = [wanted.requests[k] for k in found.request]
     return PlannedMeasurements(
@@ -175,7 +175,7 @@ def planned_measurements(
 
 
 def accuracy_grid(scene: PlanScene, choice: Choice, lines: Sequence[int]) -> AccuracyGrid:
-    """The map: how well lengths will be known over the area.
+    """Return the map of the accuracy of lengths over the area.
 
     Parameters
     ----------
@@ -196,7 +196,7 @@ def accuracy_grid(scene: PlanScene, choice: Choice, lines: Sequence[int]) -> Acc
 
 
 def gained_by(possible: Possible, lines: Sequence[int]) -> float:
-    """Share of the mean sigma that lines take away; nearly 1 where nothing holds without them."""
+    """Return the relative reduction of the mean sigma by lines; near 1 if undetermined without."""
     aim = plain_mean(possible)
     whole = criterion_of(aim, possible.candidates, lines)
     return 1.0 - whole / criterion_of(aim, possible.candidates, ())
@@ -205,12 +205,12 @@ def gained_by(possible: Possible, lines: Sequence[int]) -> float:
 def gains(
     scene: PlanScene, request: PlanRequest, wanted: Wanted, choice: Choice, lines: Sequence[int]
 ) -> Iterator[Gain]:
-    """What one more line or photo, one line less, or a sturdier layout would bring.
+    """Iterate over the effects of one more line or photo, one line less, or a robust layout.
 
     Parameters
     ----------
     scene, request, wanted
-        What the plan is for.
+        Purpose of the plan.
     choice
         Flight and candidates.
     lines
@@ -219,6 +219,7 @@ def gains(
     options = choice.possible
     aim, candidates = plain_mean(options), options.candidates
     one_each = choice.laid.removesuffix("s")
+    # the best of the remaining candidates, with the layout fixed
     information = options.aim.information + candidates.information(lines)
     among = np.flatnonzero(candidates.apart_from(lines))
     larger = None
@@ -249,7 +250,7 @@ def gains(
 def _photo_more(
     scene: PlanScene, request: PlanRequest, wanted: Wanted, choice: Choice, lines: Sequence[int]
 ) -> Iterator[Gain]:
-    """One more photo, and the lines where they are; laid anew where they do not suit its places."""
+    """Evaluate one more photo, with the same lines, or with new ones where these do not fit it."""
     more = one_photo_more(scene, request, choice.flight)
     if more is None:
         return
@@ -278,7 +279,7 @@ def _photo_more(
 
 
 def _borne(aim: Aim, choice: Choice, layout: Chosen, aimed: str) -> Gain:
-    """Another layout, and what is left of it if the line is lost that matters most."""
+    """Evaluate another layout, with and without its most important line."""
     candidates = choice.possible.candidates
     whole = criterion_of(aim, candidates, layout.lines)
     worst = float(without_each(aim, candidates, layout.lines).max())
@@ -292,7 +293,7 @@ def _borne(aim: Aim, choice: Choice, layout: Chosen, aimed: str) -> Gain:
 def _instead(
     scene: PlanScene, request: PlanRequest, wanted: Wanted, choice: Choice, count: int
 ) -> Iterator[Gain]:
-    """As many plates instead of the lines, or lines instead of the plates, where they fit."""
+    """Evaluate the same number of plates instead of lines, or lines instead of plates."""
     laid: Laid = "plates" if choice.laid == "lines" else "lines"
     try:
         options = lines_or_plates(scene, choice.flight.cameras, wanted, lengths(request, laid))
@@ -304,12 +305,12 @@ def _instead(
 
 
 def one_photo_more(scene: PlanScene, request: PlanRequest, flown: Flight) -> Flight | None:
-    """The same flight with one photo more; None of a grid, whose photos the overlap counts.
+    """Return the flight with one more photo; None for a grid, whose overlap fixes the number.
 
     Parameters
     ----------
     scene, request
-        What the plan is for.
+        Purpose of the plan.
     flown
         The flight.
     """

@@ -1,4 +1,4 @@
-"""Photos to be taken: their poses, and what of the ground they will show for certain."""
+"""Planned photos: their poses, and the ground that they show for certain."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from uavgram.synthetic.plan.scene import Deviation, PlanScene
 from uavgram.synthetic.sight import EDGE_PX, inside, large_plates
 
 SURE = 1.645
-"""Sigmas that 95 % of the flights stay within, to one side."""
+"""One-sided 95 % quantile of the normal distribution [sigma]."""
 
 
 class Cameras(NamedTuple):
@@ -55,12 +55,12 @@ class Cameras(NamedTuple):
 
     @property
     def world_from_camera(self) -> Floats:
-        """(F, 3, 3)."""
+        """(F, 3, 3) rotations of the camera."""
         return np.asarray(self.world_from_gimbal @ GIMBAL_FROM_CAMERA)
 
 
 class Seen(NamedTuple):
-    """Points in photos: pixels (F, N, 2), and whether they are there for certain (F, N)."""
+    """Points in photos: pixels (F, N, 2), and whether they are visible for certain (F, N)."""
 
     pixel_px: Floats
     certain: Bools
@@ -69,7 +69,7 @@ class Seen(NamedTuple):
 def seen(
     calibration: Calibration, cameras: Cameras, point_m: Floats, deviation: Deviation | None
 ) -> Seen:
-    """Where points appear in photos, and whether they do so though the drone errs.
+    """Project points to photos, and mark those that are visible despite the drone's deviation.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def seen(
     point_m
         (N, 3) world.
     deviation
-        By how much the drone departs from the plan; None: not at all.
+        Deviation of the drone from the plan; None: not at all.
     """
     rotation = cameras.world_from_camera
     from_center = point_m[None] - cameras.center_m[:, None]
@@ -93,14 +93,14 @@ def seen(
 
 
 def large_enough(found: Seen, first: int) -> Seen:
-    """The sightings, without those of plates that are too small in a photo to be found there.
+    """Return the sightings, without those of plates that are too small in a photo to be found.
 
     Parameters
     ----------
     found
-        Of points, and of the corners of plates behind them.
+        Sightings of points, and of the corners of plates behind them.
     first
-        Where these begin, four of each.
+        Index of the first corner, four for each plate.
     """
     certain = found.certain.copy()
     certain[:, first:] &= large_plates(found.pixel_px[:, first:])
@@ -108,7 +108,7 @@ def large_enough(found: Seen, first: int) -> Seen:
 
 
 def spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floats:
-    """(..., 2) by how much pixels move, to `SURE` sigmas, as the drone departs from the plan.
+    """Compute the (..., 2) shift of pixels, to `SURE` sigmas, by the drone's deviation.
 
     Parameters
     ----------
@@ -125,14 +125,14 @@ def spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floa
 
 
 PER_SIDE = 4
-"""Vertices on each side of a photo: lenses bend its edges."""
+"""Vertices on each side of a photo, whose edges are curved by the lens."""
 
 
 def footprints(scene: PlanScene, cameras: Cameras) -> tuple[Floats, Floats]:
-    """Outlines (F, 16, 3) on the ground: of the photos, and of what they show for certain.
+    """Compute outlines (F, 16, 3) on the ground: of the photos, and of the certain part.
 
-    Counterclockwise from above, not closed. What is certain lies off the photo's edge by as much as
-    the drone's departure moves the ground there.
+    Counterclockwise from above, not closed. The certain part is inside the photo's edge by the
+    shift of the ground under the drone's deviation.
     """
     camera = scene.calibration
     share = np.arange(PER_SIDE) / PER_SIDE
@@ -140,7 +140,7 @@ def footprints(scene: PlanScene, cameras: Cameras) -> tuple[Floats, Floats]:
     u = np.concatenate([share, one, 1.0 - share, zero])
     v = np.concatenate([zero, share, one, 1.0 - share])
     size = np.array([camera.width_px, camera.height_px]) - 1.0
-    rim = np.column_stack([u, v])[::-1]  # image v runs down: reversed it is counterclockwise
+    rim = np.column_stack([u, v])[::-1]  # v points down: reversed is counterclockwise
     whole = _on_ground(scene, cameras, np.broadcast_to(rim * size, (len(cameras.center_m), 16, 2)))
     inset = _spread(scene, cameras, whole) + EDGE_PX
     inset = np.minimum(inset, 0.45 * size)
@@ -148,7 +148,7 @@ def footprints(scene: PlanScene, cameras: Cameras) -> tuple[Floats, Floats]:
 
 
 def _spread(scene: PlanScene, cameras: Cameras, ground_m: Floats) -> Floats:
-    """(F, V, 2) by how much places of the ground move in their photo as the drone departs [px]."""
+    """Compute the (F, V, 2) shift of ground points in their photo by the drone's deviation [px]."""
     from_center = ground_m - cameras.center_m[:, None]
     in_camera = np.einsum("fij,fvi->fvj", cameras.world_from_camera, from_center)
     calibration = scene.calibration
@@ -159,7 +159,7 @@ def _spread(scene: PlanScene, cameras: Cameras, ground_m: Floats) -> Floats:
 
 
 def _on_ground(scene: PlanScene, cameras: Cameras, pixel_px: Floats) -> Floats:
-    """(F, V, 3) where pixels (F, V, 2) of each photo lie on the ground."""
+    """Project pixels (F, V, 2) of each photo to the ground, (F, V, 3)."""
     camera = scene.calibration
     ray = back_project(camera.model, camera.parameters, pixel_px)
     direction = np.einsum("fij,fvj->fvi", cameras.world_from_camera, ray)

@@ -1,4 +1,4 @@
-"""The flight and the number of lines that reach what is wanted with the least effort."""
+"""Choice of the flight and the number of lines that meet the requirements with least effort."""
 
 from __future__ import annotations
 
@@ -24,23 +24,26 @@ from uavgram.synthetic.plan.scene import PlanScene
 from uavgram.synthetic.plan.wanted import Wanted
 
 SPOTS_AT_FIRST = 100
-"""Places for ends of lines while flights are compared."""
+"""Number of possible line ends while flights are compared."""
 
 MINUTES_PER_LINE = 3.0
-"""To mark both ends, pull the tape, read it twice, and write it down."""
+"""Time to mark both ends of a line, tape it, read twice, and write it down."""
 
 MINUTES_PER_PLATE = 1.0
-"""To lay it flat where it shall be, and to fetch it afterwards: the program finds its corners."""
+"""Time to lay out a plate flat and to collect it; its corners are found by the program."""
 
 MINUTES_PER_PHOTO = 0.25
-"""To pick its points, with the program's help, or to look at what it found."""
+"""Time to pick a photo's points with the program's help, or to check its matches."""
 
 NEARLY_BEST = 1.25
-"""Where nobody says what is good enough: up to a quarter worse than the best that there is."""
+"""Accepted criterion relative to the best one where no sigma is required."""
 
 LEAST_LINES = 3
-"""Fewer leave the photos loose; a single photo takes one more, without which a wrong reading goes
-unseen, and without a log the photo's place may be another one."""
+"""Smallest number of lines that fixes the photos.
+
+A single photo takes one more, to detect a wrong reading; so does a survey without a log, whose
+photo may have another pose.
+"""
 
 
 class Choice(NamedTuple):
@@ -49,9 +52,9 @@ class Choice(NamedTuple):
     Attributes
     ----------
     flight, possible, laid
-        The flight, and what lines or plates it allows.
+        The flight, and its possible lines or plates.
     layout, sturdy
-        The best one, and one of as many lines that bears the loss of any.
+        The best one, and one of as many lines that tolerates the loss of any.
     """
 
     flight: Flight
@@ -66,7 +69,7 @@ class _Tried(NamedTuple):
     laid: Laid
     lines: int
     criterion: float
-    worst: float  # largest share of what is good enough; NaN where nobody said
+    worst: float  # largest ratio of sigma to required sigma; NaN without any
     minutes: float
 
 
@@ -77,16 +80,16 @@ def choose(
     flown: list[Flight],
     progress: Progress,
 ) -> Choice:
-    """Compare flights with few possible places for lines, then lay out the best one with many.
+    """Compare flights with few possible line ends, then lay out the best one with many.
 
-    So with plates, where these are asked for.
+    Plates are treated the same way, where they are requested.
 
     Parameters
     ----------
     scene, request
-        What the plan is for.
+        Purpose of the plan.
     wanted
-        What is measured.
+        Wanted measurements.
     flown
         Flights that show everything.
     progress
@@ -111,33 +114,33 @@ def choose(
     best = _least_effort(tried)
     options = possible(scene, best.flight.cameras, wanted, lengths(request, best.laid), enough)
     layout = best_layout(options.aim, options.candidates, best.lines)
-    if request.lines is None and best.worst <= 1.0:  # exchange may do with one line less
+    if request.lines is None and best.worst <= 1.0:  # exchanges may save a line
         layout = _fewer(options, layout, least_lines(scene, best.flight))
     sturdy = layout
     if len(layout.lines) > 1:
         sturdy = surviving(options.aim, options.candidates, layout)
-    if sturdy.criterion < layout.criterion:  # another start for the exchanges, a better one
+    if sturdy.criterion < layout.criterion:  # the exchanges found a better one from there
         layout = exchanged(options.aim, options.candidates, sturdy)
     return Choice(best.flight, options, layout, sturdy, best.laid)
 
 
 def kinds(request: PlanRequest) -> tuple[Laid, ...]:
-    """What may be laid out."""
+    """Return the kinds of references that may be laid out."""
     return ("lines", "plates") if request.lay == "either" else (request.lay,)
 
 
 def lengths(request: PlanRequest, laid: Laid) -> tuple[float, float] | None:
-    """Between which lengths lines lie; None of plates."""
+    """Return the limits of the length of lines; None for plates."""
     return (request.shortest_line_m, request.longest_tape_m) if laid == "lines" else None
 
 
 def least_lines(scene: PlanScene, flight: Flight) -> int:
-    """The fewest lines that the program proposes for a flight."""
+    """Return the smallest number of lines that the program proposes for a flight."""
     return LEAST_LINES + int(flight.photos == 1 or scene.logged is None)
 
 
 def good_enough(request: PlanRequest, wanted: Wanted) -> Floats:
-    """(requests,) sigmas that are good enough; NaN where nobody said."""
+    """Return (requests,) required sigmas; NaN where none was given."""
     stated = {one.name: one.sigma_m for one in request.wanted}
     sigma = [stated.get(one.name) for one in wanted.requests]
     return np.array([np.nan if one is None else one for one in sigma], dtype=np.float64)
@@ -150,7 +153,7 @@ def _try(
     way: tuple[Flight, Laid],
     enough: Floats,
 ) -> list[_Tried]:
-    """A flight with each number of lines or plates, as greedy choice lays them."""
+    """Evaluate a flight with each number of lines or plates, chosen greedily."""
     one, laid = way
     between = lengths(request, laid)
     options = possible(scene, one.cameras, wanted, between, enough, SPOTS_AT_FIRST)
@@ -174,14 +177,14 @@ def _try(
 
 
 def worst_share(options: Possible, layout: Chosen) -> float:
-    """Largest sigma over what is good enough of it; NaN where nobody said."""
+    """Return the largest ratio of sigma to required sigma; NaN without any."""
     information = options.aim.information + options.candidates.information(layout.lines)
     share = options.aim.sigma(covariance_of(information)) / options.enough
     return float(np.nanmax(share)) if np.isfinite(share).any() else float("nan")
 
 
 def _least_effort(tried: list[_Tried]) -> _Tried:
-    """The one of least effort that reaches what is wanted; else the best one."""
+    """Return the candidate of least effort that meets the requirements; else the best one."""
     reached = [one for one in tried if one.worst <= 1.0]
     if reached:
         return min(reached, key=lambda one: (one.minutes, one.criterion))
@@ -193,7 +196,7 @@ def _least_effort(tried: list[_Tried]) -> _Tried:
 
 
 def _fewer(options: Possible, layout: Chosen, least: int) -> Chosen:
-    """The layout with one line less for as long as what is wanted is reached."""
+    """Remove lines one by one as long as the requirements are met."""
     while len(layout.lines) > least:
         fewer = best_layout(options.aim, options.candidates, len(layout.lines) - 1)
         if not worst_share(options, fewer) <= 1.0:

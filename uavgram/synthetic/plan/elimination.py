@@ -1,7 +1,8 @@
-"""What points' own observations say of the unknowns that photos share, the points eliminated.
+"""Elimination of points: information of their own observations on the shared unknowns.
 
-A candidate line has two ends that nobody else needs. Eliminated from the normal equations, they
-leave rows on what is shared alone: poses, lens, ground, biases, tapes (the core, below).
+The two ends of a candidate line occur in no other observation. Elimination from the normal
+equations leaves rows on the shared unknowns alone: poses, lens, ground, biases, tapes (the core,
+below).
 """
 
 from __future__ import annotations
@@ -18,18 +19,18 @@ from uavgram.model.arrays import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class Eliminated:
-    """K points without their unknowns; C unknowns of the core, in the order of the layout.
+    """K eliminated points; C unknowns of the core, in the order of the layout.
 
     Attributes
     ----------
     base
-        (C, C) information on the core in observations of no point: priors.
+        (C, C) information on the core from observations without a point: priors.
     root
-        (K, r, C) what the sightings of each point say: rows whose squares are the information.
+        (K, r, C) root of the information of each point's sightings on the core, as rows.
     by_core
-        (K, p, C) how each point, as its sightings place it, moves with the core.
+        (K, p, C) derivative of each point, determined by its sightings, by the core.
     covariance
-        (K, p, p) of each point where the core is known.
+        (K, p, p) of each point for a fixed core.
     """
 
     base: Floats
@@ -38,7 +39,7 @@ class Eliminated:
     covariance: Floats
 
     def information(self, point: Ints) -> Floats:
-        """(C, C) what the sightings of some points say of the core."""
+        """Return the (C, C) information of some points' sightings on the core."""
         rows = self.root[point].reshape(-1, self.root.shape[2])
         return np.asarray(rows.T @ rows)
 
@@ -46,9 +47,9 @@ class Eliminated:
 def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
     """Eliminate all points of a survey whose observations each see one point, or none.
 
-    With the rows of a point whitened, A its own unknowns' part and B the core's, and A = Q R, what
-    remains of B is its part across A: the last columns of Q, transposed, times B (Golub and Pereyra
-    1973, variable projection).
+    With the whitened rows of a point, the part A of its own unknowns and B of the core, and A = Q
+    R, the reduced rows are the component of B orthogonal to A: the last columns of Q, transposed,
+    times B (Golub and Pereyra 1973, variable projection).
 
     Parameters
     ----------
@@ -62,6 +63,7 @@ def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
     count, core = layout.points, layout.size - first
     base = np.zeros((core, core))
     found: list[tuple[Ints, Floats, Floats]] = []
+    # priors of the core; split rows with a point into the parts of point and core
     for block in blocks.values():
         own = block.columns < layout.first_tie
         if not own.any():
@@ -69,6 +71,7 @@ def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
             continue
         label = np.where(own, block.columns // size, -1).max(axis=1)
         found.append((label, *_split(block, layout)))
+    # collect the rows of each point, padded with zeros to the same number
     label = np.concatenate([np.repeat(one[0], one[1].shape[1]) for one in found])
     own_rows = np.concatenate([one[1].reshape(-1, size) for one in found])
     core_rows = np.concatenate([one[2].reshape(-1, core) for one in found])
@@ -78,7 +81,9 @@ def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
     most = max(int(rows.max()), size)
     a, b = np.zeros((count, most, size)), np.zeros((count, most, core))
     a[label[order], slot], b[label[order], slot] = own_rows[order], core_rows[order]
+    # QR decomposition of each point's own part: A = Q R
     q, r = np.linalg.qr(a, mode="complete")
+    # rotated core part: the first rows determine the point, the others are the reduced rows
     turned = np.swapaxes(q, 1, 2) @ b
     inverse = np.linalg.inv(r[:, :size])
     return Eliminated(
@@ -90,7 +95,7 @@ def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
 
 
 def _split(block: Block, layout: Layout) -> tuple[Floats, Floats]:
-    """Jacobian by the row's own point (n, r, p), and by the core (n, r, C)."""
+    """Return the Jacobian by the row's own point (n, r, p), and by the core (n, r, C)."""
     size, first = layout.point_size, layout.first_frame
     n, rows, _ = block.jacobian.shape
     own = np.zeros((n, rows, size))
@@ -113,14 +118,14 @@ def _information(block: Block, layout: Layout) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Functions:
-    """N linear functions of points and core, the points eliminated.
+    """N linear functions of points and core, with the points eliminated.
 
     Attributes
     ----------
     gradient
         (N, C) by the core.
     variance
-        (N,) where the core is known: of the points' own errors.
+        (N,) for a fixed core: from the points' own errors.
     """
 
     gradient: Floats
@@ -130,9 +135,9 @@ class Functions:
 def whitened_readings(
     points: Eliminated, layout: Layout, columns: Ints, jacobian: Floats, ends: Ints
 ) -> Floats:
-    """(n, q, C) what groups of q readings say of the core, as rows of unit variance.
+    """Compute the (n, q, C) information of groups of q readings on the core, as whitened rows.
 
-    The points of a group are its own: they are eliminated, which ties its readings together.
+    The points of a group occur only in it: their elimination correlates its readings.
 
     Parameters
     ----------
@@ -141,13 +146,13 @@ def whitened_readings(
     layout
         Of the unknowns.
     columns, jacobian
-        (n, q, k) which unknowns, and derivatives of the whitened readings; an unknown may occur
-        twice.
+        (n, q, k) unknowns, and derivatives of the whitened readings; an unknown may occur twice.
     ends
         (n, m) the points of each group.
     """
     size, first = layout.point_size, layout.first_frame
     n, q, _ = columns.shape
+    # split the derivatives into those by the core and those by the group's own points
     core = np.zeros((n, q, layout.size - first))
     own = np.zeros((n, q, ends.shape[1], size))
     group, reading = np.indices((n, q))
@@ -161,16 +166,18 @@ def whitened_readings(
         label = column[~of_core] // size
         which = (ends[at[0]] == label[:, None]).argmax(axis=1)
         own[*at, which, column[~of_core] % size] += by_column[~of_core]
+    # substitute the points: their dependence on the core, and their own variance
     core += np.einsum("nqmp,nmpc->nqc", own, points.by_core[ends], optimize=True)
     moved = np.einsum("nqmp,nmpr->nqmr", own, points.covariance[ends], optimize=True)
     variance = np.eye(q) + np.einsum("nqmr,nsmr->nqs", moved, own, optimize=True)
     if q == 1:
         return np.asarray(core / np.sqrt(variance))
+    # whiten with the Cholesky factor of the readings' joint covariance
     return np.asarray(np.linalg.solve(np.linalg.cholesky(variance), core), dtype=np.float64)
 
 
 def of_all_points(points: Eliminated, layout: Layout, gradient: Floats) -> Functions:
-    """Functions of any number of points by their gradients (size, N), the points eliminated.
+    """Return functions of any number of points by their gradients (size, N), points eliminated.
 
     Parameters
     ----------

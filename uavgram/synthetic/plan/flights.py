@@ -1,4 +1,4 @@
-"""Flights over an area that show all of it, within what drone and law allow."""
+"""Flights that show all of an area, within the limits of drone and law."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ from uavgram.synthetic.sight import corner_rays, shows_horizon
 
 CLIMB_M_S = 2.0
 USABLE = 0.8
-"""Share of a battery that a flight may use: the rest is for the wind and the way home."""
+"""Usable share of a battery; the rest is reserve for wind and the way home."""
 
 HEIGHTS_M = (12.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 120.0)
-"""To choose from, where nobody says."""
+"""Default heights to choose from."""
 
 PITCHES_DEG: dict[FlightPattern, tuple[float, ...]] = {
     "single": (-90.0, -75.0),
@@ -31,20 +31,20 @@ PITCHES_DEG: dict[FlightPattern, tuple[float, ...]] = {
 FRAMES: dict[FlightPattern, tuple[int, ...]] = {
     "single": (1,),
     "strip": (3, 5, 8),
-    "grid": (0,),  # as many as the overlap asks for
+    "grid": (0,),  # determined by the overlap
     "orbit": (4, 8),
 }
 OVERLAP = (0.7, 0.5)
-"""Of a grid's photos: along a strip, and from strip to strip."""
+"""Overlap of a grid's photos: along a strip, and from strip to strip."""
 
 LEAST_BASE = 0.5
-"""Of the height: from the first photo of a strip to the last."""
+"""Smallest distance from the first photo of a strip to the last, relative to the height."""
 
 MOST_IN_GRID = 200
 
 
 class Flight(NamedTuple):
-    """A flight to choose.
+    """Candidate flight.
 
     Attributes
     ----------
@@ -65,24 +65,24 @@ class Flight(NamedTuple):
 
     @property
     def photos(self) -> int:
-        """How many."""
+        """Number of photos."""
         return len(self.cameras.center_m)
 
 
 def flights(
     scene: PlanScene, request: PlanRequest, pattern: FlightPattern, height_m: float
 ) -> list[Flight]:
-    """All flights of a pattern at a height: each pitch with each number of photos.
+    """Return all flights of a pattern at a height: each pitch with each number of photos.
 
     Parameters
     ----------
     scene, request
-        What the plan is for.
+        Purpose of the plan.
     pattern, height_m
-        How they are flown, and how high above the ground.
+        Pattern, and height above the ground.
     """
     pitches = request.pitches_deg or PITCHES_DEG[pattern]
-    if pattern == "orbit":  # from a circle one looks inwards
+    if pattern == "orbit":  # an orbit looks inwards
         pitches = tuple(pitch for pitch in pitches if pitch > -85.0)
     counts = FRAMES[pattern] if pattern in {"single", "grid"} else _counts(request, pattern)
     found = [
@@ -104,7 +104,7 @@ def flight(
     kind: tuple[FlightPattern, float, float],
     photos: int,
 ) -> Flight | None:
-    """One flight; None where a grid would take far too many photos.
+    """Compute one flight; None where a grid would take far too many photos.
 
     Parameters
     ----------
@@ -113,18 +113,19 @@ def flight(
     kind
         Pattern, height above the ground at the middle of the area [m], gimbal pitch [deg].
     photos
-        How many; of a grid, the overlap says.
+        Number of photos; for a grid, the overlap determines it.
     """
     pattern, height, pitch = kind
     middle, axis, size = long_axis(scene.area_m)
     across = np.array([-axis[1], axis[0]])
     fx, fy = scene.calibration.parameters[:2]
+    # size of a vertical photo on the ground, and offset of its centre behind the view
     shown = np.array([scene.calibration.height_px / fy, scene.calibration.width_px / fx]) * height
     back = height / np.tan(np.deg2rad(-pitch)) if pitch > -90 else 0.0
     if pattern == "single":
         place, look = np.zeros((1, 2)), np.array([[0.0, 1.0]])
     elif pattern == "strip":
-        # Nose square to the way: the photo's long side lies along the area's.
+        # nose across the path: the photo's long side is along the area's
         place = np.column_stack([_stops(size[0], shown[1], height, photos), np.zeros(photos)])
         look = np.tile([0.0, 1.0], (photos, 1))
     elif pattern == "grid":
@@ -146,7 +147,7 @@ def flight(
     heading = np.rad2deg(np.arctan2(direction[:, 0], direction[:, 1])) % 360.0
     cameras = Cameras(center, heading, np.full(len(foot), float(pitch)), time)
     path = float(legs.sum())
-    # Take-off and landing beside the area's middle, half its length away at most.
+    # take-off and landing next to the area's middle, at most half its length away
     to_and_fro = np.linalg.norm(foot[[0, -1]] - middle, axis=1).sum() + float(size[0])
     duration = time[-1] + request.seconds_per_photo + 2.0 * height / CLIMB_M_S
     return Flight(
@@ -155,16 +156,16 @@ def flight(
 
 
 def _stops(length: float, shown: float, height: float, count: int) -> Floats:
-    """Places along a strip: as far apart as the area is long, less what a photo shows of it.
+    """Return positions along a strip, over the area's length less the ground in one photo.
 
-    At least `LEAST_BASE` of the height, or the photos would say the same.
+    The strip is at least `LEAST_BASE` of the height long, or the photos would be nearly the same.
     """
     span = max(length - 0.6 * shown, LEAST_BASE * height)
     return np.linspace(-0.5 * span, 0.5 * span, count) if count > 1 else np.zeros(1)
 
 
 def _grid(size: Floats, shown: Floats, height: float) -> tuple[Floats, Floats] | None:
-    """Places and directions of strips there and back that cover an area with overlap."""
+    """Return positions and directions of strips there and back that cover an area with overlap."""
     step = shown * (1.0 - np.array(OVERLAP))
     count = np.maximum(np.ceil((size - 0.5 * shown) / step).astype(int) + 1, 2)
     if count.prod() > MOST_IN_GRID:
@@ -182,39 +183,39 @@ def _grid(size: Floats, shown: Floats, height: float) -> tuple[Floats, Floats] |
 
 
 def keeps_out(scene: PlanScene, cameras: Cameras) -> bool:
-    """Whether a flight keeps out of where nobody may fly."""
+    """Return whether a flight stays outside all no-go areas."""
     foot = cameras.center_m[:, :2]
     start, end = (foot[:-1], foot[1:]) if len(foot) > 1 else (foot, foot)
     return not any(crosses(polygon, start, end).any() for polygon in scene.no_go_m)
 
 
 def heights_to_try(request: PlanRequest) -> tuple[float, ...]:
-    """Heights to choose from, the lowest first."""
+    """Return the heights to choose from, the lowest first."""
     heights = request.heights_m or HEIGHTS_M
     return tuple(sorted(h for h in heights if request.min_height_m <= h <= request.max_height_m))
 
 
 HEIGHTS_EACH = 3
-"""Of the lowest heights from which a pattern shows everything, those that are looked at."""
+"""Number of heights that are compared, from the lowest one at which a pattern shows everything."""
 
 TO_COVER = 60
-"""Places of the area that photos must show."""
+"""Number of points of the area that photos must show."""
 
 
 def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Flight]:
-    """Flights that show the area and what is wanted, and end before the battery does.
+    """Return flights that show the area and the wanted points within the battery's time.
 
     Parameters
     ----------
     scene, request
-        What the plan is for.
+        Purpose of the plan.
     wanted
-        Whose points must be seen.
+        Whose points must be visible.
 
     Raises
     ------
     GeometryError
-        There is none; the message says what stands in the way.
+        There is none; the message gives the obstacle.
     """
     must = scene.on_ground(np.concatenate([_area_points(scene), wanted.point_m]))
     found, obstacles = [], dict.fromkeys(("cover", "battery", "no-go", "horizon", "height"), 0)

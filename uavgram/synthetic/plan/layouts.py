@@ -1,10 +1,10 @@
-"""Choose few of many possible reference lines, or plates, that make what is wanted best known.
+"""Choice of few of many possible reference lines, or plates, for the best accuracy.
 
 Greedy, then exchange: the line that helps most is added until there are enough; then each in turn
-is taken out and the best put in its place, until none changes (Fedorov 1972, ch. 3; Atkinson,
-Donev and Tobias 2007, ch. 12). The criterion is the weighted mean of predicted sigmas, an L-optimal
-design; with lengths all over an area as what is wanted, an I-optimal one. Lines are lost: tapes are
-misread, marks driven over, cars parked on them.
+is removed and replaced by the best one, until none changes (Fedorov 1972, ch. 3; Atkinson, Donev
+and Tobias 2007, ch. 12). The criterion is the weighted mean of predicted sigmas, an L-optimal
+design; with lengths all over an area as wanted values, an I-optimal one. Lines may be lost: tapes
+are misread, marks driven over, cars parked on them.
 """
 
 from __future__ import annotations
@@ -19,16 +19,16 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.synthetic.plan.elimination import Functions
 
 SHORTLIST = 48
-"""Candidates whose ends' own sightings are reckoned with as well, of those whose tapes say most."""
+"""Number of best candidates by their tapes whose ends' own sightings are evaluated too."""
 
 PASSES = 6
 LEAST_GAIN = 1e-4
-"""Share of the criterion that makes an exchange worth it."""
+"""Smallest relative gain of the criterion for an exchange."""
 
 
 @dataclass(frozen=True, eq=False)
 class Aim:
-    """What is wanted, and what is known without any line.
+    """Wanted values, and prior information without any line.
 
     Attributes
     ----------
@@ -45,28 +45,28 @@ class Aim:
     weight: Floats
 
     def sigma(self, covariance: Floats) -> Floats:
-        """(M,) sigmas where the core has a covariance (C, C)."""
+        """Return the (M,) sigmas for a covariance (C, C) of the core."""
         gradient = self.wanted.gradient
         shared = np.einsum("mc,cd,md->m", gradient, covariance, gradient, optimize=True)
         return np.asarray(np.sqrt(shared + self.wanted.variance))
 
     def criterion(self, covariance: Floats) -> float:
-        """Weighted mean of the sigmas."""
+        """Return the weighted mean of the sigmas."""
         return float(self.weight @ self.sigma(covariance))
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """N lines that could be taped, or plates that could be laid.
+    """N lines that could be taped, or plates that could be laid out.
 
     Attributes
     ----------
     whitened
-        (N, q, C) what the q lengths of each say of the core (`whitened_readings`).
+        (N, q, C) information of the q lengths of each on the core (`whitened_readings`).
     ends
         (N, m) nodes.
     node_root
-        (K, r, C) what the sightings of a node say of the core (`Eliminated.root`).
+        (K, r, C) information of a node's sightings on the core (`Eliminated.root`).
     """
 
     whitened: Floats
@@ -74,18 +74,18 @@ class Candidates:
     node_root: Floats
 
     def rows(self, lines: Ints) -> Floats:
-        """(n, m r + q, C) all that candidates say of the core, as rows."""
+        """Return the (n, m r + q, C) whitened rows of candidates on the core."""
         of_nodes = self.node_root[self.ends[lines]]
         flat = of_nodes.reshape(len(lines), -1 if of_nodes.size else 0, of_nodes.shape[-1])
         return np.concatenate([flat, self.whitened[lines]], axis=1)
 
     def information(self, lines: Sequence[int]) -> Floats:
-        """(C, C) what lines say of the core together."""
+        """Return the (C, C) information of lines together on the core."""
         rows = self.rows(np.array(lines, dtype=np.int64)).reshape(-1, self.node_root.shape[2])
         return np.asarray(rows.T @ rows)
 
     def apart_from(self, lines: Sequence[int]) -> Bools:
-        """(N,) which candidates share no end with some lines."""
+        """Return a (N,) mask of candidates that share no end with some lines."""
         taken = np.zeros(len(self.node_root), dtype=np.bool_)
         taken[self.ends[list(lines)].ravel()] = True
         return np.asarray(~taken[self.ends].any(axis=1))
@@ -93,41 +93,41 @@ class Candidates:
 
 @dataclass(frozen=True, eq=False)
 class Chosen:
-    """Lines that were chosen, by index, and the criterion with them."""
+    """Chosen lines, by index, and the criterion with them."""
 
     lines: tuple[int, ...]
     criterion: float
 
 
 def covariance_of(information: Floats) -> Floats:
-    """Inverse of a positive definite matrix, scaled to a unit diagonal beforehand."""
+    """Invert a positive definite matrix, scaled to a unit diagonal beforehand."""
     scale = 1.0 / np.sqrt(np.diag(information))
     factor = cho_factor(information * np.outer(scale, scale), lower=True)
     return np.asarray(cho_solve(factor, np.eye(len(scale))) * np.outer(scale, scale))
 
 
 def with_one_more(aim: Aim, candidates: Candidates, covariance: Floats, among: Ints) -> Floats:
-    """The criterion with each of some candidates (n,) added; upper bounds of the poor ones.
+    """Compute the criterion with each of some candidates (n,) added; upper bounds of poor ones.
 
     One more observation of gradient g and variance s^2 takes (g S w)^2 / (g S g + s^2) from the
-    variance of w, S the covariance before (Plackett 1950). What the ends' own sightings add is
-    reckoned with for the best ones.
+    variance of w, with S the covariance before (Plackett 1950). The contribution of the ends' own
+    sightings is included for the best candidates only.
 
     Parameters
     ----------
     aim
-        What is wanted.
+        Wanted values.
     candidates
         The lines.
     covariance
         (C, C) of the core without the line.
     among
-        (n,) which candidates.
+        (n,) indices of the candidates.
     """
     before = aim.sigma(covariance) ** 2
     with_wanted = covariance @ aim.wanted.gradient.T
     found, best = np.full(len(among), np.inf), np.arange(len(among))
-    if candidates.whitened.shape[1] == 1:  # one reading each: a formula, and few looked at closely
+    if candidates.whitened.shape[1] == 1:  # one reading: rank-one update
         rows = candidates.whitened[among, 0]
         taken = (rows @ with_wanted) ** 2
         taken /= 1.0 + np.einsum("nc,nc->n", rows @ covariance, rows)[:, None]
@@ -135,13 +135,14 @@ def with_one_more(aim: Aim, candidates: Candidates, covariance: Floats, among: I
         if not candidates.node_root.shape[1]:
             return found
         best = np.argsort(found)[:SHORTLIST]
+    # exact update for several rows: variance - |L^-1 R S w|^2 with L L^T = R S R^T + I
     rows = candidates.rows(among[best])
     inner = rows @ covariance @ np.swapaxes(rows, 1, 2)
     inner += np.eye(inner.shape[1])
     across = np.linalg.solve(np.linalg.cholesky(inner), rows @ with_wanted)
     exact = _criterion(aim, before - np.sum(across**2, axis=1))
     found[best] = exact
-    # Whoever was not looked at closely is not chosen before one that was.
+    # a candidate outside the shortlist must not be chosen before one inside
     others = np.setdiff1d(np.arange(len(found)), best)
     found[others] = np.maximum(found[others], exact.min())
     return found
@@ -152,12 +153,12 @@ def _criterion(aim: Aim, variance: Floats) -> Floats:
 
 
 def criterion_of(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> float:
-    """The criterion with some lines.
+    """Return the criterion with some lines.
 
     Parameters
     ----------
     aim, candidates
-        What is wanted, what is possible.
+        Wanted values, possible lines.
     lines
         Candidates by index.
     """
@@ -167,16 +168,16 @@ def criterion_of(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> floa
 def greedy(
     aim: Aim, candidates: Candidates, count: int, start: Sequence[int] = ()
 ) -> tuple[Chosen, ...]:
-    """Lines added one after the other: the layouts of each number up to `count`.
+    """Add lines one after the other: the layouts of each number up to `count`.
 
     Parameters
     ----------
     aim, candidates
-        What is wanted, what is possible.
+        Wanted values, possible lines.
     count
-        Most lines.
+        Largest number of lines.
     start
-        Lines that are there already.
+        Lines that are already chosen.
     """
     lines = list(start)
     steps = []
@@ -192,14 +193,14 @@ def greedy(
 
 
 def exchanged(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
-    """The layout after exchanges of single lines, until none is worth it.
+    """Exchange single lines of a layout as long as that improves it.
 
     Parameters
     ----------
     aim, candidates
-        What is wanted, what is possible.
+        Wanted values, possible lines.
     start
-        The layout to begin with.
+        Initial layout.
     """
 
     def one_more(others: list[int], among: Ints) -> Floats:
@@ -218,9 +219,9 @@ def _improved(
     score: Callable[[Sequence[int]], float],
     scores: Callable[[list[int], Ints], Floats],
 ) -> tuple[tuple[int, ...], float]:
-    """Exchange single lines until none is worth it: the layout, and its score.
+    """Exchange single lines as long as that improves the score; return layout and score.
 
-    `score` is of a layout, `scores` of some lines with each of the candidates (n,), where those of
+    `score` evaluates a layout, `scores` some lines with each of the candidates (n,), where those of
     poor ones may be upper bounds.
     """
     lines, value = list(start.lines), score(start.lines)
@@ -239,14 +240,14 @@ def _improved(
 
 
 def best_layout(aim: Aim, candidates: Candidates, count: int) -> Chosen:
-    """The best layout of a number of lines that greedy choice and exchange find.
+    """Return the best layout of a number of lines by greedy choice and exchange.
 
     Parameters
     ----------
     aim, candidates
-        What is wanted, what is possible.
+        Wanted values, possible lines.
     count
-        How many lines.
+        Number of lines.
     """
     steps = greedy(aim, candidates, count)
     if not steps:
@@ -255,16 +256,16 @@ def best_layout(aim: Aim, candidates: Candidates, count: int) -> Chosen:
 
 
 WORST = 0.1
-"""Weight of the criterion after the worst loss beside that without any."""
+"""Weight of the criterion after the worst loss, relative to that without any loss."""
 
 
 def without_each(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> Floats:
-    """(L,) the criterion where one of the lines is lost.
+    """Return the (L,) criterion after the loss of each line.
 
     Parameters
     ----------
     aim, candidates
-        What is wanted, what is possible.
+        Wanted values, possible lines.
     lines
         The layout: candidates by index.
     """
@@ -273,17 +274,17 @@ def without_each(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> Floa
 
 
 def surviving(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
-    """A layout of as many lines that bears the loss of any one of them.
+    """Find a layout of as many lines that tolerates the loss of any one of them.
 
-    By exchanges, as `exchanged`; what is made small is the criterion plus `WORST` times that after
-    the worst loss.
+    By exchanges, as `exchanged`; the sum of the criterion and `WORST` times that after the worst
+    loss is minimised.
 
     Parameters
     ----------
     aim, candidates
-        What is wanted, what is possible.
+        Wanted values, possible lines.
     start
-        Where the exchanges begin: at least two lines.
+        Initial layout: at least two lines.
     """
 
     def score(lines: Sequence[int]) -> float:

@@ -1,4 +1,4 @@
-"""From a scene to a plan, with what to know of it before flying."""
+"""Plan of a scene, with messages to read before flying."""
 
 from __future__ import annotations
 
@@ -43,20 +43,23 @@ from uavgram.synthetic.plan.wanted import wanted_of
 from uavgram.synthetic.scenario import Scenario, Site
 
 LARGE_M = 0.3
-"""A mistake of a tape reading that people do make: a slipped decimetre mark or three."""
+"""Gross error of a tape reading that people do make: a slipped decimetre mark or three."""
 
 LEAST_GAIN = 0.1
-"""Share of the sigmas that reference lines must take away to be worth the work."""
+"""Smallest relative reduction of the sigmas for which reference lines are worth the work."""
 
 
 FEW_LINES = 3
-"""Fewer leave the tilt of a single photo to its log: over its sigmas lengths bend by so much that
-errors of simulated surveys were 1.0 to 1.3 times what is predicted to first order with one line,
-and 0.95 to 1.2 times with two; second order overshoots there. From three lines on neither shows."""
+"""Number of lines below which the tilt of a single photo depends on its log.
+
+Over the sigmas of the log, lengths are so nonlinear in the tilt that errors of simulated surveys
+were 1.0 to 1.3 times the first-order prediction with one line, and 0.95 to 1.2 times with two;
+second order overshoots there. Neither effect occurs with three lines or more.
+"""
 
 
 def nowhere() -> Message:
-    """What to know of a plan in metres of which nobody said where on earth they count from."""
+    """Return the message for a plan in metres without a geodetic origin."""
     site = Site()
     return Message(
         "warning",
@@ -76,16 +79,16 @@ def remarks(
     gained: float,
     photos: int,
 ) -> Iterator[Message]:
-    """What to know of a plan before flying.
+    """Iterate over the messages to read before flying.
 
     Parameters
     ----------
     laid, measured
-        As they will be; there are either lines or plates.
+        Planned references and measurements; there are either lines or plates.
     gained
-        Share of the mean sigma that they take away; 1 where nothing holds without them.
+        Relative reduction of the mean sigma by the references; 1 if undetermined without.
     photos
-        How many are taken.
+        Number of photos.
     """
     lines, plates = laid
     if gained < LEAST_GAIN and (lines.name or plates.name):
@@ -156,14 +159,14 @@ def remarks(
 
 
 def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> FlightPlanned:
-    """Choose flight and lines, and predict what they reach.
+    """Choose flight and lines, and predict the accuracy.
 
     Parameters
     ----------
     scenario
         Its name, its camera and its log's class.
     asked
-        What it asks for, in the world's axes.
+        Its request, in the world's axes.
     progress
         Shows long loops.
 
@@ -234,7 +237,7 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
 
 
 def is_nowhere(asked: Asked) -> bool:
-    """Whether the area is in metres from a place that nobody named."""
+    """Return whether the area is in metres from an unspecified origin."""
     own, usual = asked.site, Site()
     named = (own.latitude_deg, own.longitude_deg) != (usual.latitude_deg, usual.longitude_deg)
     return not named and not isinstance(asked.request.area, str)

@@ -1,4 +1,4 @@
-"""What one more line would have brought to a real survey: on its own adjustment."""
+"""Gain of one more reference line in a real survey, based on its own adjustment."""
 
 from __future__ import annotations
 
@@ -33,17 +33,17 @@ from uavgram.synthetic.sight import inside
 SHORTEST_M, LONGEST_M = 3.0, 15.0
 MOST_SPOTS = 150
 BEST = 3
-"""Lines that are told."""
+"""Number of additional lines that are reported."""
 
 APART = 0.3
-"""Share of its length by which another line that is told differs in place."""
+"""Smallest distance between reported lines, relative to the length."""
 
 NO_LOSS = 1e-9
-"""What is left of a reading's variance where nothing else says what it should be."""
+"""Redundancy below which no other observation determines a reading."""
 
 
 class _Places(NamedTuple):
-    """Where ends may lie, in the world, and what photos show of them: (F, K, 2), NaN if nothing."""
+    """Possible line ends in the world, and their pixels in photos: (F, K, 2), NaN if hidden."""
 
     world_m: Floats
     pixel_px: Floats
@@ -51,23 +51,23 @@ class _Places(NamedTuple):
 
 @with_one_blas_thread
 def next_lines(project: Path) -> NextLines:
-    """Reckon what more and fewer reference lines would have meant for a project.
+    """Compute the effect of more and fewer reference lines on a project.
 
     Parameters
     ----------
     project
-        The project file; it is run anew, nothing is written.
+        The project file; it is run anew, no file is written.
 
     Raises
     ------
     InputError
-        An input is wrong, nothing is measured, or no line fits between its points.
+        An input is wrong, there is no measurement, or no line fits between its points.
     """
     return next_lines_of(read_inputs(project), project)
 
 
 def next_lines_of(inputs: Inputs, project: Path) -> NextLines:
-    """The same of what was read, from where the project names."""
+    """Compute the same for inputs that are already read."""
     posed = pose_frames(inputs)
     adjustment = compute(inputs, posed=posed, curved=False).refined.adjustment
     values = _values(adjustment, inputs, posed.frames, project)
@@ -103,7 +103,7 @@ def next_lines_of(inputs: Inputs, project: Path) -> NextLines:
 def _values(
     adjustment: Adjustment, inputs: Inputs, frames: Frames, project: Path
 ) -> MeasuredValues:
-    """What is measured, but for what cannot be."""
+    """Return the measured values, without those that cannot be computed."""
     values = propagate(adjustment, inputs.requests, frames)
     measured = [row.request for row in values.rows if row.gradient is not None]
     kept = tuple(one for one in inputs.requests if one in measured)
@@ -115,7 +115,7 @@ def _values(
 
 
 def _core(layout: Layout) -> Ints:
-    """Unknowns that photos share: the poses (without turning), and all behind them."""
+    """Return the unknowns shared by photos: the poses (without turning), and all behind them."""
     frames = layout.frame_columns(np.arange(layout.frames)).ravel()
     return np.concatenate([frames, np.arange(layout.first_intrinsic, layout.size)])
 
@@ -125,9 +125,10 @@ def _weights(values: MeasuredValues) -> Floats:
 
 
 def _aim(adjustment: Adjustment, values: MeasuredValues) -> Aim:
-    """What is measured as functions of the core: its regression on it, and what is left."""
+    """Return the measured values as functions of the core: regression on it, and remainder."""
     core = _core(adjustment.problem.layout)
     joint = adjustment.minimum.factor.joint(core)
+    # regression of the values on the core: gradient = S_core^-1 S_core,values
     information = covariance_of(joint)
     across = values.solved[core]
     gradient = (information @ across).T
@@ -161,12 +162,13 @@ def _tape_sigma(lines: KnownLines) -> float:
 
 
 def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: float) -> Candidates:
-    """Lines between places, picked as the survey's points are, in its own likelihood."""
+    """Return lines between possible ends, picked as the survey's points are, in its likelihood."""
     survey, state = adjustment.survey, adjustment.state
     seen = np.isfinite(places.pixel_px[..., 0])
     used = np.flatnonzero(seen.any(axis=0))
     row = np.full(len(places.world_m), -1)
     row[used] = np.arange(len(used))
+    # possible ends that at least one photo shows, picked in all photos that show them
     pick_label, pick_frame = np.nonzero(seen[:, used].T)
     candidate = _only(survey, len(used), row[pairs], adjustment.problem.tapes, sigma_m)
     candidate = replace(
@@ -181,6 +183,7 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
     )
     point = np.zeros((len(used), problem.layout.point_size))
     point[:, :2] = places.world_m[used, :2]
+    # linearise at the adjusted state of the survey, with the possible ends as points
     there = replace(
         state,
         point=point,
@@ -192,6 +195,7 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
     if blocks is None:
         raise ValueError("places that photos show lie in front of them")
     tapes = blocks["lengths"]
+    # eliminate the possible ends; whitened rows of the tape readings on the core
     points = eliminated(problem, {k: v for k, v in blocks.items() if k in OF_POINTS})
     ends = row[pairs]
     whitened = whitened_readings(
@@ -201,13 +205,13 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
 
 
 OF_POINTS = ("pixels", "roughness", "idle")
-"""Observations of the places; the rest is in the survey already."""
+"""Observations of the possible ends; all others are already in the survey."""
 
 
 def _only(
     survey: Survey, count: int, pairs: Ints, tapes: tuple[str, ...], sigma_m: float
 ) -> Survey:
-    """A survey of the same photos with other points and lines, and nothing else known of them."""
+    """Return a survey of the same photos with other points and lines, without other priors."""
     names = tapes or ("",)
     return replace(
         survey,
@@ -237,7 +241,7 @@ def _only(
 
 
 def _different(world_m: Floats, pairs: Ints, found: Floats) -> Ints:
-    """(n,) the best lines that are not nearly the same."""
+    """Return the (n,) best lines that are not nearly the same."""
     middle = world_m[pairs].mean(axis=1)
     length = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
     chosen: list[int] = []
@@ -258,10 +262,10 @@ def _nearest(adjustment: Adjustment, ends_m: Floats) -> tuple[tuple[tuple[str, s
 
 
 def _without(adjustment: Adjustment, values: MeasuredValues, weight: Floats) -> Floats:
-    """(L,) the mean sigma without each line: its row is taken from the normal matrix.
+    """Compute the (L,) mean sigma without each line, by removing its row from the normal matrix.
 
-    Without an observation of gradient a and unit variance the covariance S grows by
-    S a a^T S / (1 - a^T S a) (Plackett 1950).
+    Without an observation of gradient a and unit variance the covariance S grows by S a a^T S / (1
+    - a^T S a) (Plackett 1950).
     """
     block = adjustment.minimum.blocks.get("lengths")
     if block is None:

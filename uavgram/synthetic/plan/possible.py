@@ -1,4 +1,4 @@
-"""What reference lines are possible with a flight, and what each would tell of what is wanted."""
+"""Possible reference lines or plates of a flight, and their information on the wanted values."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from uavgram.synthetic.plan.survey import Lines, Marks, hardly_known, planned_su
 from uavgram.synthetic.plan.wanted import MOST_SPOTS, Wanted, equal_weights, joined, spots
 
 PLATES_M = 8.0
-"""A grid of places for plates need not be finer than a third of that."""
+"""Size that sets the grid of possible plates: it need not be finer than a third of that."""
 
 LINES_AT_FIRST = 3
-"""With which the sigmas of what is measured in other units than metres are compared."""
+"""Number of lines at which sigmas of other units than metres are compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +40,13 @@ class Possible:
     Attributes
     ----------
     aim
-        What is wanted.
+        Wanted values.
     candidates
         Each line.
     spot_m
-        (K, 2) where ends, or corners, may lie: `Candidates.ends` counts them.
+        (K, 2) possible ends, or corners, the nodes of `Candidates.ends`.
     kind, unit, enough
-        (M,) of what is wanted, and the sigma that is good enough; NaN where nobody said.
+        (M,) of the wanted values, and the required sigma; NaN where none was given.
     """
 
     aim: Aim
@@ -65,26 +65,27 @@ def possible(
     good_enough: Floats | None = None,
     most_spots: int = MOST_SPOTS,
 ) -> Possible:
-    """Reckon what each line between any two places would tell, or a plate at any.
+    """Compute the information of each line between any two ends, or of a plate anywhere.
 
     Parameters
     ----------
     scene, cameras
         Ground and photos.
     wanted
-        What is measured.
+        Wanted measurements.
     lengths_m
         Shortest and longest line; None: plates.
     good_enough
-        (requests,) sigmas that are good enough; NaN where nobody said.
+        (requests,) required sigmas; NaN where none was given.
     most_spots
-        Places for ends of lines.
+        Number of possible line ends.
 
     Raises
     ------
     GeometryError
-        A point that is wanted is in no photo for certain, or no line is.
+        A wanted point is not visible for certain in any photo, or no line is.
     """
+    # marks: the wanted points, then all possible ends
     spot = _places(scene, lengths_m, most_spots)
     world = np.concatenate([scene.on_ground(wanted.point_m), spot])
     found = seen(scene.calibration, cameras, world, scene.deviation)
@@ -98,6 +99,7 @@ def possible(
     lines = Lines(tuple(f"line{i}" for i in range(len(pairs))), pairs + count, bool(corners))
     planned = planned_survey(scene, cameras, Marks(label, world, found, corners), lines)
     problem, layout = planned.problem, planned.problem.layout
+    # eliminate the points; gradients of the wanted values by the core
     blocks = planned.blocks()
     tapes = blocks.pop("lengths")
     weak = hardly_known(problem)
@@ -108,6 +110,7 @@ def possible(
     asked = of_all_points(points, layout, values.gradient.toarray())
     others = np.array([sum(part**2 for part in row.others.values()) for row in values.rows])
     asked = Functions(asked.gradient, asked.variance + others)
+    # rows of the possible ends that are visible in a photo
     row_of = np.full(len(world), -1)
     row_of[planned.mark] = np.arange(len(planned.mark))
     used = np.flatnonzero(row_of[count:] >= 0)
@@ -132,7 +135,7 @@ def possible(
 
 
 def _places(scene: PlanScene, lengths_m: tuple[float, float] | None, most: int) -> Floats:
-    """(K, 3) where ends of lines may lie; the corners of all possible plates, plate by plate."""
+    """Return (K, 3) possible line ends, or the corners of all possible plates, plate by plate."""
     if lengths_m is not None:
         return scene.on_ground(spots(scene.area_m, scene.no_go_m, lengths_m[1], most))
     middle = spots(scene.area_m, scene.no_go_m, PLATES_M, most)
@@ -146,7 +149,8 @@ def _places(scene: PlanScene, lengths_m: tuple[float, float] | None, most: int) 
 def _groups(
     scene: PlanScene, spot_m: Floats, certain: Bools, lengths_m: tuple[float, float] | None
 ) -> tuple[Ints, Ints]:
-    """(N, m) spots that belong together, and (q, 2) between which of them lengths are known."""
+    """Return (N, m) spots of each candidate, and (q, 2) pairs of them with known lengths."""
+    # pairs of ends that a photo shows together; plates that are completely in a photo
     shown = certain.astype(np.float64)
     if lengths_m is None:
         four = np.arange(len(spot_m)).reshape(-1, 4)
@@ -170,7 +174,7 @@ def _groups(
 
 
 def require_seen(wanted: Wanted, certain: Bools) -> None:
-    """Make sure that each point is in a photo.
+    """Check that each point is in a photo.
 
     Raises
     ------
@@ -187,7 +191,7 @@ def require_seen(wanted: Wanted, certain: Bools) -> None:
 
 
 def _by_value(rows: Sequence[Measurand], wanted: Wanted, good_enough: Floats | None) -> Floats:
-    """(M,) sigma that is good enough for each value; a request may give several."""
+    """Return the (M,) required sigma of each value; a request may give several values."""
     enough = np.full(len(wanted.requests), np.nan) if good_enough is None else good_enough
     place = {request.name: k for k, request in enumerate(wanted.requests)}
     return np.array([enough[place[row.request.name]] for row in rows])
@@ -199,10 +203,10 @@ def _weights(
     kind_unit: tuple[tuple[str, ...], tuple[str, ...]],
     enough: Floats,
 ) -> Floats:
-    """(M,) of the sigmas in the criterion: a mean in metres, others in proportion.
+    """Compute (M,) weights of the sigmas in the criterion: a mean in metres, others in proportion.
 
-    What states a sigma that is good enough counts by its share of that. Square metres and degrees
-    count as if their sigmas with a few lines were those of the lengths.
+    Values with a required sigma are relative to it. Square metres and degrees count as if their
+    sigmas with a few lines were those of the lengths.
     """
     equal = equal_weights(*kind_unit)
     lengths = equal > 0

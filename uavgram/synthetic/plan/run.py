@@ -1,4 +1,4 @@
-"""`uavgram plan`: a scenario in, a plan, its files and the scenario that flies it out."""
+"""Command `uavgram plan`: a scenario in, a plan, its files and its flown scenario out."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ from uavgram.views.planned_recording.write import write_plan_recording
 
 
 def flown(scenario: Scenario, asked: Asked, planned: FlightPlanned) -> Scenario:
-    """The scenario in which a plan is carried out as it stands.
+    """Return the scenario in which a plan is carried out exactly.
 
     Parameters
     ----------
     scenario
-        That the plan was made from: camera, log, errors.
+        Scenario of the plan: camera, log, errors.
     asked
-        What it asks for.
+        Its request.
     planned
         Photos and lines.
     """
@@ -107,7 +107,7 @@ MISSIONS = {"mission.waypoints", "mission.plan"}
 
 @dataclass(frozen=True, kw_only=True)
 class PlanOutputs:
-    """How the files of a plan are made.
+    """Options for the files of a plan.
 
     Attributes
     ----------
@@ -116,7 +116,7 @@ class PlanOutputs:
     pdf
         Paper of field_sheet.pdf; None: there is none.
     autopilot, heights
-        Whose commands the missions are written in, and what their heights count from. Only
+        Autopilot whose commands are used in the missions, and reference of their heights. Only
         ArduPilot has mission.waypoints.
     """
 
@@ -133,7 +133,7 @@ AS_USUAL = PlanOutputs()
 def plan(path: Path, progress: Progress = silent) -> tuple[FlightPlanned, Scenario]:
     """Plan a flight and its reference lines.
 
-    Also gives the scenario in which it is flown as planned.
+    Also return the scenario in which it is flown as planned.
 
     Parameters
     ----------
@@ -145,7 +145,7 @@ def plan(path: Path, progress: Progress = silent) -> tuple[FlightPlanned, Scenar
     Raises
     ------
     InputError
-        Names file, line and key of what is wrong, or says why nothing can be planned.
+        Names file, line and key of the fault, or the reason why no plan is possible.
     """
     scenario, document = scenario_document(path)
     asked = scene_of(scenario, document.path)
@@ -163,28 +163,28 @@ def write_outputs(
     source: Path,
     made: PlanOutputs = AS_USUAL,
 ) -> tuple[str, ...]:
-    """Write all files of a plan at once; their names.
+    """Write all files of a plan at once; return their names.
 
-    Missions are only written where the plan knows its place on earth; those of an earlier plan in
-    the folder are removed.
+    Missions are only written where the plan is georeferenced; those of an earlier plan in the
+    folder are removed.
 
     Parameters
     ----------
     planned, as_flown
         The plan, and the scenario that flies it.
     folder
-        Where to.
+        Output folder.
     source
-        Which no output may replace.
+        Input file that must not be overwritten.
     made
-        How.
+        Options.
 
     Raises
     ------
     OutputError
         The folder cannot be written.
     UavgramError
-        A PDF is asked for, and what makes it is missing.
+        A PDF is requested, but the program for it is missing.
     """
     if made.pdf is not None:
         weasyprint_for(SHEET)
@@ -206,6 +206,6 @@ def write_outputs(
         replace_text(hidden / "scenario.yaml", scenario_text(as_flown, remark))
         written = {one.name for one in hidden.iterdir()}
     with as_output_errors(folder):
-        for name in MISSIONS - written:  # an earlier plan's: nobody is to fly it by mistake
+        for name in MISSIONS - written:  # an earlier plan's, which must not be flown by mistake
             (folder / name).unlink(missing_ok=True)
     return tuple(sorted(written))

@@ -1,4 +1,4 @@
-"""From a scenario with its section `plan:` to a scene in the axes of the world."""
+"""Scene of a plan in world axes, from a scenario with a section `plan:`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from uavgram.synthetic.survey import calibration_of
 
 @dataclass(frozen=True, kw_only=True)
 class Logged:
-    """How well a log says where each photo was taken, beside what the flight has in common.
+    """Accuracy of the logged pose of each photo, without the errors common to the flight.
 
     `position_sigma_m` is horizontal and vertical, `attitude_sigma_deg` of roll and pitch, and yaw.
     """
@@ -47,7 +47,7 @@ class Logged:
 
 @dataclass(frozen=True, kw_only=True)
 class Deviation:
-    """How the drone departs from the plan: standard deviations of each axis."""
+    """Deviation of the drone from the plan: standard deviations of each axis."""
 
     position_m: float = 2.0
     attitude_deg: float = 1.8
@@ -55,7 +55,7 @@ class Deviation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanScene(FrozenArrays):
-    """A scene to be measured.
+    """Scene to be measured.
 
     Attributes
     ----------
@@ -68,13 +68,13 @@ class PlanScene(FrozenArrays):
     no_go_m
         Polygons (v, 2).
     label, point_m
-        (K,), (K, 2) of what is measured.
+        (K,), (K, 2) of the points to be measured.
     requests
-        What is measured.
+        Requested measurements.
     ground, tape
-        What is known of ground and tape beforehand; the ground's height is `height_m` there too.
+        Priors of ground and tape; the ground's height is `height_m` there too.
     plates
-        How large the plates are that could be laid, and how well they are known and found.
+        Size of possible plates, and sigmas of size and corners.
     logged
         The log; None: there is none.
     picks_sigma_px, tape_sigma_m
@@ -101,12 +101,12 @@ class PlanScene(FrozenArrays):
     deviation: Deviation = field(default_factory=Deviation)
 
     def on_ground(self, east_north_m: Floats) -> Floats:
-        """(..., 3) places on the ground at (..., 2)."""
+        """Return (..., 3) points on the ground at (..., 2)."""
         up = self.height_m + (east_north_m - self.pivot_m) @ self.slope
         return np.concatenate([east_north_m, up[..., None]], axis=-1)
 
     def plates_at(self, east_north_m: Floats) -> Floats:
-        """(N, 4, 3) corners of plates on the ground about (N, 2), along the area's longer side."""
+        """Return (N, 4, 3) corners of plates centred at (N, 2), along the area's longer side."""
         _, axis, _ = long_axis(self.area_m)
         turn = np.full(len(east_north_m), np.arctan2(axis[1], axis[0]))
         middle = self.on_ground(east_north_m)
@@ -114,13 +114,13 @@ class PlanScene(FrozenArrays):
 
 
 FAR_M = 5000.0
-"""An area farther than that from the scenario's site is another place."""
+"""Distance from the scenario's site beyond which an area is at another site [m]."""
 
 NARROWEST_M = 0.3
 
 
 def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path) -> Site:
-    """The scenario's site; that of the area, where its file lies somewhere else.
+    """Return the scenario's site, or that of the area if its file is at another site.
 
     Parameters
     ----------
@@ -160,7 +160,7 @@ def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path)
 
 
 def on_map(longitude_latitude_deg: Floats, site: Site) -> Floats:
-    """(N, 2) east and north of places on a map [m]."""
+    """Convert longitude and latitude to (N, 2) east and north [m]."""
     longitude, latitude = longitude_latitude_deg.T
     height = site.height_msl_m + site.undulation_m
     origin = (site.latitude_deg, site.longitude_deg, height)
@@ -168,7 +168,7 @@ def on_map(longitude_latitude_deg: Floats, site: Site) -> Floats:
 
 
 def area_of(request: PlanRequest, file: AreaFile | None, site: Site, path: Path) -> Floats:
-    """(V, 2) corners of the area.
+    """Return the (V, 2) corners of the area.
 
     Parameters
     ----------
@@ -177,14 +177,14 @@ def area_of(request: PlanRequest, file: AreaFile | None, site: Site, path: Path)
     file
         Of the area; None: it is given in metres.
     site
-        Where the world lies.
+        Position of the world.
     path
         The scenario, for messages.
 
     Raises
     ------
     InputError
-        They enclose nothing, or the outline crosses itself.
+        They enclose no ground, or the outline crosses itself.
     """
     if file is None:
         assert not isinstance(request.area, str)  # noqa: S101  (else there is a file)
@@ -201,7 +201,7 @@ def area_of(request: PlanRequest, file: AreaFile | None, site: Site, path: Path)
 
 
 def _in_world(corners: Corners, site: Site) -> Floats:
-    """(N, 2) east and north of places in the scene's axes; N may be 0."""
+    """Convert points in the scene's axes to (N, 2) east and north; N may be 0."""
     return site.in_world(np.array(corners, dtype=np.float64).reshape(-1, 2))
 
 
@@ -222,7 +222,7 @@ def _polygon(corner: Floats, what: str, path: Path) -> Floats:
 
 
 def _width(corner: Floats) -> float:
-    """How far corners spread across the line that is nearest to all of them [m]."""
+    """Return the spread of corners across their best-fitting line [m]."""
     return float(np.linalg.svd(corner - corner.mean(axis=0), compute_uv=False).min())
 
 
@@ -231,12 +231,12 @@ def _is_no_go(area: Area) -> bool:
 
 
 def no_go_of(request: PlanRequest, site: Site, path: Path) -> tuple[Floats, ...]:
-    """Polygons that nobody may enter: of their own file, of the area's, or in metres.
+    """Return the no-go polygons: of their own file, of the area's, or in metres.
 
     Parameters
     ----------
     request, site
-        Of the scenario; where the world lies.
+        Of the scenario; position of the world.
     path
         The scenario: names of files are relative to it.
     """
@@ -255,16 +255,16 @@ def no_go_of(request: PlanRequest, site: Site, path: Path) -> tuple[Floats, ...]
 
 
 class Asked(NamedTuple):
-    """A scenario's plan.
+    """Request for a plan, resolved to world axes.
 
     Attributes
     ----------
     scene
         In the world's axes.
     request
-        What is wanted of the plan.
+        Request for the plan.
     site
-        The scenario's, or where the file of the area lies.
+        The scenario's, or that of the area's file.
     """
 
     scene: PlanScene
@@ -273,7 +273,7 @@ class Asked(NamedTuple):
 
 
 def scene_of(scenario: Scenario, path: Path) -> Asked:
-    """Read what a plan needs, and put it into the world's axes.
+    """Read the inputs of a plan, and convert them to the world's axes.
 
     Parameters
     ----------
@@ -323,7 +323,7 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
 
 
 def _logged(project: Project) -> Logged:
-    """What the project states of its log; else what is usual of each photo."""
+    """Return the stated accuracy of the project's log, with defaults for each photo."""
     stated, usual = project.telemetry, Logged()
     position, attitude = stated.position_sigma_m, stated.attitude_sigma_deg
     return Logged(
@@ -335,7 +335,7 @@ def _logged(project: Project) -> Logged:
 
 
 def _places(scenario: Scenario, file: AreaFile | None, site: Site) -> dict[str, Floats]:
-    """East and north of everything that has a name."""
+    """Return east and north of all labelled points."""
     xy = _in_world(tuple((one.x_m, one.y_m) for one in scenario.points), site)
     places = dict(zip((one.label for one in scenario.points), xy, strict=True))
     if file is not None and file.label:
@@ -347,7 +347,7 @@ def _places(scenario: Scenario, file: AreaFile | None, site: Site) -> dict[str, 
 def _wanted(
     request: PlanRequest, places: dict[str, Floats], site: Site, path: Path
 ) -> tuple[tuple[MeasurementRequest, ...], tuple[str, ...], Floats]:
-    """Requests, and labels and places of the points that they name."""
+    """Return the requests, and labels and positions of their points."""
     label: dict[str, Floats] = {}
     requests = []
     for wanted in request.wanted:

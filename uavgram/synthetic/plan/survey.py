@@ -1,4 +1,4 @@
-"""The survey that a flight and its reference lines will be: no noise, in the real likelihood."""
+"""Expected survey of a flight and its reference lines: without noise, in the real likelihood."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from uavgram.synthetic.plan.wanted import Wanted
 
 SHARP_PX = 0.1
 HARDLY_KNOWN = (300.0, 3.0)
-"""Sigmas of a pose [m, rad] of which nothing is known: layouts begin with no line at all."""
+"""Sigmas of a nearly unknown pose [m, rad], since layouts start without any line."""
 
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """K marks on the ground and where photos show them.
+    """K marks on the ground and their pixels in photos.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Marks:
     seen
         In F photos.
     corners
-        How many of them, the last ones, are corners of plates.
+        Number of marks at the end that are corners of plates.
     """
 
     label: tuple[str, ...]
@@ -74,7 +74,7 @@ class PlannedSurvey:
     frames
         The photos' times.
     mark
-        (K,) which of the marks each label is.
+        (K,) index of each label's mark.
     """
 
     problem: SurveyProblem
@@ -83,22 +83,21 @@ class PlannedSurvey:
     mark: Ints
 
     def blocks(self) -> dict[str, Block]:
-        """All observations at the truth: residuals are zero."""
+        """Return all observations at the truth: residuals are zero."""
         blocks = self.problem.evaluate(self.state)
         if blocks is None:
             raise ValueError("a planned survey is seen from above the ground")
         return blocks
 
     def adjusted(self, blocks: dict[str, Block], *, weakly: bool = False) -> Adjustment:
-        """The adjustment of some of the observations.
+        """Return the adjustment of some of the observations.
 
         Parameters
         ----------
         blocks
-            Which.
+            Observations to use.
         weakly
-            Let poses be known by `HARDLY_KNOWN` at least: without a line nothing else may hold
-            them.
+            Add a prior of `HARDLY_KNOWN` to the poses: without a line they may be undetermined.
         """
         layout = self.problem.layout
         rows = [*blocks.values(), *([hardly_known(self.problem)] if weakly else [])]
@@ -108,9 +107,9 @@ class PlannedSurvey:
 
 
 def hardly_known(problem: SurveyProblem) -> Block:
-    """Rows by which poses are known as badly as `HARDLY_KNOWN`; better where picks are sharper.
+    """Return prior rows for poses with sigmas `HARDLY_KNOWN`, or smaller with sharper picks.
 
-    Beside very sharp picks so little would be lost in the rounding of the sums.
+    With very sharp picks such a weak prior would be lost in the rounding of the sums.
     """
     count = problem.layout.frames
     sharp = min(float(problem.survey.pick_sigma_px.min()) / SHARP_PX, 1.0)
@@ -120,21 +119,22 @@ def hardly_known(problem: SurveyProblem) -> Block:
 
 
 def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Lines) -> PlannedSurvey:
-    """What will be picked and taped, without noise, as one survey.
+    """Return the future picks and tape readings, without noise, as one survey.
 
     Parameters
     ----------
     scene
-        The ground, and what errs how much.
+        The ground, and the sigmas of all errors.
     cameras
         The photos.
     marks
-        What is picked in each photo that shows it for certain; marks that none shows stay out.
+        Marks that are picked in each photo that shows them for certain; others are left out.
     lines
-        What is known between marks.
+        Known lengths between marks.
     """
     plates = scene.plates
     name = tuple(f"P{i + 1}" for i in range(len(cameras.center_m)))
+    # picks: every certain sighting; lengths: between the marks, without errors
     mark, frame = np.nonzero(marks.seen.certain.T)
     length = np.linalg.norm(np.diff(marks.world_m[lines.ends], axis=1)[:, 0], axis=1)
     frames = _frames(name, cameras)
@@ -173,6 +173,7 @@ def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Line
             photos=name,
         )
     ).survey
+    # rows of marks and photos that are in the survey, in its order
     row = {one: k for k, one in enumerate(marks.label)}
     mark = np.array([row[one] for one in survey.label])
     flown = {one: k for k, one in enumerate(name)}
@@ -219,7 +220,7 @@ def _telemetry(frames: Frames, exposures: PhotoExposures, scene: PlanScene) -> T
 def _truth(
     scene: PlanScene, cameras: Cameras, problem: SurveyProblem, world_m: Floats, used: Ints
 ) -> State:
-    """The unknowns as they are, in the gauge of the survey."""
+    """Return the true unknowns, in the gauge of the survey."""
     layout = problem.layout
     center, rotation = cameras.center_m[used], cameras.world_from_camera[used]
     plane = np.array([scene.height_m, *scene.slope])
@@ -245,9 +246,9 @@ def _truth(
 def in_plane_gauge(
     scene: PlanScene, world_m: Floats, center_m: Floats, rotation: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Points (K, 3) and poses (F, 3), (F, 3, 3) in the axes of a survey without a log.
+    """Transform points (K, 3) and poses (F, 3), (F, 3, 3) to the gauge of a survey without a log.
 
-    The ground is z = 0, the first camera stands above x = y = 0, and up in its image is north.
+    The ground is z = 0, the first camera is above x = y = 0, and up in its image is north.
 
     Parameters
     ----------
@@ -260,7 +261,7 @@ def in_plane_gauge(
     """
     up = np.array([*-scene.slope, 1.0])
     up /= np.linalg.norm(up)
-    # Up in the image is -y of the camera; what of it lies along the ground is north.
+    # up in the image is -y of the camera; its component along the ground is north
     image_up = -rotation[0, :, 1]
     north = image_up - (image_up @ up) * up
     north /= np.linalg.norm(north)
@@ -272,14 +273,14 @@ def in_plane_gauge(
 
 @dataclass(frozen=True, eq=False)
 class Predicted:
-    """M values as they will be known.
+    """M values with their predicted sigmas.
 
     Attributes
     ----------
     name, kind, unit, value, sigma
         (M,) of each.
     request
-        (M,) which of the requests each is of.
+        (M,) index of the request of each.
     redundancy, mdb_m
         (L,) of the lines, of plates of each of their lengths: see `PlannedLines`.
     """
@@ -297,12 +298,12 @@ class Predicted:
 def survey_with(
     scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
 ) -> PlannedSurvey:
-    """The survey of wanted points, and of lines or plates on the ground.
+    """Return the survey of wanted points, and of lines or plates on the ground.
 
     Parameters
     ----------
     scene, cameras, wanted
-        Ground, photos, and what is measured.
+        Ground, photos, and wanted measurements.
     ends_m
         (L, 2, 2) ends of the lines, or (L, 4, 2) corners of the plates.
     """
@@ -323,21 +324,21 @@ def survey_with(
 
 
 def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats) -> Predicted:
-    """What will be known of what is wanted, and how well the lines are checked.
+    """Predict the sigmas of the wanted values, and the reliability of the lines.
 
     Parameters
     ----------
     scene, cameras
         Ground and photos.
     wanted
-        What is measured.
+        Wanted measurements.
     ends_m
         (L, 2, 2) ends of the reference lines, or (L, 4, 2) corners of the plates.
 
     Raises
     ------
     SingularError
-        The lines do not hold the photos.
+        The poses are undetermined with these lines.
     """
     planned = survey_with(scene, cameras, wanted, ends_m)
     blocks = planned.blocks()

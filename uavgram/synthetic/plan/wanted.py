@@ -1,4 +1,4 @@
-"""What a plan is to make well known, and where the ends of reference lines may lie."""
+"""Wanted measurements of a plan, and possible ends of reference lines."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from uavgram.synthetic.plan.scene import PlanScene
 MOST_SPOTS = 340
 STEP_M = 2.0
 CELLS_IN_LINE = 3.0
-"""Steps of the grid that the longest line must span, or hardly any line would be that long."""
+"""Smallest length of the longest line in grid steps; else hardly any line would be that long."""
 
 RING, RIM = 8, 0.97
-"""Places on a ring, and its diameter as a share of the longest line."""
+"""Number of points on a ring, and its diameter relative to the longest line."""
 
 FROM_EDGE_M = 1.2
-"""Nobody lays a tape on the very edge of a scene."""
+"""Distance of line ends from the edge of a scene, where taping is impractical [m]."""
 
 
 def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
-    """(N, 2) a square grid in a polygon, along its longer side, equally far from all edges.
+    """Return a (N, 2) square grid in a polygon, along its longer side, centred between its edges.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
     step_m
         Largest distance from node to node.
     from_edge_m
-        Room to leave at the edges of its smallest rectangle.
+        Margin at the edges of its smallest rectangle.
     """
     middle, axis, size = long_axis(area_m)
     room = np.maximum(size - 2.0 * from_edge_m, 0.0)
@@ -48,16 +48,16 @@ def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
 def spots(
     area_m: Floats, no_go_m: tuple[Floats, ...], longest_m: float, most: int = MOST_SPOTS
 ) -> Floats:
-    """(N, 2) places for ends of lines: a grid; in a large area, rings about the nodes of one.
+    """Return (N, 2) possible line ends: a grid; in a large area, rings about the nodes of one.
 
     Parameters
     ----------
     area_m, no_go_m
-        (V, 2), (v, 2) polygons: the area, and where nobody may go.
+        (V, 2), (v, 2) polygons: the area, and no-go areas.
     longest_m
-        Line.
+        Longest line.
     most
-        About how many places.
+        Approximate number of ends.
     """
     size = long_axis(area_m)[2]
     edge = min(FROM_EDGE_M, 0.1 * float(size.min()))
@@ -81,12 +81,12 @@ def joined(
     seen_together: Bools,
     lengths_m: tuple[float, float],
 ) -> Ints:
-    """(N, 2) pairs of places that a line can join.
+    """Return (N, 2) pairs of ends that a line can join.
 
     Parameters
     ----------
     spot_m
-        (K, 3) places on the ground: a tape lies along it.
+        (K, 3) points on the ground, along which the tape is laid.
     no_go_m
         Polygons that no tape may cross.
     seen_together
@@ -105,11 +105,11 @@ def joined(
 
 
 LENGTH_M = 10.0
-"""Of the lengths whose standard deviation a map tells; shorter in a small area."""
+"""Length whose standard deviation is mapped; shorter in a small area."""
 
 
 class Wanted(NamedTuple):
-    """Requests, and the points they name: (K,) labels, (K, 2) places."""
+    """Requests, and their points: (K,) labels, (K, 2) positions."""
 
     requests: tuple[MeasurementRequest, ...]
     label: tuple[str, ...]
@@ -136,7 +136,7 @@ class Map(NamedTuple):
 
 
 def lengths_over(area_m: Floats, cells: int) -> Map:
-    """Lengths about the middles of some `cells` cells of an area (V, 2)."""
+    """Return lengths centred on about `cells` cells of an area (V, 2)."""
     _, _, size = long_axis(area_m)
     cell = float(np.sqrt(size.prod() / cells))
     middle = grid_in(area_m, cell, min(0.5 * cell, 0.45 * float(size.min())))
@@ -154,9 +154,9 @@ def lengths_over(area_m: Floats, cells: int) -> Map:
 
 
 def equal_weights(kind: Sequence[str], unit: Sequence[str]) -> Floats:
-    """(M,) weights for a plain mean of lengths' sigmas; of all values where there is no length.
+    """Return (M,) weights for a plain mean of lengths' sigmas; of all values without lengths.
 
-    Coordinates are no lengths: their sigmas are those of the log, metres that no line changes.
+    Coordinates are not lengths: their sigmas are those of the log, metres that no line changes.
     """
     pairs = zip(kind, unit, strict=True)
     counted = np.array([one == "m" and what != "coordinate" for what, one in pairs])
@@ -165,7 +165,7 @@ def equal_weights(kind: Sequence[str], unit: Sequence[str]) -> Floats:
 
 
 def _moved_in(area_m: Floats, ends: Floats) -> Floats:
-    """Lengths (N, 2, 2, 2) moved along themselves into the area, where they fit into it."""
+    """Shift lengths (N, 2, 2, 2) along themselves into the area, where they fit into it."""
     along = ends[:, :, 1] - ends[:, :, 0]
     inside = np.zeros(ends.shape[:2], dtype=np.bool_)
     moved = ends.copy()
@@ -178,11 +178,11 @@ def _moved_in(area_m: Floats, ends: Floats) -> Floats:
 
 
 def wanted_of(scene: PlanScene) -> Wanted:
-    """What a scene asks for; lengths all over its area where it asks for nothing."""
+    """Return the requests of a scene; lengths all over its area if it has none."""
     if scene.requests:
         return Wanted(scene.requests, scene.label, scene.point_m)
     return lengths_over(scene.area_m, MOST_CELLS).wanted
 
 
 MOST_CELLS = 30
-"""Of the map that stands for a whole area while lines are chosen."""
+"""Number of map cells that represent an area while lines are chosen."""

@@ -1,1 +1,1 @@
-"""Named studies: grids of simulations, and what they show."""
+"""Named studies: grids of simulations, and their results."""

@@ -1,4 +1,4 @@
-"""Single photos of level ground with known truth, on which methods of finding the pose compete."""
+"""Single photos of level ground with known truth, for the comparison of pose methods."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ SIZE_PX = (4000, 3000)
 FOCAL_PX = 2250.0
 AREA_M = (40.0, 30.0)
 PAIRS = 12
-"""Withheld distances of a scene."""
+"""Number of withheld distances in a scene."""
 SHORTEST_M = 3.0
-"""Of the withheld distances: shorter ones tell little of the pose."""
+"""Smallest withheld distance; shorter ones depend little on the pose."""
 DRAWS = 400
-"""Candidates of lines, and of withheld distances, for each scene."""
+"""Number of candidate lines, and of withheld distances, for each scene."""
 LOG_SIGMA = (1.5, 1.5, 3.0, *np.deg2rad([1.0, 1.0, 2.0]).tolist())
-"""Of a usual drone's log: centre [m], turn about the camera's axes [rad]."""
+"""Sigmas of a usual drone's log: centre [m], rotation about the camera's axes [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """What scenes are like; numbers in pairs are the ends of a range.
+    """Properties of scenes; pairs of numbers are the ends of a range.
 
     Attributes
     ----------
     features
-        Lines in a scene, least and most.
+        Smallest and largest number of lines in a scene.
     length_m, tilt_deg, height_m
-        Of the lines; of the view from straight down; of the camera over the ground.
+        Of the lines; of the view from straight down; of the camera above the ground.
     turn_deg
-        Directions of the lines, from that of the first.
+        Range of the lines' directions.
     share
-        Of the area, in which the lines lie: middle east and north as a share of it, and size.
+        Relative size of the part of the area with the lines, which is in a random corner.
     pick_px, place_m, tape_m
         Standard deviations.
     relief_m
-        By how much points stand off the ground, though nobody says so: standard deviation.
+        Unstated standard deviation of the points' height above the ground.
     bulge
-        Radial distortion k1 of the lens that nobody told the methods.
+        Radial distortion k1 of the lens, unknown to the methods.
     """
 
     name: str
@@ -73,11 +73,11 @@ class MethodScenes:
     Attributes
     ----------
     rows
-        What is observed of each; nothing of it is used yet.
+        Observations of each; none of them is used yet.
     center, rotation
         (B, 3), (B, 3, 3) the truth.
     logged
-        What a log says of it.
+        The pose in the log.
     check_px, check_m
         (B, m, 2, 2) picks of the ends of withheld distances; (B, m) these.
     """
@@ -96,7 +96,7 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
     Parameters
     ----------
     setting
-        What they are like.
+        Their properties.
     lines, count
         Lines in each; number of scenes.
     seed
@@ -105,15 +105,17 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
     Raises
     ------
     ValueError
-        The setting leaves no place for the lines in what a camera sees.
+        The lines of the setting do not fit into the ground that a camera sees.
     """
     rng = np.random.default_rng((1909, seed, lines))
     truth = study_camera(setting.bulge)
     drawn = [_scene(setting, lines, truth, rng) for _ in range(count)]
     center, rotation, ends, pairs = (np.stack(part) for part in zip(*drawn, strict=True))
+    # picks with the true lens and relief, positions and lengths on level ground
     measured = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1)
     pixel = _seen(truth, center, rotation, _raised(ends, setting.relief_m, rng))
     check = _raised(pairs, setting.relief_m, rng)
+    # logged pose with normal errors
     sigma = np.array(LOG_SIGMA)
     error = sigma * rng.normal(size=(count, 6))
     return MethodScenes(
@@ -135,7 +137,7 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
 
 
 def study_camera(bulge: float) -> Calibration:
-    """A camera of 12 megapixels with radial distortion k1."""
+    """Return a camera of 12 megapixels with radial distortion k1."""
     focal, (width, height) = FOCAL_PX, SIZE_PX
     return Calibration(
         name="study",
@@ -150,7 +152,7 @@ def study_camera(bulge: float) -> Calibration:
 def _scene(
     setting: Setting, lines: int, lens: Calibration, rng: np.random.Generator
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Centre, rotation, ends (n, 2, 2) of lines, and those (m, 2, 2) of withheld distances."""
+    """Draw centre, rotation, ends (n, 2, 2) of lines, and those (m, 2, 2) of withheld distances."""
     pitch = np.deg2rad(rng.uniform(*setting.tilt_deg)) - np.pi / 2
     roll = np.deg2rad(3.0) * rng.normal()
     body = ENU_FROM_NED @ matrix_from_ypr(rng.uniform(0.0, 2.0 * np.pi), pitch, roll)
@@ -165,7 +167,7 @@ def _scene(
 
 
 def _lines(setting: Setting, rng: np.random.Generator) -> Floats:
-    """(k, 2, 2) ends of lines that lie in their part of the area."""
+    """Draw (k, 2, 2) ends of lines inside their part of the area."""
     half = np.array(AREA_M) / 2 * setting.share
     middle = (np.array(AREA_M) / 2 - half) * rng.choice([-1.0, 1.0], 2)
     turn = np.deg2rad(setting.turn_deg) / 2
@@ -178,7 +180,7 @@ def _lines(setting: Setting, rng: np.random.Generator) -> Floats:
 
 
 def _kept(ends: Floats, camera: tuple[Calibration, Floats, Floats], count: int) -> Floats:
-    """The first (count, 2, 2) whose both ends a photo shows."""
+    """Return the first (count, 2, 2) lines with both ends in the photo."""
     lens, center, rotation = camera
     world = np.concatenate([ends, np.zeros((*ends.shape[:2], 1))], axis=-1)
     pixel = _seen(lens, center[None], rotation[None], world[None])[0]
@@ -190,13 +192,13 @@ def _kept(ends: Floats, camera: tuple[Calibration, Floats, Floats], count: int) 
 
 
 def _raised(ends: Floats, relief_m: float, rng: np.random.Generator) -> Floats:
-    """(..., 3) places in the world, off the ground by relief."""
+    """Return (..., 3) world points, with random heights of the relief."""
     up = relief_m * rng.normal(size=(*ends.shape[:-1], 1))
     return np.concatenate([ends, up], axis=-1)
 
 
 def _seen(lens: Calibration, center: Floats, rotation: Floats, world: Floats) -> Floats:
-    """Pixels (B, k, 2, 2) of places (B, k, 2, 3); NaN behind the camera."""
+    """Project world points (B, k, 2, 3) to pixels (B, k, 2, 2); NaN behind the camera."""
     away = world - center[:, None, None]
     return project(lens.model, lens.parameters, np.einsum("bji,bkej->bkei", rotation, away))
 

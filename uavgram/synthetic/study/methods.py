@@ -1,4 +1,4 @@
-"""Ways to find the pose of one photo, compared on the same scenes with the same information."""
+"""Methods to find the pose of one photo, compared on the same scenes with the same information."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Starts = tuple[Floats, Floats]
 
 
 def on_lines(scenes: MethodScenes) -> LineRows:
-    """The picks of the scenes' lines, for a first pose."""
+    """Return the picks of the scenes' lines, for a first pose."""
     rows = scenes.rows
     count = len(rows.pixel_px)
     ray, by_pixel, _ = back_project_with_jacobian(
@@ -46,14 +46,14 @@ def on_lines(scenes: MethodScenes) -> LineRows:
 
 
 def line_starts(scenes: MethodScenes) -> Starts:
-    """The best poses that the search of lines finds."""
+    """Return the best poses of the search with lines."""
     ends = poses_from_lines(on_lines(scenes))
     some = np.isfinite(ends.cost)[..., None]
     return np.where(some, ends.state[0], np.nan), np.where(some[..., None], ends.state[1], np.nan)
 
 
 def point_starts(scenes: MethodScenes) -> Starts:
-    """Both poses of OpenCV's IPPE; it takes four points."""
+    """Return both poses of OpenCV's IPPE; it takes four points."""
     rows = scenes.rows
     count = len(rows.pixel_px)
     center, rotation = np.full((count, 2, 3), np.nan), np.full((count, 2, 3, 3), np.nan)
@@ -72,7 +72,7 @@ def point_starts(scenes: MethodScenes) -> Starts:
 
 
 def length_starts(scenes: MethodScenes, most: int = 4) -> Starts:
-    """Poses over the planes that explain the lengths, standing over the origin."""
+    """Return poses above the planes that explain the lengths, with the origin as foot point."""
     rows = scenes.rows
     count, lines = rows.pixel_px.shape[:2]
     end = np.broadcast_to(np.arange(2 * lines), (count, 2 * lines))
@@ -92,38 +92,37 @@ def length_starts(scenes: MethodScenes, most: int = 4) -> Starts:
 
 
 def log_starts(scenes: MethodScenes) -> Starts:
-    """Where the log has the photos."""
+    """Return the logged poses."""
     return scenes.logged.center[:, None], scenes.logged.rotation[:, None]
 
 
 def direct_starts(scenes: MethodScenes) -> Starts:
-    """The direct linear transformation of lines."""
+    """Return the direct linear transformation of lines."""
     center, rotation = direct_poses(on_lines(scenes))
     return center[:, None], rotation[:, None]
 
 
 FAILED = 0.05
-"""Root mean square error of a scene's withheld distances, as a share of them, from which on a
-method counts as failed."""
+"""Relative root mean square error of withheld distances above which a method has failed."""
 SIGMAS_95 = 1.959964
 
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """What a method found of B scenes.
+    """Results of a method for B scenes.
 
     Attributes
     ----------
     error_m
         (B, m) of the withheld distances; NaN where there is no pose.
     sigma_m
-        (B, m) predicted; inf where nothing determines the pose; NaN of methods that predict none.
+        (B, m) predicted; inf where the pose is undetermined; NaN for methods that predict none.
     true_m
         (B, m) the distances.
     cost
         (B,) sum of squares.
     ambiguous
-        (B,) whether the method says that another pose fits as well.
+        (B,) whether the method reports that another pose fits as well.
     """
 
     error_m: Floats
@@ -144,9 +143,9 @@ class Found:
 
     @property
     def told(self) -> Bools:
-        """(B,) whether the method says so itself: by no pose, by another one, or by its sigmas."""
+        """(B,) whether the method reports that: by no pose, by another one, or by its sigmas."""
         said = self.ambiguous | ~np.isfinite(self.error_m).all(axis=1)
-        if np.isnan(self.sigma_m).all():  # it has none
+        if np.isnan(self.sigma_m).all():  # it predicts none
             return said
         return said | self._are_useless(self.sigma_m)
 
@@ -156,18 +155,19 @@ class Found:
 
 
 def row_of(setting: str, method: str, parts: list[Found]) -> MethodRow:
-    """The row of one method.
+    """Return the row of one method.
 
     Parameters
     ----------
     setting, method
         Names.
     parts
-        What it found, from the scenes with least features to those with most.
+        Results, from the scenes with least features to those with most.
     """
     rms = np.concatenate([one.rms_m for one in parts])
     failed = np.concatenate([one.failed for one in parts])
     told = np.concatenate([one.told for one in parts])
+    # errors in predicted sigmas, of scenes with a determined pose
     z = np.concatenate([(one.error_m / one.sigma_m).ravel() for one in parts])
     z = z[np.isfinite(z) & np.isfinite(np.concatenate([one.sigma_m.ravel() for one in parts]))]
     return MethodRow(
@@ -188,7 +188,7 @@ def row_of(setting: str, method: str, parts: list[Found]) -> MethodRow:
 
 
 AMBIGUOUS = 9.0
-"""Rise of the sum of squares up to which another pose fits as well: three sigma."""
+"""Largest rise of the sum of squares at which another pose fits as well: three sigma."""
 
 LIMITS = (
     Setting(name="three lines", features=(3, 3)),
@@ -200,7 +200,7 @@ LIMITS = (
     Setting(name="points 5 cm off the ground", relief_m=0.05),
     Setting(name="straight down, to 5 degrees", tilt_deg=(0.0, 5.0)),
 )
-"""Settings beyond the usual one, in which one method or another ends."""
+"""Settings beyond the usual one, in each of which some method fails."""
 
 Starter = Callable[[MethodScenes], Starts]
 
@@ -213,13 +213,13 @@ def compared(
     Parameters
     ----------
     setting
-        What the scenes are like.
+        Properties of the scenes.
     scenes
-        How many; as many of each number of features.
+        Total number, divided equally among the numbers of features.
     seed
         Of the draws.
     more
-        Other ways to begin with lines of known position, by name.
+        Other starting methods for lines of known position, by name.
     """
     counts = range(setting.features[0], setting.features[1] + 1)
     each = max(1, scenes // len(counts))
@@ -234,7 +234,7 @@ def compared(
 
 
 def solved(rows: FeatureRows, starts: Starts) -> Ends:
-    """Minima (B, S, ...) from S starts of each scene, the lowest first; cost inf: there is none."""
+    """Find minima (B, S, ...) from S starts of each scene, the lowest first; cost inf: none."""
     scenes, count = starts[0].shape[:2]
     owner = np.repeat(np.arange(scenes), count)
     repeated = _some(rows, owner)
@@ -242,7 +242,7 @@ def solved(rows: FeatureRows, starts: Starts) -> Ends:
     point, good = first_points(repeated, center, rotation)
     center = np.where(good[:, None], center, [0.0, 0.0, -1.0])  # below ground: no pose
     rotation = np.where(good[:, None, None], rotation, np.eye(3))
-    if rows.held is not None:  # each start holds its own gauge
+    if rows.held is not None:  # each start fixes its own gauge
         repeated = replace(repeated, held=(center, rotation))
     return minimise_each(repeated, (center, rotation, point)).lowest_first(count)
 
@@ -261,9 +261,10 @@ def _some(rows: FeatureRows, which: Ints) -> FeatureRows:
 
 
 def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Found:
-    """Errors and predicted sigmas of the withheld distances under the best pose of each scene."""
+    """Compute errors and predicted sigmas of withheld distances with each scene's best pose."""
     center, rotation = (part[:, 0] for part in ends.state[:2])
     lens, sigma_px = scenes.rows.calibration, scenes.rows.pick_sigma_px
+    # variance by propagation: from the pose, and from the picks of the distance itself
     point, by_pose, by_pixel = ground_points(lens, scenes.check_px, center, rotation)
     away = point[:, :, 1] - point[:, :, 0]
     length = np.linalg.norm(away, axis=-1)
@@ -273,7 +274,7 @@ def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Foun
     solvable = np.isfinite(ends.cost[:, 0])
     normal = np.where(solvable[:, None, None], ends.normal[:, 0], np.eye(6))
     whole = np.einsum("bmi,bij,bmj->bm", of_pose, np.linalg.pinv(normal, hermitian=True), of_pose)
-    whole = np.where(whole >= 0, whole, np.inf)  # to rounding nothing determines it
+    whole = np.where(whole >= 0, whole, np.inf)  # negative by rounding: undetermined
     variance = whole + np.sum(of_picks**2, axis=(2, 3))
     none = np.where(solvable, 0.0, np.nan)[:, None]
     return Found(
@@ -286,12 +287,12 @@ def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Foun
 
 
 def by_points(scenes: MethodScenes) -> Found:
-    """Start of every line as a point of known place: IPPE, then maximum likelihood."""
+    """Use the start of every line as a known point: IPPE, then maximum likelihood."""
     return _judged(scenes, solved(replace(scenes.rows, start_place=True), point_starts(scenes)))
 
 
 def by_points_alone(scenes: MethodScenes) -> Found:
-    """The same points: the best pose of IPPE as it is, without sigmas."""
+    """Use the same points: the best pose of IPPE as it is, without sigmas."""
     center, rotation = point_starts(scenes)
     count = len(center)
     cost = np.where(np.isfinite(center[:, :, 0]), 0.0, np.inf)
@@ -304,35 +305,35 @@ def by_points_alone(scenes: MethodScenes) -> Found:
 
 
 def by_lines(scenes: MethodScenes) -> Found:
-    """Lines of known position: the direct start and the search, then maximum likelihood."""
+    """Use lines of known position: the direct start and the search, then maximum likelihood."""
     return _by_lines(scenes, line_starts(scenes))
 
 
 def by_lines_directly(scenes: MethodScenes) -> Found:
-    """Lines of known position from the direct linear transformation alone."""
+    """Use lines of known position from the direct linear transformation alone."""
     return _by_lines(scenes, direct_starts(scenes))
 
 
 def by_lengths(scenes: MethodScenes) -> Found:
-    """Lengths of the lines alone: where the camera stands and heads stays open."""
+    """Use the lengths of the lines alone: position and heading of the camera stay free."""
     starts = length_starts(scenes)
     rows = replace(scenes.rows, length=True, held=(starts[0][:, 0], starts[1][:, 0]))
     return _judged(scenes, solved(rows, starts))
 
 
 def by_log(scenes: MethodScenes) -> Found:
-    """The log alone."""
+    """Use the log alone."""
     return _judged(scenes, solved(replace(scenes.rows, logged=scenes.logged), log_starts(scenes)))
 
 
 def by_lengths_and_log(scenes: MethodScenes) -> Found:
-    """The thesis's lengths with the log as a prior: what this program does."""
+    """Use the thesis's lengths with the log as a prior, like this program."""
     rows = replace(scenes.rows, length=True, logged=scenes.logged)
     return _judged(scenes, solved(rows, log_starts(scenes)))
 
 
 def by_all(scenes: MethodScenes) -> Found:
-    """Start's place, end on its line, length and log together; nothing counts twice."""
+    """Use the start's position, the end on its line, length and log; without double counting."""
     rows = replace(
         scenes.rows, start_place=True, end_on_line=True, length=True, logged=scenes.logged
     )
@@ -351,7 +352,7 @@ METHODS: Mapping[str, Callable[[MethodScenes], Found]] = {
     "lengths and log": by_lengths_and_log,
     "all": by_all,
 }
-"""By name, in the order of tables."""
+"""Methods by name, in the order of tables."""
 
 
 def _by_lines(scenes: MethodScenes, starts: Starts) -> Found:

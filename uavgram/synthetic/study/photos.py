@@ -1,4 +1,4 @@
-"""Cells of studies that are one photo: predicted, then drawn and adjusted thousands of times."""
+"""Cells of single-photo studies: predicted, then drawn and adjusted thousands of times."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from uavgram.synthetic.study.method_scenes import AREA_M, FOCAL_PX, LOG_SIGMA, S
 
 @dataclass(frozen=True, kw_only=True)
 class StudyScene:
-    """A photo, what is taped in it, and how wrong everything is.
+    """A photo, its taped lengths, and the sizes of all errors.
 
     Attributes
     ----------
     height_m, tilt_deg
-        Of the camera over the ground; of the view from straight down.
+        Of the camera above the ground; of the view from straight down.
     lines
-        Taped lengths around the scene.
+        Number of taped lengths around the scene.
     pick_px
         Of a pick.
     tape_m, tape_scale
-        Of a length; of the tape, a share of all lengths.
+        Of a length; of the tape, relative to all lengths.
     focal_share, centre_px
-        Standard deviations of the focal length, a share of it, and of the principal point.
+        Standard deviations of the focal length, relative to it, and of the principal point.
     """
 
     height_m: float = 40.0
@@ -48,19 +48,19 @@ class StudyScene:
 
 
 WANTED, SHORTEST_M = 16, 5.0
-"""Distances that are measured, and the shortest of them."""
+"""Number of measured distances, and the shortest of them [m]."""
 
 EDGE = 0.75
-"""Of the half area: how far out the lengths are."""
+"""Distance of the taped lengths from the middle, relative to half the area."""
 
 LINE_M = 10.0
-"""Of each taped length."""
+"""Length of each taped length [m]."""
 
 BEFOREHAND = np.array(LOG_SIGMA)
-"""Sigmas of the log's pose: centre [m], turn about the camera's axes [rad]."""
+"""Sigmas of the log's pose: centre [m], rotation about the camera's axes [rad]."""
 
 GROUND = np.diag([GroundOptions.height_sigma_m, *[np.deg2rad(GroundOptions.slope_sigma_deg)] * 2])
-"""How well the ground's plane is known beforehand: as projects have it that state nothing."""
+"""Root of the ground plane's prior covariance: the default of projects."""
 
 CAMERA = study_camera(0.0)
 LENS = CAMERA.parameters
@@ -68,7 +68,7 @@ LENS = CAMERA.parameters
 
 @dataclass(frozen=True)
 class Photo:
-    """A scene's geometry: design, true pose, true places (E, 2), measured pairs (M, 2)."""
+    """A scene's geometry: design, true pose, true positions (E, 2), measured pairs (M, 2)."""
 
     scene: StudyScene
     design: PhotoDesign
@@ -79,7 +79,7 @@ class Photo:
 
 
 def photo_of(scene: StudyScene) -> Photo:
-    """Where everything lies.
+    """Compute the geometry of a scene.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def photo_of(scene: StudyScene) -> Photo:
     Raises
     ------
     ValueError
-        Something of it lies outside the photo.
+        A part of it is outside the photo.
     """
     ends, line = _taped(scene)
     wanted = _wanted()
@@ -97,7 +97,7 @@ def photo_of(scene: StudyScene) -> Photo:
     pairs = len(ends) + np.arange(2 * WANTED).reshape(-1, 2)
     tilt = np.deg2rad(scene.tilt_deg)
     center = np.array([0.0, -scene.height_m * np.tan(tilt), scene.height_m])
-    # Image up is north; tilting lifts the view from straight down to the north.
+    # image up is north; tilting lifts the view from straight down to the north
     rotation = exp_so3(np.array([tilt, 0.0, 0.0])) @ np.diag([1.0, -1.0, -1.0])
     pixel = _exactly(place, center, rotation)
     if not (np.all(pixel > 0) and np.all(pixel < np.array(SIZE_PX))):
@@ -117,7 +117,7 @@ def photo_of(scene: StudyScene) -> Photo:
 
 
 def exact_draw(photo: Photo) -> PhotoDraws:
-    """The photo without any error.
+    """Return the photo without any error.
 
     Parameters
     ----------
@@ -135,12 +135,12 @@ def exact_draw(photo: Photo) -> PhotoDraws:
 
 
 def draw(photo: Photo, count: int, rng: np.random.Generator) -> tuple[PhotoDraws, Floats]:
-    """Draws with all errors of the scene, and (B, M) the true distances.
+    """Draw observations with all errors of the scene, and return (B, M) the true distances too.
 
     Parameters
     ----------
     photo, count
-        What is drawn, how many times.
+        Photo to draw, and number of draws.
     rng
         Of the draws.
     """
@@ -152,14 +152,14 @@ def draw(photo: Photo, count: int, rng: np.random.Generator) -> tuple[PhotoDraws
     noise = rng.standard_normal(pixel.shape) * design.pixel_sigma_px[:, None]
     length = _lengths(photo.place_m, design.line)
     reading = length + design.length_sigma_m * rng.standard_normal((count, len(length)))
-    # A tape of scale s reads l / (1 + s).
+    # a tape of scale s reads l / (1 + s)
     reading /= 1.0 + scene.tape_scale * rng.standard_normal((count, 1))
     off = BEFOREHAND * rng.standard_normal((count, 6))
     draws = PhotoDraws(
         pixel_px=pixel + noise,
         length_m=reading,
         center_world_m=photo.center + off[:, :3],
-        # true = beforehand @ exp(error)
+        # true = prior @ exp(error)
         world_from_camera=photo.rotation @ exp_so3(-off[:, 3:]),
         ground=rng.standard_normal((count, 3)) @ GROUND.T,
     )
@@ -167,13 +167,13 @@ def draw(photo: Photo, count: int, rng: np.random.Generator) -> tuple[PhotoDraws
 
 
 def _exactly(place_m: Floats, center: Floats, rotation: Floats) -> Floats:
-    """(E, 2) pixels of places on level ground by the lens as stated."""
+    """Project points on level ground to (E, 2) pixels with the stated lens."""
     world = np.column_stack([place_m, np.zeros(len(place_m))])
     return project("brown", LENS, (world - center) @ rotation)
 
 
 def _camera_root(scene: StudyScene) -> Floats | None:
-    """Columns: the focal length, and both coordinates of the principal point."""
+    """Return the root of the camera's covariance: focal length, and principal point."""
     root = np.zeros((9, 3))
     root[:2, 0] = scene.focal_share * FOCAL_PX
     root[2, 1] = root[3, 2] = scene.centre_px
@@ -182,7 +182,7 @@ def _camera_root(scene: StudyScene) -> Floats | None:
 
 
 def _taped(scene: StudyScene) -> tuple[Floats, Ints]:
-    """Ends (E, 2) of the taped lengths, and which of them belong together (L, 2)."""
+    """Return ends (E, 2) of the taped lengths, and their pairs (L, 2)."""
     turn = 2 * np.pi * (np.arange(scene.lines) + 0.5) / scene.lines
     out = np.array([np.cos(turn), np.sin(turn)]).T * np.array(AREA_M) / 2 * EDGE
     along = np.array([-np.sin(turn), np.cos(turn)]).T
@@ -192,7 +192,7 @@ def _taped(scene: StudyScene) -> tuple[Floats, Ints]:
 
 
 def _wanted() -> Floats:
-    """(M, 2, 2) ends of the measured distances: the same in all scenes."""
+    """Return the (M, 2, 2) ends of the measured distances: the same in all scenes."""
     drawn = np.random.default_rng(1901).uniform(-0.5, 0.5, (200, 2, 2)) * np.array(AREA_M)
     length = np.linalg.norm(drawn[:, 1] - drawn[:, 0], axis=1)
     return np.asarray(drawn[length >= SHORTEST_M][:WANTED])
@@ -205,9 +205,9 @@ def _lengths(place_m: Floats, pairs: Ints) -> Floats:
 
 
 def _seen(lens: Floats, photo: Photo) -> Floats:
-    """(B, E, 2) pixels of the places by B lenses (9, B).
+    """Project the points with B lenses (9, B) to (B, E, 2) pixels.
 
-    Nothing here lies beyond the lens's fold or behind the camera, which `project` would look for.
+    No point is beyond the lens's fold or behind the camera, for which `project` would check.
     """
     world = np.column_stack([photo.place_m, np.zeros(len(photo.place_m))])
     x, y, ahead = ((world - photo.center) @ photo.rotation).T
@@ -218,7 +218,7 @@ def _seen(lens: Floats, photo: Photo) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where a cell stands in its study: curve, value on the axis and its words, and the scene."""
+    """Position of a cell in its study: curve, value on the axis with its text, and the scene."""
 
     curve: str
     at: float
@@ -227,14 +227,14 @@ class Place:
 
 
 def photo_cell(place: Place, repetitions: int) -> Cell:
-    """Predict and simulate.
+    """Predict and simulate a cell.
 
     Parameters
     ----------
     place
-        Which cell.
+        The cell.
     repetitions
-        How many draws.
+        Number of draws.
     """
     scene = place.scene
     with one_blas_thread():
@@ -243,10 +243,12 @@ def photo_cell(place: Place, repetitions: int) -> Cell:
         rng = np.random.default_rng([19, crc32(repr(scene).encode())])
         draws, true = draw(photo, repetitions, rng)
         found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
+    # errors of the distances in the repetitions that converged
     ends = found.place_m[:, photo.pairs]
     error = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2) - true
     good = found.converged & np.isfinite(error).all(axis=1)
     error = error[good]
+    # root mean square of errors over predicted errors, and its 95 % range
     low, middle, high = ratio_of(error / expected.error_m)
     total = expected.variance.sum()
     return Cell(
@@ -265,7 +267,7 @@ def photo_cell(place: Place, repetitions: int) -> Cell:
 
 
 def ratio_of(z: Floats) -> tuple[float, float, float]:
-    """Root mean square of (B, M), whose rows are independent, and its range of 95 %."""
+    """Compute the root mean square of (B, M), whose rows are independent, and its 95 % range."""
     each = np.mean(z**2, axis=1)
     middle, half = float(each.mean()), 1.96 * float(each.std(ddof=1)) / np.sqrt(len(each))
     return (

@@ -1,4 +1,4 @@
-"""Studies: their grids, made and written; what `uavgram study` does."""
+"""Studies of `uavgram study`: their grids, computation and output."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from uavgram.views.study.figures import figure_files
 from uavgram.views.study.page import write_study_page
 
 Numbers = Mapping[str, float | str]
-"""Of a scene, by name."""
+"""Values of a scene, by name."""
 
 Scenes = Mapping[str, Numbers]
-"""By the words of a curve."""
+"""Scenes by the name of a curve."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grid:
-    """A study before it is made; fields as of `Study`, places in place of cells."""
+    """A study before it is made; fields as of `Study`, with places instead of cells."""
 
     title: str
     question: str
@@ -42,7 +42,7 @@ class Grid:
 
 @dataclass(frozen=True, kw_only=True)
 class _Axis:
-    """What varies along the curves of a study: a number of the scene, and how it is told."""
+    """Quantity that varies along the curves of a study: a number of the scene, and its label."""
 
     key: str
     values: tuple[float, ...]
@@ -50,7 +50,7 @@ class _Axis:
     factor: float = 1.0
 
     def places(self, curve: str, others: Numbers) -> tuple[Place, ...]:
-        """Places along one curve; others hold along it."""
+        """Return the places along one curve; the other values are constant along it."""
         return tuple(
             Place(
                 curve=curve,
@@ -65,7 +65,7 @@ class _Axis:
 def _grid(
     words: tuple[str, str, str], axis: _Axis, curves: Scenes, *, is_log: bool = False
 ) -> Grid:
-    """A study along one axis: its title, its question and the words of its axis."""
+    """Return a study along one axis: its title, its question and the name of its axis."""
     title, question, name = words
     places = tuple(
         place for curve, others in curves.items() for place in axis.places(curve, others)
@@ -143,7 +143,7 @@ GRIDS: dict[str, Grid] = {
         CAMERAS,
     ),
 }
-"""By name, in the order of pages."""
+"""Studies by name, in the order of pages."""
 
 
 JSON_FILE, PAGE_FILE = "study.json", "study.html"
@@ -152,11 +152,11 @@ NAMES = (*GRIDS, METHODS)
 
 SETTINGS = (Setting(name="usual"), *LIMITS)
 USUAL_TO_LIMITS = 4
-"""Of scenes: where a method ends shows in fewer."""
+"""Ratio of scene numbers: fewer suffice to show where a method fails."""
 
 
 def study_names(asked: str) -> tuple[str, ...]:
-    """Studies of a name, or all.
+    """Return the studies of a name, or all.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def study_names(asked: str) -> tuple[str, ...]:
 
 
 def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress = silent) -> Study:
-    """Make a study.
+    """Run a study.
 
     Parameters
     ----------
@@ -221,7 +221,7 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
 
 
 def _setting(scenes: int, setting: Setting) -> list[MethodRow]:
-    """All methods in one setting."""
+    """Compare all methods in one setting."""
     count = scenes if setting == SETTINGS[0] else scenes // USUAL_TO_LIMITS
     with one_blas_thread():
         return compared(setting, max(count, 20))
@@ -234,7 +234,7 @@ def make_studies(
     workers: int = 0,
     progress: Progress = silent,
 ) -> Iterator[Study]:
-    """Make studies one after the other; after each, the folder has a page of those made so far.
+    """Run studies one after the other; after each, write a page of those made so far.
 
     Parameters
     ----------

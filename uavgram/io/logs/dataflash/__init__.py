@@ -1,1 +1,1 @@
-"""ArduPilot's DataFlash logs: formats, columns, samples, events."""
+"""Readers of ArduPilot's DataFlash logs: formats, columns, samples, events."""

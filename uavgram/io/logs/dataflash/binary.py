@@ -1,6 +1,6 @@
-"""ArduPilot DataFlash files as columns: the formats that a file states, applied by numpy.
+"""Binary DataFlash files of ArduPilot as columns, decoded by numpy with the file's own formats.
 
-There is no checksum: what reads these columns must judge the values.
+The format has no checksum: users of these columns must check the values.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from uavgram.io.logs.dataflash.tables import Piece, Tables, inside
 #: Offsets of the messages of each of the 256 types, in the order of the file.
 Starts = list[list[int]]
 
-_SUSPICIOUS = 0.01  # of the file unread: its index deserves a second look
+_SUSPICIOUS = 0.01  # share of unread bytes above which the index is made again
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +38,7 @@ class BinaryTables(Tables):
     data: NDArray[np.uint8]
 
     def decoded(self, fmt: Format, starts: list[int]) -> Columns:
-        """Every field of the messages that begin there, as columns."""
+        """Return every field of the messages at these offsets, as columns."""
         return fmt.decoded(self.data, np.array(starts, dtype=np.int64))
 
 
@@ -48,7 +48,7 @@ def index_binary(path: str, data: bytes) -> BinaryTables:
     Raises
     ------
     InputError
-        The bytes are no DataFlash file.
+        The bytes are not a DataFlash file.
     """
     if HEADER + bytes([FMT_TYPE]) not in data[:65536]:
         raise InputError(
@@ -59,13 +59,13 @@ def index_binary(path: str, data: bytes) -> BinaryTables:
     starts = indexed_by_pymavlink(data)
     tables = None if starts is None else _tables(data, starts)
     if tables is not None and starts is not None and (end := _end(tables)) < len(data):
-        # the compiled indexer ends at the first unknown type: go on behind it
+        # the compiled indexer ends at the first unknown type: continue behind it
         lengths = {p.format.number: p.format.length for ps in tables.pieces.values() for p in ps}
         rest = indexed_by_loop(data, end, lengths)
         if any(rest):
             tables = _tables(data, [a + b for a, b in zip(starts, rest, strict=True)])
     if tables is None or _unread(tables) > _SUSPICIOUS * len(data):
-        # A damaged format message changes the length of a type: the loop tests what it believes.
+        # A damaged format message changes the length of a type: the loop checks format messages.
         checked = _tables(data, indexed_by_loop(data))
         tables = checked if tables is None or _unread(checked) < _unread(tables) else tables
     unread = _unread(tables)
@@ -76,7 +76,7 @@ def index_binary(path: str, data: bytes) -> BinaryTables:
 
 
 def _tables(data: bytes, starts: Starts) -> BinaryTables:
-    """Formats and complete messages, from the offsets of each of the 256 types."""
+    """Return formats and complete messages, from the offsets of each of the 256 types."""
     formats, notes = _read_formats(data, starts[FMT_TYPE])
     pieces: dict[str, list[Piece]] = {}
     for number, stated in formats.items():
@@ -84,7 +84,7 @@ def _tables(data: bytes, starts: Starts) -> BinaryTables:
         for k, (_, fmt) in enumerate(stated):
             found = inside(starts[number], edges[k], edges[k + 1])
             while found and found[-1] + fmt.length > len(data):
-                found.pop()  # the tail of a truncated file
+                found.pop()  # incomplete message at the end of a truncated file
             if found:
                 pieces.setdefault(fmt.name, []).append(Piece(fmt, found))
     ordered = {n: tuple(sorted(p, key=lambda piece: piece.starts[0])) for n, p in pieces.items()}
@@ -92,13 +92,13 @@ def _tables(data: bytes, starts: Starts) -> BinaryTables:
 
 
 def _end(tables: BinaryTables) -> int:
-    """Where the last complete message ends."""
+    """Return the end of the last complete message."""
     ends = (p.starts[-1] + p.format.length for parts in tables.pieces.values() for p in parts)
     return max(ends, default=0)
 
 
 def _unread(tables: BinaryTables) -> int:
-    """How many bytes belong to no complete message."""
+    """Return the number of bytes outside of complete messages."""
     parts = (piece for pieces in tables.pieces.values() for piece in pieces)
     return max(len(tables.data) - sum(len(p.starts) * p.format.length for p in parts), 0)
 
@@ -106,7 +106,7 @@ def _unread(tables: BinaryTables) -> int:
 def _read_formats(
     data: bytes, starts: list[int]
 ) -> tuple[dict[int, list[tuple[int, Format]]], list[str]]:
-    """What each type number means and from which byte on, and what was odd."""
+    """Return the formats of each type number with their first bytes, and remarks."""
     stated: dict[int, list[tuple[int, Format]]] = {FMT_TYPE: [(0, FMT)]}
     notes: list[str] = []
     for start in starts:
@@ -124,14 +124,14 @@ def _read_formats(
 
 
 def indexed_by_pymavlink(data: bytes) -> Starts | None:
-    """Pymavlink's compiled indexer (since 2.4.50); None where this pymavlink has none."""
+    """Index with pymavlink's compiled indexer (since 2.4.50); None if this pymavlink has none."""
     try:
         from pymavlink import dfindexer  # noqa: PLC0415 - absent in older releases
     except ImportError:
         return None
     if not dfindexer.available:
         return None
-    with _silent_standard_error():  # it prints one line for every byte that it skips
+    with _silent_standard_error():  # it prints a line for every byte that it skips
         starts: Starts = dfindexer.build_offsets(
             memoryview(data), FMT_TYPE, FMT_LENGTH, 3, 4, HEADER[0], HEADER[1]
         )
@@ -141,14 +141,14 @@ def indexed_by_pymavlink(data: bytes) -> Starts | None:
 def indexed_by_loop(
     data: bytes, first: int = 0, known_lengths: dict[int, int] | None = None
 ) -> Starts:
-    """The same without the compiled indexer; believes format messages that make sense only.
+    """Index without the compiled indexer; only plausible format messages are used.
 
     Parameters
     ----------
     data
         Bytes of the file.
     first
-        Where to begin.
+        First byte.
     known_lengths
         Bytes of a message by its type, as stated before `first`.
     """
@@ -168,14 +168,14 @@ def indexed_by_loop(
             continue
         starts[number].append(at)
         end = at + lengths[number]
-        # where no message follows, bytes are missing or damaged: look from inside this one
+        # if no message follows, bytes are missing or damaged: search again from inside this one
         at = end if data[end : end + 2] == HEADER else data.find(HEADER, at + 3)
     return starts
 
 
 @contextmanager
 def _silent_standard_error() -> Iterator[None]:
-    """Send file descriptor 2 to nowhere: C code does not write through sys.stderr."""
+    """Redirect file descriptor 2 to the null device: C code does not write through sys.stderr."""
     kept = os.dup(2)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     try:

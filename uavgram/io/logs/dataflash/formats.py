@@ -1,8 +1,8 @@
-"""Format messages of ArduPilot's DataFlash logs: what each message type holds.
+"""Format messages of ArduPilot's DataFlash logs: fields and types of each message type.
 
-The layout is ArduPilot's (libraries/AP_Logger/LogStructure.h): every message starts with
-0xA3 0x95 and its type; type 0x80 (FMT) defines the others: length, name, one format character per
-field, field names. A message may have no field at all (STRT until 2014: the vehicle was started).
+The layout is ArduPilot's (libraries/AP_Logger/LogStructure.h): every message starts with 0xA3 0x95
+and its type; type 0x80 (FMT) defines the others: length, name, one format character per field,
+field names. A message may have no field at all (STRT until 2014: the vehicle was started).
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ Columns = dict[str, NDArray[Any]]
 HEADER = b"\xa3\x95"
 FMT_TYPE, FMT_LENGTH = 0x80, 89
 
-# Format character: numpy type, and what the stored integer is divided by.
-# Division, not multiplication by 0.01 or 1e-7: 12345 / 100 is the double nearest to 123.45.
+# Format character: numpy type, and divisor of the stored integer. Division, not multiplication by
+# 0.01 or 1e-7: 12345 / 100 is the double nearest to 123.45.
 _NUMPY_TYPES: dict[str, tuple[str, float | None]] = {
     "a": ("(32,)<i2", None),
     "b": ("<i1", None),
@@ -46,7 +46,7 @@ _NUMPY_TYPES: dict[str, tuple[str, float | None]] = {
     "L": ("<i4", 1e7),
 }
 _PLACE, _ANGLES = ("TimeUS", "Lat", "Lng", "Alt"), ("TimeUS", "Roll", "Pitch", "Yaw")
-# In which order every firmware since 3.3 writes the fields that are read here.
+# order of the fields read here, in every firmware since 3.3
 _ORDERS: dict[str, tuple[tuple[str, ...], ...]] = {
     "POS": ((*_PLACE, "RelHomeAlt"),),
     "GPS": (_PLACE,),
@@ -68,7 +68,7 @@ def _record_type(fields: tuple[str, ...], characters: str) -> np.dtype[Any] | No
 
 @dataclass(frozen=True)
 class Format:
-    """One message type as a file defines it.
+    """One message type as defined in a file.
 
     Attributes
     ----------
@@ -85,24 +85,24 @@ class Format:
     fields: tuple[str, ...]
 
     def dtype(self) -> np.dtype[Any] | None:
-        """Structured type of the bytes after the header; None where the format makes no sense."""
+        """Return the structured type of the bytes after the header; None for an invalid format."""
         dtype = _record_type(self.fields, self.characters)
         return dtype if dtype is not None and dtype.itemsize + 3 == self.length else None
 
     def decoded(self, data: NDArray[np.uint8], starts: NDArray[np.int64]) -> Columns:
-        """Every field as a column, scaled as its format character says.
+        """Return every field as a column, scaled according to its format character.
 
         Parameters
         ----------
         data
             Bytes of the file.
         starts
-            (N,) where complete messages of this format begin.
+            (N,) offsets of complete messages of this format.
         """
         dtype = self.dtype()
         if not dtype:  # no format, or one without fields
             return {}
-        # a record could begin at every byte behind a header
+        # view of records starting at every byte, to gather those behind the headers
         room = len(data) - self.length + 1
         records = np.ndarray((room,), dtype, data, offset=3, strides=(1,))[starts]
         return {
@@ -116,20 +116,22 @@ def _scaled(raw: NDArray[Any], divisor: float | None) -> NDArray[Any]:
 
 
 FMT = Format(FMT_TYPE, FMT_LENGTH, "FMT", "BBnNZ", ("Type", "Length", "Name", "Format", "Columns"))
-"""The layout of all format messages. The logs of 2012 to 2014 state it with one name too few, so
-what a log says of it is not needed."""
+"""Layout of all format messages.
+
+Logs of 2012 to 2014 state it with one name too few, so the definition in a log is not used.
+"""
 
 
 def fields_of(names: str) -> tuple[str, ...]:
-    """Field names of a format message, which joins them by commas."""
+    """Return the field names of a format message, which joins them by commas."""
     return tuple(names.split(",")) if names else ()
 
 
 def odd_names(fmt: Format) -> tuple[str, ...]:
-    """A remark where no firmware writes a message of this name with these fields in this order.
+    """Return a remark if no firmware writes a message of this name with its fields in this order.
 
-    The names are then damaged or exchanged: every value of the message stands under another, or
-    the gimbal's messages under a name that nobody reads.
+    The names are then damaged or exchanged: every value of the message has another field's name, or
+    the gimbal's messages have an unknown name.
     """
     if fmt.name != "MNT" and {"Roll", "Pitch", "YawB", "YawE"} <= set(fmt.fields):
         return (f"{fmt.name} messages look like the gimbal's (MNT): not used, their name is odd",)
@@ -142,13 +144,13 @@ def odd_names(fmt: Format) -> tuple[str, ...]:
 
 
 def format_at(data: bytes, start: int) -> Format | None:
-    """The format message that begins here; None where it is cut or makes no sense."""
+    """Return the format message at this offset; None if it is incomplete or invalid."""
     return _format_of(data[start + 3 : start + FMT_LENGTH])
 
 
-@lru_cache(maxsize=1024)  # a log states some 200 formats, each read by the index and for its tables
+@lru_cache(maxsize=1024)  # a log states some 200 formats, each read twice
 def _format_of(body: bytes) -> Format | None:
-    """The format that a message without its header states, as above."""
+    """Parse a format message without its header; None as in `format_at`."""
     if len(body) < FMT_LENGTH - 3:
         return None
     name, characters, fields = (

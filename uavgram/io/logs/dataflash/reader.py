@@ -1,4 +1,4 @@
-"""ArduPilot's DataFlash logs (.bin, .BIN, text .log) as a FlightLog: their table and its hooks.
+"""Reader of ArduPilot's DataFlash logs (.bin, .BIN, text .log): their table and its functions.
 
 Field meanings: ArduPilot libraries/AP_AHRS/AP_AHRS_Logging.cpp, AP_NavEKF3_Logging.cpp, AP_GPS.cpp,
 AP_Mount_Backend.cpp, AP_Camera_Backend.cpp (LogStructure.h of each). Numbers of events and errors:
@@ -32,9 +32,9 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|Blimp|AntennaTracker)\s+V?\d[\w.\-]*(\s+\(\w+\))?")
-_ODD_ONES = 0.05  # of all rows: fewer of another mount are damaged numbers of this one
+_ODD_ONES = 0.05  # share of all rows: fewer rows of another mount are damaged numbers of this one
 
-# PX4's first log format borrows DataFlash's framing and means other things by the same names.
+# PX4's first log format uses DataFlash's framing with other meanings of the same names.
 _SDLOG2 = (
     "is a PX4 log of the old form sdlog2 (.px4log), which is not read here: give the ground "
     "station's .tlog of this flight, or the photos' positions and angles as a table (`poses`); "
@@ -43,7 +43,7 @@ _SDLOG2 = (
 
 
 class BootMessages(Messages):
-    """The messages of one boot; those of the estimator are of the core that flew most of the time.
+    """Messages of one boot; those of the estimator are of the core that was used most of the time.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ class BootMessages(Messages):
         return 0
 
     def read(self, name: str) -> Topic | None:
-        """All messages of one type, or those of the core; None where there is none."""
+        """Return all messages of one type, or those of the core; None where there are none."""
         columns = self._tables.columns(name)
         topic = Topic(name, _boot_time_s(columns), columns)
         if "C" in columns:
@@ -73,7 +73,7 @@ class BootMessages(Messages):
 
 
 def _boot_time_s(columns: Columns) -> Floats:
-    """(N,) seconds since boot: TimeUS, before ArduPilot 3.3 T (of GPS) or TimeMS."""
+    """Return (N,) seconds since boot: TimeUS, before ArduPilot 3.3 T (of GPS) or TimeMS."""
     for name, unit_s in (("TimeUS", 1e-6), ("T", 1e-3), ("TimeMS", 1e-3)):
         if name in columns:
             return as_numbers(columns[name]) * unit_s
@@ -82,13 +82,13 @@ def _boot_time_s(columns: Columns) -> Floats:
 
 
 def _receiver(messages: BootMessages) -> Topic | None:
-    """Rows with a 3-D fix of the receiver that was in use (before 3.6 the second is GPS2)."""
+    """Return rows with a 3-D fix of the receiver in use (before 3.6 the second is GPS2)."""
     for name in ("GPS", "GPS2"):
         topic = messages.topic(name)
         if topic is None or "Lat" not in topic.fields:
             continue
         topic = topic.only(topic.column("Status") >= 3)
-        # the one that flew most of the time (U), else the one with most fixes, else the first
+        # the one in use most of the time (U), else the one with most fixes, else the first
         used = topic.column("U") > 0
         seen, count = np.unique(
             _instance(topic)[used] if used.any() else _instance(topic), return_counts=True
@@ -104,7 +104,7 @@ def _instance(topic: Topic) -> Floats:
 
 
 def _accuracies(messages: BootMessages) -> Topic | None:
-    """What the receiver in use states of its accuracy."""
+    """Return the accuracies stated by the receiver in use."""
     gps = messages.topic(_receiver)
     if gps is None:
         return None
@@ -115,7 +115,7 @@ def _accuracies(messages: BootMessages) -> Topic | None:
 
 
 def _two_heights(messages: BootMessages) -> Topic | None:
-    """GPS with the ellipsoidal heights of GPA, which come at other times."""
+    """Return GPS with the ellipsoidal heights of GPA, which have other times."""
     gps, gpa = messages.topic(_receiver), messages.topic(_accuracies)
     if gps is None or gpa is None:
         return None
@@ -128,9 +128,9 @@ def _two_heights(messages: BootMessages) -> Topic | None:
 
 
 def _gps_time(messages: BootMessages) -> Topic | None:
-    """UTC of each fix, at its arrival (GPA.SMS) where the log has it.
+    """Return the UTC of each fix, at its arrival (GPA.SMS) where the log has it.
 
-    TimeUS is when the row was written, up to 40 ms later.
+    TimeUS is the time at which the row was written, up to 40 ms later.
     """
     gps = messages.topic(_receiver)
     if gps is None:
@@ -142,14 +142,14 @@ def _gps_time(messages: BootMessages) -> Topic | None:
 
 
 def _utc_s(week: Floats, milliseconds: Floats) -> Floats:
-    """(N,) UTC of GPS times; NaN where they are none."""
+    """Convert GPS times to (N,) UTC; NaN for invalid ones."""
     sane = (week > 1000) & (week < 5000) & (milliseconds >= 0) & (milliseconds < 604800000)
     utc_s = utc_from_gps(np.where(sane, week, 0.0), np.where(sane, milliseconds, 0.0))
     return np.where(sane, utc_s, np.nan)
 
 
 def _arrival_s(accuracies: Topic | None, logged_s: Floats) -> Floats:
-    """(N,) GPA.SMS of the row logged at the same time, NaN where there is none."""
+    """Return (N,) GPA.SMS of the row logged at the same time, NaN where there is none."""
     nowhere = np.full(len(logged_s), np.nan)
     if accuracies is None:
         return nowhere
@@ -162,7 +162,7 @@ def _arrival_s(accuracies: Topic | None, logged_s: Floats) -> Floats:
 
 
 def _origins(messages: BootMessages, kind: int) -> Topic | None:
-    """ORGN of one type: 0, where the estimator counts its offsets from, or 1, home."""
+    """Return ORGN of one type: 0, the origin of the estimator's offsets, or 1, home."""
     topic = messages.topic("ORGN")
     return None if topic is None else topic.only(topic.column("Type") == kind)
 
@@ -171,9 +171,9 @@ _ORIGIN, _HOME = partial(_origins, kind=0), partial(_origins, kind=1)
 
 
 def _placed(messages: BootMessages) -> Topic | None:
-    """The estimator's offsets from its origin as latitude, longitude and altitude.
+    """Convert the estimator's offsets from its origin to latitude, longitude and altitude.
 
-    With ArduPilot's own scale, as it made the offsets with it (libraries/AP_Common/Location.cpp,
+    With ArduPilot's own scale, with which the offsets were made (libraries/AP_Common/Location.cpp,
     LATLON_TO_M = 0.011131884502145034 m per 1e-7 degrees).
     """
     offsets, origins = messages.topic(*_CORES), messages.topic(_ORIGIN)
@@ -192,10 +192,10 @@ def _placed(messages: BootMessages) -> Topic | None:
 
 
 def _variances(messages: BootMessages) -> Topic | None:
-    """The estimator's V07, V08, V09 [m²], of position, as standard deviations.
+    """Return the estimator's position variances V07, V08, V09 [m²] as standard deviations.
 
-    XKF4's SP, SH... are test ratios and no standard deviations. The estimator alone is
-    over-confident wherever the receiver's error is correlated.
+    XKF4's SP, SH... are test ratios instead of standard deviations. The estimator alone is
+    over-confident where the receiver's error is correlated.
     """
     topic = messages.topic("XKV1", "NKV1")
     if topic is None:
@@ -206,10 +206,9 @@ def _variances(messages: BootMessages) -> Topic | None:
 
 
 def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
-    """MNT of the mount with most rows: yaw from north (YawE) where known, else from the nose.
+    """Return MNT of the mount with most rows: yaw from north (YawE) if known, else from the nose.
 
-    A mount that knows no angle writes NaN; a remark counts rows that state
-    something and cannot be used.
+    A mount without angles writes NaN; a remark counts rows with values that cannot be used.
     """
     topic = messages.topic("MNT")
     if topic is None:
@@ -220,6 +219,7 @@ def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
         return None, ()
     mine, notes = _of_one_mount(topic, speaks)
     roll, pitch, earth, vehicle = (column[mine] for column in angles)
+    # yaw from north, if known in at least as many rows as yaw from the nose
     known, nose = int(np.isfinite(earth).sum()), int(np.isfinite(vehicle).sum())
     use_earth = known > 0 and known >= nose
     samples, remarks = gimbal_from_angles(
@@ -238,7 +238,7 @@ def _gimbal(messages: BootMessages) -> Found[GimbalSamples]:
 
 
 def _of_one_mount(topic: Topic, speaks: Bools) -> tuple[Bools, tuple[str, ...]]:
-    """(N,) rows of the mount that has most of those that state something; what of the others."""
+    """Return (N,) rows of the mount with most valid rows, and remarks on the others."""
     if "I" not in topic.fields:
         return speaks, ()
     stated = topic.column("I")
@@ -257,7 +257,7 @@ def _of_one_mount(topic: Topic, speaks: Bools) -> tuple[Bools, tuple[str, ...]]:
 
 
 def _events(messages: BootMessages) -> Found[CameraEvents]:
-    """CAM joined with TRIG by the image number.
+    """Join CAM with TRIG by the image number.
 
     With a feedback pin TRIG is the command and CAM the exposure (some 0.1 s later), and a TRIG
     whose number has no CAM is a missed shot; without one there is CAM only, at the command
@@ -278,7 +278,7 @@ def _events(messages: BootMessages) -> Found[CameraEvents]:
 
 
 def _shots(messages: BootMessages, name: str) -> tuple[Floats, Ints, tuple[str, ...]]:
-    """Boot times and image numbers (-1: none) of CAM or TRIG, first camera only; remarks."""
+    """Return boot times and image numbers (-1: none) of CAM or TRIG, first camera only; remarks."""
     topic = messages.topic(name)
     if topic is None:
         return np.zeros(0), np.zeros(0, dtype=np.int64), ()
@@ -299,7 +299,7 @@ def _shots(messages: BootMessages, name: str) -> tuple[Floats, Ints, tuple[str, 
 
 
 def _by_gps_time(messages: BootMessages, topic: Topic) -> Floats:
-    """(N,) boot times of rows that state the GPS time of the last fix; NaN where unknown."""
+    """Return (N,) boot times of rows with the GPS time of the last fix; NaN where unknown."""
     stated = _CLOCK.stated(messages)
     clock = None if stated is None else clock_samples(stated)
     if clock is None:
@@ -330,7 +330,7 @@ TABLE = Table(
     gimbal=(_gimbal,),
     events=(_events,),
     velocities=(Row(_CORES, ("VN", "VE", "VD")),),
-    turn_rates=(Row("RATE", ("R", "P", "Y"), factor=np.pi / 180),),  # of the vehicle, not wanted
+    turn_rates=(Row("RATE", ("R", "P", "Y"), factor=np.pi / 180),),  # actual, not desired
     sigmas=(
         Row(_variances, ("horizontal", "vertical")),
         Row(_accuracies, ("HAcc", "VAcc"), source="GPA"),
@@ -366,7 +366,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
     Raises
     ------
     InputError
-        The file is missing, empty, no DataFlash log (or PX4's sdlog2, which looks like one), or
+        The file is missing, empty, not a DataFlash log (or PX4's sdlog2, which looks like one), or
         holds no complete message.
     """
     tables = _index(str(path))
@@ -399,7 +399,7 @@ def _index(path: str) -> Tables:
 
 
 def _parts(tables: Tables) -> list[Tables]:
-    """One set of tables for each boot."""
+    """Return one set of tables for each boot."""
     guide = max(("ATT", "POS", "GPS"), key=tables.count)
     if tables.count(guide) == 0:
         return [tables]
@@ -420,7 +420,7 @@ def _counts(tables: Tables) -> tuple[MessageCount, ...]:
 
 
 def _vehicle(messages: BootMessages) -> tuple[str, str]:
-    """Vehicle and firmware as the first MSG that names them has it; VER as the fallback."""
+    """Return vehicle and firmware from the first MSG that names them, else from VER."""
     greetings, versions = messages.topic("MSG"), messages.topic("VER")
     for text in greetings.texts("Message") if greetings is not None else ():
         if found := _FIRMWARE.search(text):

@@ -1,6 +1,6 @@
-"""A DataFlash log's messages by type, whatever its form: columns are gathered when asked for.
+"""Messages of a DataFlash log by type, in binary or text form; columns are decoded on demand.
 
-Logs in text form (.log), as Mission Planner writes them, are indexed here.
+Logs in text form (.log), as written by Mission Planner, are indexed here.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
 
 @dataclass(frozen=True, eq=False)
 class Piece:
-    """Messages of one type under one format, which a file may change midway.
+    """Messages of one type under one format, which may change within a file.
 
     Attributes
     ----------
     format
         Of all of them.
     starts
-        Where they begin, increasing; all are complete.
+        Their offsets, increasing; all are complete.
     """
 
     format: Format
@@ -43,9 +43,9 @@ class Tables(ABC):
     Attributes
     ----------
     pieces
-        By message name, in the order of the file: one for each format that the file states of it.
+        By message name, in the order of the file: one for each format of that name in the file.
     notes
-        What was odd about the file.
+        Irregularities of the file.
     """
 
     pieces: dict[str, tuple[Piece, ...]]
@@ -53,36 +53,36 @@ class Tables(ABC):
 
     @abstractmethod
     def decoded(self, fmt: Format, starts: list[int]) -> Columns:
-        """Every field of the messages that begin there, as columns."""
+        """Return every field of the messages at these offsets, as columns."""
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Message types that the file holds, sorted."""
+        """Message types in the file, sorted."""
         return tuple(sorted(self.pieces))
 
     def count(self, name: str) -> int:
-        """How many messages of this type the file holds."""
+        """Return the number of messages of this type."""
         return sum(len(piece.starts) for piece in self.pieces.get(name, ()))
 
     def places(self, name: str) -> NDArray[np.int64]:
-        """(N,) where the messages of one type begin, in the order of `columns`."""
+        """Return the (N,) offsets of the messages of one type, in the order of `columns`."""
         starts = (piece.starts for piece in self.pieces.get(name, ()))
         return np.array([at for piece in starts for at in piece], dtype=np.int64)
 
     def columns(self, name: str) -> Columns:
-        """Every field of one message type as a column, scaled as its format character says.
+        """Return every field of one message type as a column, scaled by its format character.
 
         Returns
         -------
         dict
-            Field name: array over the messages in the order of the file; empty where the file
-            has no such message. A field that a part of the file does not define is NaN (empty,
-            for a text) there.
+            Field name: array over the messages in the order of the file; empty where the file has
+            no such message. A field that a part of the file does not define is NaN (empty, for a
+            text) there.
         """
         return self._joined([(p.format, p.starts) for p in self.pieces.get(name, ())])
 
     def ends(self, name: str) -> Columns:
-        """The columns of the first and the last message of one type only."""
+        """Return the columns of the first and the last message of one type only."""
         pieces = self.pieces.get(name, ())
         if not pieces:
             return {}
@@ -92,7 +92,7 @@ class Tables(ABC):
         return self._joined([(first.format, first.starts[:1]), (last.format, last.starts[-1:])])
 
     def between(self, start: int, end: int) -> Self:
-        """The messages that begin in this range of bytes."""
+        """Return the messages that begin in this range of bytes."""
         found: dict[str, tuple[Piece, ...]] = {}
         for name, whole in self.pieces.items():
             cut = [replace(p, starts=inside(p.starts, start, end)) for p in whole]
@@ -109,7 +109,7 @@ class Tables(ABC):
 
 
 def inside(starts: list[int], start: int, end: int) -> list[int]:
-    """Those of the places that lie in this range of the file.
+    """Return the offsets in a range of the file.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def inside(starts: list[int], start: int, end: int) -> list[int]:
 
 
 def _alike(decoded: list[tuple[Format, Columns]], field: str) -> list[NDArray[np.generic]]:
-    """The same field of every part, with a filling where one lacks it or has another kind."""
+    """Return the same field of every part, filled where one lacks it or has another kind."""
     is_text = {
         fmt.characters[fmt.fields.index(field)] in TEXT_CHARACTERS
         for fmt, _ in decoded
@@ -142,12 +142,12 @@ def _alike(decoded: list[tuple[Format, Columns]], field: str) -> list[NDArray[np
 
 @dataclass(frozen=True, eq=False)
 class TextTables(Tables):
-    """A DataFlash text file, whose values are scaled already; `data` are its bytes."""
+    """A DataFlash text file, whose values are already scaled; `data` are its bytes."""
 
     data: bytes
 
     def decoded(self, fmt: Format, starts: list[int]) -> Columns:
-        """Every field of the lines that begin there, as columns."""
+        """Return every field of the lines at these offsets, as columns."""
         fields = zip(*(self._fields(at, len(fmt.fields)) for at in starts), strict=True)
         return {
             field: _numbers(texts) if c not in TEXT_CHARACTERS else _texts(texts)
@@ -155,16 +155,16 @@ class TextTables(Tables):
         }
 
     def _fields(self, start: int, count: int) -> tuple[bytes, ...]:
-        """The fields of one line; commas beyond the last field belong to its text."""
+        """Return the fields of one line; commas beyond the last field belong to its text."""
         end = self.data.find(b"\n", start)
         line = self.data[start : end if end >= 0 else len(self.data)]
         _, *fields = line.split(b",", count)
-        # fewer where the format was defined anew
+        # fewer where the format was redefined
         return (*fields, *(b"" for _ in range(count - len(fields))))
 
 
 def _numbers(texts: Sequence[bytes]) -> NDArray[np.float64]:
-    """Texts as float64, NaN where one is no number."""
+    """Convert texts to float64, NaN for invalid ones."""
     try:
         return np.array([float(text) for text in texts])
     except ValueError:
@@ -219,7 +219,7 @@ def index_text(path: str, data: bytes) -> TextTables:
 def _add_format(
     formats: dict[str, Format], pieces: dict[str, list[Piece]], line: bytes, at: int
 ) -> list[str]:
-    """Note what a FMT line states, where it makes sense; what was odd about it."""
+    """Record a FMT line, if it is valid; return remarks on irregularities."""
     _, *fields = (part.strip() for part in line.decode("latin-1").split(","))
     if len(fields) < 5:
         return []
@@ -240,5 +240,5 @@ def _add_format(
 
 
 def _is_small(text: str) -> bool:
-    """Whether a text is a number of a few digits."""
+    """Return whether a text is a number of a few digits."""
     return text.isascii() and text.isdecimal() and len(text) < 6

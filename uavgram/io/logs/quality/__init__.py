@@ -1,1 +1,1 @@
-"""Which rows of any log can be believed, whatever its format."""
+"""Checks of the rows of a log, independent of its format."""

@@ -1,7 +1,7 @@
-"""Messages of a boot held against each other, and resets of its estimator.
+"""Comparison of a boot's messages with each other, and resets of its estimator.
 
-What is outside the flight has damaged bytes. Where a log states something twice (a place, an
-attitude, a home) and the two contradict each other, nobody knows which of them is right: a remark
+Rows outside the flight have damaged bytes. If a log contains a quantity twice (a position, an
+attitude, a home) and the two contradict each other, it is unknown which one is right: a remark
 names it, and only a home is left out for it.
 """
 
@@ -29,7 +29,7 @@ from uavgram.model.flight.log import (
 ANY_CODE = -1
 
 # ArduPilot, libraries/AP_NavEKF3/*.cpp, AP_NavEKF/*.cpp, AP_AHRS.cpp and ArduCopter/events.cpp:
-# texts of GCS_SEND_TEXT, parts of them in small letters.
+# parts of GCS_SEND_TEXT texts, in lower case.
 _TEXTS = (
     ("lane switch", "change to another estimator"),
     ("primary changed", "change to another estimator"),
@@ -47,14 +47,14 @@ _TEXTS = (
 
 @dataclass(frozen=True, kw_only=True)
 class StatedResets:
-    """Which messages of a format state resets.
+    """Messages of a format that report resets.
 
     Attributes
     ----------
     counters
-        Message, field, what happened where its number changes.
+        Message, field, and event when its number changes.
     codes
-        Message, fields, and by their numbers what happened; the last may be `ANY_CODE`.
+        Message, fields, and events by their numbers; the last number may be `ANY_CODE`.
     texts
         Message and field of texts to the ground station.
     """
@@ -65,14 +65,14 @@ class StatedResets:
 
 
 def stated_resets(messages: Messages, stated: StatedResets) -> tuple[EstimatorReset, ...]:
-    """Of one boot, in the order of time, each once.
+    """Return the resets of one boot, in the order of time, each once.
 
     Parameters
     ----------
     messages
         Of one boot.
     stated
-        By the table of their format.
+        From the table of their format.
     """
     found = {
         *_counted(messages, stated),
@@ -111,7 +111,7 @@ def _in_messages(messages: Messages, stated: StatedResets) -> Iterator[Estimator
 
 
 def resets_in_texts(time_s: Iterable[float], texts: Iterable[str]) -> Iterator[EstimatorReset]:
-    """Resets that messages to the ground station tell of, (N,) times since boot and (N,) texts."""
+    """Find resets in messages to the ground station, (N,) times since boot and (N,) texts."""
     for time, text in zip(time_s, texts, strict=True):
         small = text.lower()
         what = next((words for part, words in _TEXTS if part in small), None)
@@ -119,23 +119,24 @@ def resets_in_texts(time_s: Iterable[float], texts: Iterable[str]) -> Iterator[E
             yield EstimatorReset(float(time), what)
 
 
-_MARGIN_S = 600.0  # a home or an event may come before the first position
-_FARTHEST_M = 111e3  # of a home from the flight
+_MARGIN_S = 600.0  # a home or an event may precede the first position
+_FARTHEST_M = 111e3  # largest distance of a home from the flight
 _METERS_PER_DEG = 111e3
-# Undamaged logs: a receiver's positions lag by a quarter of a second and lie 9 m off the
-# estimator's at most; two messages of one attitude differ by 0.02 degrees, in steps of a cdeg.
+# In undamaged logs a receiver's positions lag by a quarter of a second and differ from the
+# estimator's by 9 m at most; two messages of one attitude differ by 0.02 degrees, in steps of a
+# cdeg.
 _FAR_M, _LAG_S = 30.0, 1.0
 _TURNED_DEG = 10.0
-# A home states its height to the centimetre, as do positions above it; it settles by 3 m at first.
+# Height of home is stated to the centimetre, as are positions above it; it settles by 3 m at first.
 _HOME_OFF_M = 4.0
-# Home moves where the vehicle is carried, at a walk; the estimator sets its origin and home at the
-# same place, unless the receiver still wandered in between or the vehicle was carried.
+# Home moves when the vehicle is carried, at walking speed; the estimator sets its origin and home
+# at the same place, unless the receiver still drifted in between or the vehicle was carried.
 _HOME_AWAY_M, _CARRIED_M_S = 200.0, 2.0
 _ORIGIN_OFF_M = 10.0
 
 
 def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
-    """The boot without what cannot be: rows off their neighbours, impossible events and homes."""
+    """Remove rows off their neighbours, and impossible events and homes; return remarks too."""
     boot, damaged = without_damaged_rows(boot)
     dense = [t for t in (boot.positions, boot.attitudes) if t is not None]
     if not dense:
@@ -165,16 +166,16 @@ def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
 def disagreements(
     boot: Boot, other: AttitudeSamples | None, origin: HomeSamples | None
 ) -> tuple[str, ...]:
-    """Where other messages of the log contradict the positions, attitudes and home that are used.
+    """Return remarks on messages that contradict the used positions, attitudes and home.
 
     Parameters
     ----------
     boot
-        Of which positions and attitudes are used.
+        Boot with the used positions and attitudes.
     other
         Attitudes of other messages of the log; None where it has none.
     origin
-        Where the estimator counts its offsets from; None where the log has it not.
+        Origin of the estimator's offsets; None where the log has none.
     """
     spare = replace(boot, positions=boot.receiver, attitudes=other, gimbal=None)
     spare, _ = without_damaged_rows(spare)
@@ -236,7 +237,7 @@ def _during(time_s: Floats, span_s: Floats) -> Bools:
 
 
 def _flat_m(samples: PositionSamples, about: PositionSamples, time_s: Floats) -> Floats:
-    """(K, 2) metres north and east of the other's first row, between the samples."""
+    """Return (K, 2) metres north and east of the other's first row, interpolated."""
     latitude, longitude = float(about.latitude_deg[0]), float(about.longitude_deg[0])
     east = (samples.longitude_deg - longitude + 180) % 360 - 180
     north_m = (samples.latitude_deg - latitude) * _METERS_PER_DEG
@@ -246,9 +247,9 @@ def _flat_m(samples: PositionSamples, about: PositionSamples, time_s: Floats) ->
 
 
 def _homes_in_doubt(home: HomeSamples, positions: PositionSamples) -> tuple[Bools, tuple[str, ...]]:
-    """(N,) homes whose height the positions contradict; what is odd about the homes.
+    """Return a (N,) mask of homes whose height the positions contradict; remarks on the homes.
 
-    A position states its height above the home that is in force.
+    Positions include their height above the home in force.
     """
     off_m = np.zeros(len(home.time_boot_s))
     implied = positions.height_m - positions.height_home_m
@@ -267,7 +268,7 @@ def _homes_in_doubt(home: HomeSamples, positions: PositionSamples) -> tuple[Bool
 
 
 def _moved(home: HomeSamples, kept: Bools) -> tuple[str, ...]:
-    """A remark where homes lie further from each other than a vehicle is carried meanwhile."""
+    """Return a remark if homes are further apart than a vehicle can be carried meanwhile."""
     if kept.sum() < 2:
         return ()
     time, latitude, longitude = (
@@ -286,7 +287,7 @@ def _moved(home: HomeSamples, kept: Bools) -> tuple[str, ...]:
 
 
 def _off_origin(home: HomeSamples | None, origin: HomeSamples | None) -> tuple[str, ...]:
-    """A remark where home lies off the origin that the estimator set at the same place."""
+    """Return a remark if home is far from the origin that the estimator set at the same place."""
     if home is None or origin is None:
         return ()
     off_m = _away_m(home, origin)
@@ -300,7 +301,7 @@ def _off_origin(home: HomeSamples | None, origin: HomeSamples | None) -> tuple[s
 
 
 def _away_m(home: HomeSamples, others: HomeSamples | PositionSamples) -> Floats:
-    """(N,) horizontal distances of homes from the middle of other places."""
+    """Return (N,) horizontal distances of homes from the median of other positions."""
     middle = float(np.median(others.latitude_deg)), float(np.median(others.longitude_deg))
     return _apart_m(home.latitude_deg, home.longitude_deg, *middle)
 
@@ -311,7 +312,7 @@ def _apart_m(
     other_latitude_deg: Floats | float,
     other_longitude_deg: Floats | float,
 ) -> Floats:
-    """(N,) horizontal distances of places [deg] that are near each other."""
+    """Return (N,) horizontal distances of nearby positions [deg]."""
     north = latitude_deg - other_latitude_deg
     east = (longitude_deg - other_longitude_deg + 180) % 360 - 180
     scale = np.cos(np.radians(latitude_deg))

@@ -1,4 +1,4 @@
-"""How the camera was turned, by the gimbal, and when it took photos: samples of any log's rows."""
+"""Camera attitudes by the gimbal, and camera events, as samples from any log's rows."""
 
 from __future__ import annotations
 
@@ -15,27 +15,27 @@ from uavgram.model.flight.log import CameraEvents, GimbalSamples
 
 # GIMBAL_DEVICE_FLAGS, https://mavlink.io/en/messages/common.html
 _YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
-_LARGEST_NUMBER = 1e6  # more exposures than any flight: damaged bytes
+_LARGEST_NUMBER = 1e6  # more exposures than in any flight: damaged bytes
 _MANY = 20
 
 
 def gimbal_samples(stated: Stated) -> Found[GimbalSamples]:
-    """Of quaternions (w first) and flags; or of roll, pitch and yaw from the nose [deg]."""
+    """Return samples from quaternions (w first) and flags; or roll, pitch, relative yaw [deg]."""
     if len(stated.columns) == 5:
         return _from_device_status(stated)
     return gimbal_from_angles(stated.time_s, np.stack(stated.columns, axis=1), stated.source)
 
 
 def _from_device_status(stated: Stated) -> Found[GimbalSamples]:
-    """GIMBAL_DEVICE_ATTITUDE_STATUS: roll and pitch from the horizon, yaw as the flags state.
+    """Return GIMBAL_DEVICE_ATTITUDE_STATUS: roll and pitch from the horizon, yaw by the flags.
 
-    Where rows differ in the frame of yaw, the commoner one is kept.
+    If rows differ in the frame of yaw, the more frequent one is kept.
     """
     wxyz = np.stack(stated.columns[:4], axis=1)
     flags = np.where(np.isfinite(stated.columns[4]), stated.columns[4], 0.0).astype(np.int64)
     xyzw = unit_quaternions(wxyz[:, [1, 2, 3, 0]])
     sane = np.asarray(np.isfinite(xyzw).all(axis=1))
-    # Neither frame flag (older firmware): the lock flag tells which frame the yaw is in.
+    # Without a frame flag (older firmware) the lock flag determines the frame of the yaw.
     earth = (flags & _YAW_IN_EARTH_FRAME > 0) | (
         (flags & _YAW_IN_VEHICLE_FRAME == 0) & (flags & _YAW_LOCK > 0)
     )
@@ -56,7 +56,7 @@ def gimbal_from_angles(
     yaw_frame: Literal["earth", "vehicle"] = "vehicle",
     stated: Bools | None = None,
 ) -> Found[GimbalSamples]:
-    """Angles of roll and pitch from the horizon, and of yaw.
+    """Return samples from angles: roll and pitch from the horizon, and yaw.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def gimbal_from_angles(
     yaw_frame
         Whether yaw is from north or from the vehicle's nose.
     stated
-        (N,) rows that state something; None for those with a number among the three angles.
+        (N,) rows with values; None for those with a number among the three angles.
     """
     rows = plausible_rows(time_s, are_angles(rpy_deg))
     if stated is None:
@@ -101,29 +101,29 @@ def _gimbal(
 
 
 def event_samples(stated: Stated) -> Found[CameraEvents]:
-    """Exposures of image numbers and of whether each is confirmed (1)."""
+    """Return exposures from image numbers and flags of confirmation (1)."""
     number, confirmed = stated.columns
     exposures = stated.time_s, image_numbers(number), (confirmed == 1).astype(np.float64)
     return events_of(stated.source, "command", exposures)
 
 
 def image_numbers(stated: Floats) -> Ints:
-    """(N,) image numbers as integers; -1 where a log has none or a senseless one."""
+    """Return (N,) image numbers as integers; -1 where missing or senseless."""
     sane = (stated >= 0) & (stated < _LARGEST_NUMBER)  # NaN compares False
     return np.where(sane, stated, -1.0).astype(np.int64)
 
 
 def _repeated_numbers(number: Ints) -> tuple[int, ...]:
-    """Numbers (N,) that occur more than once; -1 is none."""
+    """Return the numbers of (N,) that occur more than once; -1 is none."""
     seen, count = np.unique(number[number >= 0], return_counts=True)
     return tuple(seen[count > 1].tolist())
 
 
 def _lost_numbers(number: Ints) -> tuple[int, ...]:
-    """Numbers that are missing between the first and the last of (N,); -1 is none.
+    """Return the numbers missing between the first and the last of (N,); -1 is none.
 
-    Where more are missing than are there, the numbers are no count of exposures and nothing is
-    said.
+    If more are missing than present, the numbers are not a count of exposures, and none is
+    reported.
     """
     seen = np.unique(number[number >= 0])
     if len(seen) < 2 or seen[-1] - seen[0] >= 2 * len(seen):
@@ -137,7 +137,7 @@ def events_of(
     exposures: tuple[Floats, Ints, Floats],
     missed: tuple[Floats, Ints] | None = None,
 ) -> Found[CameraEvents]:
-    """Exposures in the order of time, each instant once; what is odd about their numbers.
+    """Return exposures in the order of time, each instant once; remarks on their numbers.
 
     Parameters
     ----------
@@ -146,13 +146,14 @@ def events_of(
     exposures
         Times since boot, image numbers (-1: none), and whether each is confirmed; each (N,).
     missed
-        Times and numbers (M,) of commands that no exposure answers; None where nobody can know.
+        Times and numbers (M,) of commands without an exposure; None where unknown.
     """
     time, number, confirmed = exposures
     repeated = _repeated_numbers(number)
     if missed is not None:
         time, number = (np.concatenate(pair) for pair in zip(exposures[:2], missed, strict=True))
         confirmed = np.append(confirmed, np.zeros(len(missed[0])))
+    # sort by time and drop repeated times
     order = np.argsort(time, kind="stable")
     rows = order[np.diff(time[order], prepend=-np.inf) > 0]
     if not len(rows):
@@ -170,7 +171,7 @@ def events_of(
 
 
 def _notes(events: CameraEvents) -> tuple[str, ...]:
-    """Missed, repeated and lost shots in plain words."""
+    """Describe missed, repeated and lost shots in plain words."""
     untimed = events.confirmed == 0
     notes = []
     if untimed.any() and not untimed.all():
@@ -190,6 +191,6 @@ def _notes(events: CameraEvents) -> tuple[str, ...]:
 
 
 def _listed(numbers: list[int] | tuple[int, ...]) -> str:
-    """Numbers as text, the first twenty."""
+    """Return numbers as text, the first twenty."""
     more = f", ... {len(numbers) - _MANY} more" if len(numbers) > _MANY else ""
     return ", ".join(str(n) for n in numbers[:_MANY]) + more

@@ -1,4 +1,4 @@
-"""Which rows of a log's table can be believed: finite, plausible, in the order of time."""
+"""Plausibility of the rows of a log's table: finite, possible, in the order of time."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from uavgram.geometry.motion.interpolation import running_median
 from uavgram.model.arrays import Bools, Floats, Ints
 
 LONGEST_BOOT_S = 30 * 86400.0
-_BESIDE = 7  # rows of which one is the middle
+_BESIDE = 7  # rows of a neighbourhood, centred on a row
 _DENSE_ROWS, _LONE_ROWS, _LONE_GAP_S = 20, 3, 1800.0
-# Faster than any aircraft that takes photos of the ground, gusts and steps of the estimator added.
+# faster than aircraft that take photos of the ground, including gusts and estimator steps
 _FASTEST_M_S, _FASTEST_CLIMB_M_S, _STEP_M = 200.0, 50.0, 30.0
 _METERS_PER_DEG = 111e3
-_NO_DEG = 0.5e-7  # less is zero in the last digit that autopilots store
-# Logs count microseconds; UTC as a double resolves a quarter of one.
+_NO_DEG = 0.5e-7  # smaller is zero in the last digit stored by autopilots
+# Logs count microseconds; the resolution of UTC as a double is a quarter of one.
 _SAME_INSTANT_S = 0.5e-6
-RESTART_S = 1.0  # a clock that steps back by more has been restarted (or the byte is damaged)
+RESTART_S = 1.0  # a clock that steps back by more was restarted (or the byte is damaged)
 
 
 def is_spike(time_s: Floats) -> Bools:
-    """(N,) whether a time lies off its neighbours: damaged bytes, as DataFlash has no checksum.
+    """Return a (N,) mask of times off their neighbours: damaged bytes, without a checksum.
 
-    In an increasing sequence every value equals the median of its neighbourhood, whatever the
-    gaps; only values out of order differ. What is no finite number is a spike.
+    In an increasing sequence every value equals the median of its neighbourhood, independent of
+    gaps; only values out of order differ. Values that are not finite are spikes too.
     """
     finite = np.isfinite(time_s)
     spike = ~finite
@@ -35,14 +35,14 @@ def is_spike(time_s: Floats) -> Bools:
 
 
 def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) -> Ints:
-    """Rows to keep: believable, of a possible time, no spike; sorted, each instant once.
+    """Return the rows to keep: plausible, of a possible time, no spike; sorted, without repeats.
 
     Parameters
     ----------
     time_s
         (N,) seconds since boot.
     believable
-        (N,) whether the row's values make sense.
+        (N,) whether the row's values are plausible.
     dense
         The table has many rows a second: single ones half an hour from all others are damaged.
 
@@ -64,7 +64,7 @@ def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) ->
 def left_out(
     source: str, time_s: Floats, rows: Ints, stated: Bools | None = None
 ) -> tuple[str, ...]:
-    """Remarks on rows that are not used, though no other row has their time, or out of order.
+    """Return remarks on unused rows with a time of their own, and on rows out of order.
 
     Firmware writes some rows twice, such as the gimbal's at an exposure.
 
@@ -75,9 +75,9 @@ def left_out(
     time_s
         (N,) since boot, in the order of the file.
     rows
-        (K,) those that are used.
+        (K,) the used rows.
     stated
-        (N,) rows that state something, the used ones among them; None for all.
+        (N,) rows with values, the used ones among them; None for all.
     """
     stated = np.ones(len(time_s), dtype=bool) if stated is None else stated
     used = np.isin(time_s, time_s[rows])
@@ -90,7 +90,7 @@ def left_out(
 
 
 def _out_of_order(source: str, time_s: Floats) -> tuple[str, ...]:
-    """A remark where times (N,) of used rows, in the order of the file, go back."""
+    """Return a remark if times (N,) of used rows, in the order of the file, decrease."""
     back = np.flatnonzero(np.diff(time_s) < 0)
     if not len(back):
         return ()
@@ -101,9 +101,9 @@ def _out_of_order(source: str, time_s: Floats) -> tuple[str, ...]:
 
 
 def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
-    """Rows of a dense table less single ones far before its first or after its last.
+    """Remove single rows of a dense table far before its first or after its last.
 
-    `is_spike` cannot tell a damaged time at an end, which is in order.
+    `is_spike` cannot find a damaged time at an end, which is in order.
     """
     if len(rows) < _DENSE_ROWS:
         return rows
@@ -115,21 +115,21 @@ def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
 
 
 def restarts(time_s: Floats) -> Ints:
-    """(K,) rows at which the boot clock has started again; spikes do not count."""
+    """Return the (K,) rows at which the boot clock has restarted, ignoring spikes."""
     rows = np.flatnonzero(~is_spike(time_s))
     falls = np.flatnonzero(np.diff(time_s[rows]) < -RESTART_S)
     return rows[falls + 1].astype(np.int64)
 
 
 def is_place(latitude_deg: NDArray[np.floating], longitude_deg: NDArray[np.floating]) -> Bools:
-    """(N,) whether latitude and longitude are a place on earth; 0, 0 means that there is no fix."""
+    """Return (N,) whether latitude and longitude are on earth; 0, 0 means that there is no fix."""
     finite = np.isfinite(latitude_deg) & np.isfinite(longitude_deg)
     some = (np.abs(latitude_deg) > _NO_DEG) | (np.abs(longitude_deg) > _NO_DEG)
     return np.asarray(finite & some & (np.abs(latitude_deg) <= 90) & (np.abs(longitude_deg) <= 180))
 
 
 def is_height(height_m: NDArray[np.floating]) -> Bools:
-    """(N,) whether a height is one that an aircraft can have."""
+    """Return (N,) whether a height is possible for an aircraft."""
     return np.asarray(np.isfinite(height_m) & (np.abs(height_m) < 20000))
 
 
@@ -139,10 +139,11 @@ def near_its_track(
     longitude_deg: NDArray[np.floating],
     height_m: NDArray[np.floating],
 ) -> Bools:
-    """(N,) whether a position is one, and fits its neighbours in time, or else has damaged bytes.
+    """Return a (N,) mask of valid positions that agree with their neighbours in time.
 
-    It fits where it lies no further from the median of seven neighbours than the fastest aircraft
-    flies meanwhile. A step that stays (a fix found, an origin set) is no damage.
+    The limit is the distance from the median of seven neighbours that the fastest aircraft flies
+    meanwhile; other rows have damaged bytes. A lasting step (a fix found, an origin set) is no
+    damage.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def near_its_track(
         return fits
     time, middle = time_s[rows], float(np.median(latitude_deg[rows]))
     longitude = longitude_deg[rows]
-    # across the date line as well
+    # also across the date line
     east = (longitude - longitude[len(rows) // 2] + 180) % 360 - 180
     reach = np.abs(time - _shifted(time, 3)) + np.abs(time - _shifted(time, -3))
     reach = np.minimum(reach, 10.0)
@@ -168,7 +169,7 @@ def near_its_track(
     off_n = _off_its_median(latitude_deg[rows]) * _METERS_PER_DEG
     off_e = _off_its_median(east) * _METERS_PER_DEG * np.cos(np.radians(middle))
     off_u = _off_its_median(height_m[rows])
-    if len(rows) == 2:  # no median tells which of them it is: neither is known
+    if len(rows) == 2:  # the median cannot decide between two rows: both are rejected
         off_n = np.full(2, np.abs(np.diff(latitude_deg[rows])) * _METERS_PER_DEG)
         off_e = np.full(2, np.abs(np.diff(east)) * _METERS_PER_DEG * np.cos(np.radians(middle)))
         off_u = np.full(2, np.abs(np.diff(height_m[rows])))
@@ -179,29 +180,29 @@ def near_its_track(
 
 
 def _shifted(values: Floats, by: int) -> Floats:
-    """(N,) the value `by` rows before each; the end's own value beyond it."""
+    """Return the (N,) values `by` rows before each; the end's own value beyond it."""
     at = np.clip(np.arange(len(values)) - by, 0, len(values) - 1)
     return np.asarray(values[at])
 
 
 def _off_its_median(values: NDArray[np.floating]) -> Floats:
-    """(N,) distance from the median of seven neighbours; at the ends of the seven end rows."""
+    """Return (N,) distances from the median of seven neighbours, or of the seven end rows."""
     found = running_median(values, _BESIDE)
     found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
     return np.asarray(np.abs(values - found))
 
 
 def are_body_angles(rpy_deg: Floats) -> Bools:
-    """(N,) whether rows of roll, pitch, yaw (N, 3) [deg] are a vehicle's attitude."""
+    """Return (N,) whether rows of roll, pitch, yaw (N, 3) [deg] are a vehicle's attitude."""
     rounded_up = 0.1
     limits = np.array([180.0, 90.0, 360.0]) + rounded_up
     return np.asarray((np.abs(rpy_deg) <= limits).all(axis=1))
 
 
 def are_angles(rpy_deg: Floats) -> Bools:
-    """(N,) whether rows of roll, pitch, yaw (N, 3) [deg] are angles; NaN and wild values are none.
+    """Return (N,) whether rows of roll, pitch, yaw (N, 3) [deg] are possible angles; NaN is not.
 
-    Firmware writes 360.0 and rounds up, and a gimbal may say 270 for -90.
+    Firmware writes 360.0 and rounds up, and a gimbal may report 270 for -90.
     """
     small = np.abs(rpy_deg) <= 361  # NaN compares False
     return np.asarray(small.all(axis=1))

@@ -1,8 +1,8 @@
-"""Samples of a log that make sense, and rows that lie off their neighbours.
+"""Samples from the plausible rows of a log, and detection of rows off their neighbours.
 
-A vehicle is heavy: where it is and how it is turned follow from the rows about. A row that no
-line through its neighbours explains, from neither side, has damaged bytes; a step that stays (a
-new fix, a gimbal sent to another angle) is allowed by the rows after it.
+A vehicle is heavy: its position and attitude follow from neighbouring rows. A row that no line
+through its neighbours explains, from neither side, has damaged bytes; a lasting step (a new fix, a
+gimbal moved to another angle) is permitted because of the rows after it.
 """
 
 from __future__ import annotations
@@ -41,15 +41,16 @@ from uavgram.model.flight.log import (
 from uavgram.model.naming import listed
 
 _FEWEST_ROWS = 5
-_NAMED = 4  # rows in one remark
+_NAMED = 4  # number of rows in one remark
 
 
 @dataclass(frozen=True)
 class _Agility:
-    """What a row may lie off its neighbours: a floor, and the acceleration that is still usual.
+    """Permitted deviation of a row from its neighbours: a minimum, and the usual acceleration.
 
-    Undamaged logs of ArduPilot and PX4 lie off by 1.3 m (0.6 s apart) and by 2 degrees (0.1 s
-    apart) at most in steady flight, more in turbulence, which the rows about a row show.
+    In undamaged logs of ArduPilot and PX4, rows deviate by 1.3 m (0.6 s apart) and by 2 degrees
+    (0.1 s apart) at most in steady flight, and by more in turbulence, which shows in the
+    neighbouring rows.
     """
 
     floor: float
@@ -57,14 +58,14 @@ class _Agility:
 
 
 _PLACE = _Agility(floor=1.0, acceleration=10.0)  # m, m/s²
-# Of quaternions, whose distance is half of the small angle between them.
+# of quaternions, whose distance is half the small angle between them
 _TURN = _Agility(floor=np.radians(3.0) / 2, acceleration=np.radians(100.0) / 2)
 _CROWDED = 0.2  # of the usual step between rows
-_UNREST = 6.0  # times the median of the fifteen rows about it
+_UNREST = 6.0  # times the median of the fifteen neighbouring rows
 
 
 def without_damaged_rows(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
-    """The boot less positions, attitudes and gimbal rows off their neighbours; and which."""
+    """Remove positions, attitudes and gimbal rows off their neighbours; return remarks too."""
     notes: list[str] = []
     positions, attitudes, gimbal = boot.positions, boot.attitudes, boot.gimbal
     if positions is not None:
@@ -86,17 +87,17 @@ def without_damaged_rows(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
 
 
 def off_neighbours(time_s: Floats, values: Floats) -> Floats:
-    """(N,) by how much each row lies off what its neighbours say, the kindest of them.
+    """Return the (N,) smallest deviation of each row from predictions by its neighbours.
 
-    That is the row between its neighbours, the line through the two rows before, the line through
-    the two after, or the nearer neighbour itself.
+    Predictions are the interpolation between its neighbours, the lines through the two rows before
+    and through the two after, and the nearer neighbour itself.
 
     Parameters
     ----------
     time_s
         (N,) strictly increasing.
     values
-        (N, K) what is continuous in time.
+        (N, K) values that are continuous in time.
     """
     steps = np.linalg.norm(np.diff(values, axis=0), axis=1)
     none = np.array([np.inf])
@@ -105,7 +106,7 @@ def off_neighbours(time_s: Floats, values: Floats) -> Floats:
 
 
 def _off_line(time_s: Floats, values: Floats, first: int, second: int) -> Floats:
-    """(N,) distance from the line through the rows so many after each; infinite without them."""
+    """Return (N,) distances from the line through two rows at these offsets; infinite without."""
     row = np.arange(len(time_s))
     a, b = row + first, row + second
     there = (a >= 0) & (b < len(row))
@@ -116,7 +117,7 @@ def _off_line(time_s: Floats, values: Floats, first: int, second: int) -> Floats
 
 
 def _uneven_turn(time_s: Floats, rates: TurnRateSamples | None) -> Floats:
-    """(N,) angles by which stated rates let a row lie off its neighbours: 0 in a steady turn."""
+    """Return (N,) angles by which stated rates explain a row's deviation: 0 in a steady turn."""
     if rates is None or len(time_s) < _FEWEST_ROWS:
         return np.zeros(len(time_s))
     columns = [np.interp(time_s, rates.time_boot_s, c) for c in rates.body_rad_s.T]
@@ -125,18 +126,18 @@ def _uneven_turn(time_s: Floats, rates: TurnRateSamples | None) -> Floats:
 
 
 def _off(time_s: Floats, values: Floats, usual: _Agility, slack: Floats | float = 0.0) -> Floats:
-    """(N,) distance from the neighbours where it is too much, else 0.
+    """Return (N,) distances from the neighbours where they exceed the limit, else 0.
 
     Parameters
     ----------
     time_s
         (N,) strictly increasing.
     values
-        (N, K) what is continuous in time.
+        (N, K) values that are continuous in time.
     usual
-        How far a row may lie off.
+        Permitted deviation of a row.
     slack
-        (N,) how much farther, as the log itself tells.
+        (N,) additional permitted deviation, from the log itself.
     """
     if len(time_s) < _FEWEST_ROWS:
         return np.zeros(len(time_s))
@@ -144,7 +145,7 @@ def _off(time_s: Floats, values: Floats, usual: _Agility, slack: Floats | float 
     step_s = np.diff(time_s)
     widest_s = np.maximum(np.append(step_s[0], step_s), np.append(step_s, step_s[-1]))
     nearest_s = np.minimum(np.append(np.inf, step_s), np.append(step_s, np.inf))
-    # Two rows at almost one instant: what they differ by becomes a speed without bounds.
+    # two rows at almost the same time: their difference becomes an unlimited speed
     share = np.minimum(nearest_s / (_CROWDED * float(np.median(step_s))), 1.0)
     unrest = running_median(off, 15)
     allowed = (
@@ -160,19 +161,19 @@ def _place_m(positions: PositionSamples) -> Floats:
 
 
 def _continuous(xyzw: Floats) -> Floats:
-    """(N, 4) quaternions, of each the one of its two signs that is nearer to the row before."""
+    """Choose the signs of (N, 4) quaternions so that each is near the row before."""
     along = np.sum(xyzw[1:] * xyzw[:-1], axis=1)
     sign = np.cumprod(np.append(1.0, np.where(along < 0, -1.0, 1.0)))
     return np.asarray(xyzw * sign[:, None])
 
 
 def _degrees(chord: Floats) -> Floats:
-    """Angles between quaternions (N,) so far apart."""
+    """Return the angles between quaternions at these (N,) distances."""
     return np.asarray(np.degrees(4 * np.arcsin(np.clip(chord / 2, 0.0, 1.0))))
 
 
 def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
-    """Which rows lie off, when and by how much."""
+    """Return a remark on the rows off their neighbours, with times and deviations."""
     rows = np.flatnonzero(off)
     if not len(rows):
         return []
@@ -184,9 +185,9 @@ def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
     ]
 
 
-_LARGEST_UNDULATION_M = 150  # no geoid lies further from the ellipsoid
+_LARGEST_UNDULATION_M = 150  # larger than any geoid undulation
 _FASTEST_M_S = 200.0
-_FASTEST_RAD_S = 40.0  # beyond what gyroscopes of autopilots measure
+_FASTEST_RAD_S = 40.0  # beyond the range of autopilots' gyroscopes
 _MOST_SATELLITES, _LARGEST_HDOP = 200.0, 90.0  # logs write 255 and 99.99 or more for none
 _LARGEST_SIGMA_M, _LARGEST_SIGMA_RAD = 1000.0, 1.0
 
@@ -199,7 +200,7 @@ Samples = TypeVar(
 
 
 def rows_of(samples: Samples, keep: Bools) -> Samples:
-    """Some rows (N,) of a table."""
+    """Select rows (N,) of a table."""
     if keep.all():
         return samples
     columns = {field.name: getattr(samples, field.name) for field in fields(samples)}
@@ -208,9 +209,9 @@ def rows_of(samples: Samples, keep: Bools) -> Samples:
 
 
 def position_samples(stated: Stated) -> Found[PositionSamples]:
-    """Positions that are ones and fit their neighbours in time; their heights above home, if any.
+    """Return valid positions that agree with their neighbours in time, with heights above home.
 
-    Rows that state no position are no loss.
+    Rows without a position are not reported as losses.
     """
     time_s, valid = stated.time_s, stated.valid
     place = [c if valid is None else np.where(valid, c, np.nan) for c in stated.columns[:3]]
@@ -232,7 +233,7 @@ def position_samples(stated: Stated) -> Found[PositionSamples]:
 
 
 def velocity_samples(stated: Stated) -> Found[VelocitySamples]:
-    """Velocities north, east, down that an aircraft can have."""
+    """Return velocities north, east, down that are possible for an aircraft."""
     ned = np.stack(stated.columns, axis=1)
     if stated.valid is not None:
         ned = np.where(stated.valid[:, None], ned, np.nan)
@@ -244,36 +245,36 @@ def velocity_samples(stated: Stated) -> Found[VelocitySamples]:
 
 
 def turn_rate_samples(stated: Stated) -> Found[TurnRateSamples]:
-    """Rates of turn about forward, right, down that a gyroscope can measure."""
+    """Return angular rates about forward, right, down that a gyroscope can measure."""
     body = np.stack(stated.columns, axis=1)
     rows = _below(_FASTEST_RAD_S, stated.time_s, body)
-    if len(rows) < 2 or not body.any():  # firmware that knows no rates sends zeros throughout
+    if len(rows) < 2 or not body.any():  # firmware without rates sends zeros throughout
         return None, ()
     time_s = stated.time_s[rows]
     return TurnRateSamples(time_boot_s=time_s, body_rad_s=body[rows], source=stated.source), ()
 
 
 def _below(largest: float, time_s: Floats, rates: Floats) -> Ints:
-    """Rows in order of time whose rates (N, 3) are possible."""
+    """Return rows in the order of time whose rates (N, 3) are possible."""
     return plausible_rows(time_s, np.asarray((np.abs(rates) < largest).all(axis=1)))
 
 
 def unit_quaternions(xyzw: Floats) -> Floats:
-    """(N, 4) quaternions, of length one; NaN where their length is not nearly one."""
+    """Normalise (N, 4) quaternions; NaN where their length is not nearly one."""
     length = np.linalg.norm(xyzw, axis=1, keepdims=True)
     near = np.abs(length - 1) < 0.01
     return np.where(near, xyzw / np.where(near, length, 1.0), np.nan)
 
 
 def quaternions_of_angles(rpy_rad: Floats, sane: Bools) -> Floats:
-    """(N, 4) quaternions of roll, pitch, yaw (N, 3); NaN where these are no angles."""
+    """Convert roll, pitch, yaw (N, 3) to (N, 4) quaternions; NaN where these are not angles."""
     roll, pitch, yaw = np.where(sane[:, None], rpy_rad, 0.0).T
     xyzw = xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll))
     return np.where(sane[:, None], xyzw, np.nan)
 
 
 def attitude_samples(stated: Stated) -> Found[AttitudeSamples]:
-    """Attitudes of the vehicle, of quaternions x, y, z, w or of roll, pitch, yaw [deg]."""
+    """Return attitudes of the vehicle from quaternions x, y, z, w or roll, pitch, yaw [deg]."""
     columns = np.stack(stated.columns, axis=1)
     if len(stated.columns) == 4:
         xyzw = unit_quaternions(columns)
@@ -291,7 +292,7 @@ def attitude_samples(stated: Stated) -> Found[AttitudeSamples]:
 
 
 def home_samples(stated: Stated) -> Found[HomeSamples]:
-    """Places that are homes."""
+    """Return the plausible home positions."""
     latitude, longitude, height = stated.columns
     sane = is_place(latitude, longitude) & is_height(height)
     sane = sane if stated.valid is None else np.asarray(sane & stated.valid)
@@ -310,7 +311,7 @@ def home_samples(stated: Stated) -> Found[HomeSamples]:
 
 
 def reception_samples(stated: Stated) -> Found[ReceptionSamples]:
-    """Numbers of satellites and their geometry, where either is stated."""
+    """Return numbers of satellites and their geometry, where either is stated."""
     satellites, hdop = stated.columns
     satellites = np.where((satellites > 0) & (satellites < _MOST_SATELLITES), satellites, np.nan)
     hdop = np.where((hdop > 0) & (hdop < _LARGEST_HDOP), hdop, np.nan)
@@ -327,7 +328,7 @@ def reception_samples(stated: Stated) -> Found[ReceptionSamples]:
 
 
 def clock_samples(stated: Stated) -> ClockSamples | None:
-    """A clock, where any row states a UTC."""
+    """Return a clock, if any row states a UTC."""
     (utc_s,) = stated.columns
     rows = plausible_rows(stated.time_s, utc_s > 0)  # NaN compares False
     if not len(rows):
@@ -337,7 +338,7 @@ def clock_samples(stated: Stated) -> ClockSamples | None:
 
 
 def median_undulation_m(ellipsoid_m: Floats, sea_level_m: Floats) -> float:
-    """Geoid above ellipsoid of heights (N,) above both; NaN where none makes sense."""
+    """Return geoid above ellipsoid from heights (N,) above both; NaN where none is plausible."""
     difference = ellipsoid_m - sea_level_m
     believable = difference[np.abs(difference) < _LARGEST_UNDULATION_M]
     return float(np.median(believable)) if len(believable) else float("nan")
@@ -346,17 +347,17 @@ def median_undulation_m(ellipsoid_m: Floats, sea_level_m: Floats) -> float:
 def merged_sigmas(
     positions: list[Stated], tilts: list[Stated], fix: Stated | None = None
 ) -> EstimatorSigmas | None:
-    """Accuracies that messages state, at the times of the first that states any.
+    """Merge the accuracies stated by messages, at the times of the first that states any.
 
     Parameters
     ----------
     positions
         Horizontal and vertical standard deviations [m]; where two messages state the same, the
-        larger holds.
+        larger one is used.
     tilts
         Those of roll and pitch [rad].
     fix
-        The receiver's type of fix, as MAVLink counts them.
+        The receiver's type of fix, in MAVLink's numbers.
     """
     base: Floats | None = None
     used: list[str] = []
@@ -367,6 +368,7 @@ def merged_sigmas(
         for key, column in zip(("horizontal", "vertical"), stated.columns, strict=True)
     ]
     parts += [(stated, "tilt", stated.columns[0], _LARGEST_SIGMA_RAD) for stated in tilts]
+    # interpolate each at the times of the first; of two for the same quantity take the larger
     for stated, key, values, limit in parts:
         rows = plausible_rows(stated.time_s, (values > 0) & (values < limit))
         if not len(rows):
@@ -391,7 +393,7 @@ def merged_sigmas(
 
 
 def _is_fixed(at_s: Floats, fix: Stated | None) -> Bools:
-    """(N,) whether the receiver's solutions before and after are fixed RTK ones."""
+    """Return (N,) whether the receiver's solutions before and after are fixed RTK ones."""
     if fix is None or not len(fix.time_s):
         return np.zeros(len(at_s), dtype=np.bool_)
     fixed = (fix.columns[0] == RTK_FIXED).astype(float)

@@ -1,17 +1,18 @@
-"""MAVLink telemetry logs as columns: a scan of frames by their checksums, decoded.
+"""Frames of MAVLink telemetry logs, found by their checksums, and decoded to columns.
 
 https://mavlink.io/en/guide/serialization.html#checksum: over the frame without its first byte,
-followed by one byte that ties it to the message's definition.
+followed by one byte that links it to the message's definition.
 
 A frame is a polynomial over GF(2), its first bit the highest; its checksum is the remainder modulo
-P(x) = x^16 + x^12 + x^5 + 1. As P(x)^n = P(x^n) for every power of two n, modulo P x^16n is
-x^12n + x^5n + 1: a few shifts take 64 bits from each of thousands of frames, where a table is
-looked up for every byte. Checksums are reflected: in a little-endian word the lowest bit is that of
-the highest power, and what multiplies by x^k shifts right.
+P(x) = x^16 + x^12 + x^5 + 1. As P(x)^n = P(x^n) for every power of two n, modulo P x^16n is x^12n +
+x^5n + 1: a few shifts reduce 64 bits of each of thousands of frames, instead of a table look-up for
+every byte. Checksums are reflected: in a little-endian word the lowest bit is that of the highest
+power, and a multiplication by x^k is a shift to the right.
 
-A .tlog is a row of records: 8 bytes of time (big-endian microseconds since 1970 on the receiver's
-clock; some programs keep a link number in the lowest two bits) and one MAVLink frame, version 1
-(0xFE) or 2 (0xFD). Frame layout and checksum: https://mavlink.io/en/guide/serialization.html.
+A .tlog is a sequence of records: 8 bytes of time (big-endian microseconds since 1970 on the
+receiver's clock; some programs keep a link number in the lowest two bits) and one MAVLink frame,
+version 1 (0xFE) or 2 (0xFD). Frame layout and checksum:
+https://mavlink.io/en/guide/serialization.html.
 """
 
 from __future__ import annotations
@@ -28,15 +29,15 @@ from uavgram.io.logs.quality.rows import LONGEST_BOOT_S, restarts
 from uavgram.io.logs.topics import Messages, Topic
 from uavgram.model.arrays import Bools, Floats, Ints
 
-Words = NDArray[np.integer[Any]]  # not signed
+Words = NDArray[np.integer[Any]]  # unsigned
 
-_ROWS_OF_SUMS = 8192  # at a time: what a processor's cache holds
-_PAIR = 16  # bytes of two words, which shifts of whole words leave of each frame
+_ROWS_OF_SUMS = 8192  # at a time: fits into a processor's cache
+_PAIR = 16  # bytes of two words, to which shifts of whole words reduce each frame
 _INITIAL = 0xFFFF  # of the register
 
 
 def _byte_table() -> NDArray[np.uint16]:
-    """Checksum register after each byte, from zero (reflected polynomial 0x8408)."""
+    """Return the checksum register after each byte, from zero (reflected polynomial 0x8408)."""
     table = np.arange(256, dtype=np.uint16)
     for _ in range(8):
         table = np.where(table & 1, (table >> 1) ^ np.uint16(0x8408), table >> 1)
@@ -44,7 +45,7 @@ def _byte_table() -> NDArray[np.uint16]:
 
 
 def _word_table(by_byte: NDArray[np.uint16]) -> NDArray[np.uint16]:
-    """The same after each pair of bytes (little-endian): the register is as wide as the pair."""
+    """Return the same after each pair of bytes (little-endian), as wide as the register."""
     word = np.arange(65536, dtype=np.uint16)
     first = (word >> 8) ^ by_byte[word & 0xFF]
     return np.asarray((first >> 8) ^ by_byte[first & 0xFF], dtype=np.uint16)
@@ -57,7 +58,7 @@ _BY_WORD = _word_table(_BY_BYTE)
 def checksums(
     data: NDArray[np.uint8], start: Ints, length: NDArray[np.integer], extra: NDArray[np.integer]
 ) -> NDArray[np.uint16]:
-    """MAVLink checksum of N byte ranges.
+    """Compute the MAVLink checksum of N byte ranges.
 
     Parameters
     ----------
@@ -78,24 +79,25 @@ def checksums(
     end, short = start + length, length.astype(np.uint16)
     pairs = np.maximum((short + np.uint16(_PAIR - 1)) >> 4, np.uint16(1))
     before = _PAIR * int(pairs.max()) - int(end.min())
-    if before > 0:  # the words of a range at the beginning of the file reach beyond it
+    if before > 0:  # the words of a range at the start of the file reach before it
         data, end = np.concatenate([np.zeros(before, np.uint8), data]), end + before
     order = np.argsort(pairs, kind="stable")  # 16 bits: a radix sort
     edges = np.append(0, np.cumsum(np.bincount(pairs))).tolist()
     initial = _of_zeros(int(short.max()))
     for count, (begin, stop) in enumerate(itertools.pairwise(edges)):
+        # long lists of rows in parts that fit into the cache
         for low in range(begin, stop, _ROWS_OF_SUMS):
             rows = order[low : min(low + _ROWS_OF_SUMS, stop)]
             own = short[rows]
             rest = _remainders(_words(data, end[rows], own, count))
-            # times x^16, and what the register held before the first byte
+            # times x^16, plus the initial register after as many zero bytes
             register = _BY_WORD.take(rest, mode="clip") ^ initial.take(own, mode="clip")
             crc[rows] = _step(register, extra[rows].astype(np.uint8))
     return crc
 
 
 def items_at(data: NDArray[np.uint8], where: Ints, dtype: str) -> NDArray[Any]:
-    """(N,) items that begin at any bytes, each copied at once.
+    """Return (N,) items that begin at any bytes, each copied at once.
 
     Parameters
     ----------
@@ -113,11 +115,11 @@ def items_at(data: NDArray[np.uint8], where: Ints, dtype: str) -> NDArray[Any]:
 def _words(
     data: NDArray[np.uint8], end: Ints, length: NDArray[np.uint16], count: int
 ) -> NDArray[np.uint64]:
-    """(2 count, N) the words up to the ends of ranges, zero before their beginnings."""
+    """Return (2 count, N) words up to the ends of ranges, zero before their starts."""
     size = _PAIR * count
     items = items_at(data, end - size, f"V{size}")
     words = np.ascontiguousarray(items.view("<u8").reshape(-1, 2 * count).T)
-    outside = 8 * (size - length.astype(np.uint64))  # bits; of 64 and more nothing is left
+    outside = 8 * (size - length.astype(np.uint64))  # bits; a shift by 64 or more clears the word
     beyond = np.maximum(outside, np.uint64(64)) - np.uint64(64)
     words[0] = words[0] >> outside << outside
     words[1] = words[1] >> beyond << beyond
@@ -125,7 +127,7 @@ def _words(
 
 
 def _remainders(words: NDArray[np.uint64]) -> NDArray[np.uint16]:
-    """(N,) of polynomials in (2 count, N) words, which are used up."""
+    """Compute (N,) remainders of polynomials in (2 count, N) words, which are overwritten."""
     for k in range(len(words) - 2):
         first = words[k]
         first ^= first << 32  # x^128 is x^96 + x^40 + 1: x^96 of its upper half is x^128 again
@@ -137,10 +139,10 @@ def _remainders(words: NDArray[np.uint64]) -> NDArray[np.uint16]:
 
 
 def _low_half(high: Words, low: Words, n: int) -> Words:
-    """(N,) remainders modulo P(x^n), of 16n bits, of polynomials of twice as many.
+    """Reduce (N,) polynomials to remainders modulo P(x^n), of 16n bits, half as many.
 
-    The quotient is that of the upper half by 1 + x^-4n + x^-11n + x^-16n, whose inverse is
-    1 + x^-4n + x^-8n + x^-11n + x^-12n as far as there are bits.
+    The quotient is that of the upper half by 1 + x^-4n + x^-11n + x^-16n, whose inverse is 1 +
+    x^-4n + x^-8n + x^-11n + x^-12n to the available number of bits.
     """
     quotient = high ^ (high << 4 * n) ^ (high << 8 * n) ^ (high << 11 * n) ^ (high << 12 * n)
     rest: Words = low ^ quotient ^ (quotient >> 5 * n) ^ (quotient >> 12 * n)
@@ -148,7 +150,7 @@ def _low_half(high: Words, low: Words, n: int) -> Words:
 
 
 def _of_zeros(most: int) -> NDArray[np.uint16]:
-    """(most + 1,) the register after so many zero bytes."""
+    """Return the (most + 1,) registers after so many zero bytes."""
     by_byte, register = _BY_BYTE.tolist(), [_INITIAL]
     for _ in range(most):
         register.append(register[-1] >> 8 ^ by_byte[register[-1] & 0xFF])
@@ -163,11 +165,11 @@ def _step(crc: NDArray[np.uint16], byte: NDArray[np.uint8]) -> NDArray[np.uint16
 Columns = dict[str, NDArray[Any]]
 
 _V1, _V2 = 0xFE, 0xFD
-_CHUNK = 1 << 23  # bytes searched at a time: what it finds stays in the cache
+_CHUNK = 1 << 23  # bytes searched at a time: the results fit into the cache
 _NO_TIME = 0xF0FF  # of its first two bytes: 2^52 microseconds are the year 2112
-_BARE_FRAMES = 4  # in a row: no other kind of file begins so
+_BARE_FRAMES = 4  # in a row: no other kind of file begins like that
 _ROWS = 1 << 16  # messages decoded at a time
-# Sent by every autopilot while it runs, each with time_boot_ms.
+# sent by every running autopilot, each with time_boot_ms
 _CLOCKED = (
     "SYSTEM_TIME",
     "GLOBAL_POSITION_INT",
@@ -192,11 +194,11 @@ class FrameTable:
     message_id, system, component
         (N,).
     payload_start, payload_length
-        (N,) where the payload lies.
+        (N,) position of the payload.
     rows_by_id
         Message number: its rows, increasing.
     skipped_bytes, bad_checksum
-        What of the file is no frame; how many frames failed their checksum.
+        Bytes outside of frames; number of frames with a wrong checksum.
     unknown
         Frames of messages that no dialect here defines (their checksum cannot be tested).
     """
@@ -214,17 +216,17 @@ class FrameTable:
     unknown: int
 
     def rows(self, name: str, mask: Bools | None = None) -> Ints:
-        """(K,) rows of one message type, of those that the mask admits."""
+        """Return (K,) rows of one message type inside the mask."""
         found = self.rows_by_id.get(message_number(name), np.zeros(0, dtype=np.int64))
         return found if mask is None else found[mask[found]]
 
     def receive_s(self, rows: Ints) -> Floats:
-        """(K,) the receiver's clock at these rows, seconds since 1970."""
+        """Return (K,) the receiver's clock at these rows, seconds since 1970."""
         stamps = np.lib.stride_tricks.sliding_window_view(self.data, 8)[self.start[rows] - 8]
         return np.asarray(stamps.view(">u8")[:, 0].astype(np.float64) * 1e-6)
 
     def columns(self, name: str, rows: Ints) -> Columns:
-        """Every field of one message type as a column; what was trimmed or absent is zero."""
+        """Return every field of one message type as a column; trimmed or absent fields are zero."""
         dtype = message_dtype(name)
         records = np.empty(len(rows), dtype=dtype)
         bodies = records.view(np.uint8).reshape(len(rows), dtype.itemsize)
@@ -234,11 +236,11 @@ class FrameTable:
         return {field: records[field] for field in dtype.names or ()}
 
     def _payloads(self, rows: Ints, size: int) -> NDArray[np.uint8]:
-        """(K, size) payloads, filled up with zeros or cut."""
+        """Return (K, size) payloads, padded with zeros or cut."""
         start, length = self.payload_start[rows], self.payload_length[rows]
         last = len(self.data) - size
         if last < 0 or (len(start) and start[-1] > last):
-            # the last frames of the file may be shorter than their whole message
+            # the last frames of the file may be shorter than their complete message
             where = start[:, None] + np.arange(size)
             bodies = self.data[np.minimum(where, len(self.data) - 1)]
         else:
@@ -250,7 +252,7 @@ class FrameTable:
 
 @dataclass(frozen=True, eq=False)
 class _Candidates:
-    """Places that look like a record: a possible time, then a frame that ends inside the file."""
+    """Candidates for records: a possible time, then a frame that ends inside the file."""
 
     start: Ints
     end: Ints
@@ -267,18 +269,20 @@ class _Candidates:
 def scan_frames(data: bytes) -> FrameTable:
     """Find every frame of a telemetry log and test its checksum.
 
-    A frame is what has a record's time before it and a correct checksum, wherever it lies; so
-    damaged bytes cost no more than the frames that they hit. Frames that fail, or whose message
-    nobody here defines, are counted where another record follows them.
+    A frame has a record's time before it and a correct checksum, at any position; so damaged bytes
+    affect only the frames that contain them. Frames with a wrong checksum or of an undefined
+    message are counted where another record follows them.
     """
     array = np.frombuffer(data, dtype=np.uint8)
     sound, others = _tested(array)
+    # keep records that do not overlap: sound ones first, then others next to them
     sound = sound.only(_apart(sound))
     others = others.only(~_overlaps(others, sound))
     others = others.only(_apart(others))
     failed = int((checksum_extra(others.number) >= 0).sum())
     read = _bytes_of(sound) + _bytes_of(others)
     sender = sound.start + np.where(sound.second, 5, 3)
+    # system and component follow three (version 1) or five bytes after the mark
     return FrameTable(
         data=array,
         start=sound.start,
@@ -295,9 +299,9 @@ def scan_frames(data: bytes) -> FrameTable:
 
 
 def is_bare_stream(head: bytes) -> bool:
-    """Whether a file holds frames that follow each other without any time between them.
+    """Return whether a file has frames that follow each other without times between them.
 
-    It may begin inside of one, where the recording was started.
+    The file may begin inside of a frame, if the recording started there.
     """
     longest = 12 + 255 + 13
     return any(
@@ -317,7 +321,7 @@ def _frames_in_a_row(head: bytes, at: int) -> bool:
 
 
 def _tested(data: NDArray[np.uint8]) -> tuple[_Candidates, _Candidates]:
-    """Records with a right checksum, and the others that another record follows."""
+    """Return records with a correct checksum, and the others that another record follows."""
     sound, others = [], []
     for low in range(8, max(len(data), 9), _CHUNK):
         found = _candidates(data, low)
@@ -333,7 +337,7 @@ def _joined(parts: list[_Candidates]) -> _Candidates:
 
 
 def _candidates(data: NDArray[np.uint8], low: int) -> _Candidates:
-    """Every place of a chunk of the file that could be a frame."""
+    """Return every position in a chunk of the file that could be a frame."""
     chunk = data[low : low + _CHUNK]
     start = np.flatnonzero((chunk - np.uint8(_V2)) <= 1) + low  # 0xFD or 0xFE
     start = start[items_at(data, start - 8, "<u2") & _NO_TIME == 0]
@@ -353,7 +357,7 @@ def _candidates(data: NDArray[np.uint8], low: int) -> _Candidates:
 def _has_right_checksum(
     data: NDArray[np.uint8], found: _Candidates, extra: NDArray[np.int16]
 ) -> Bools:
-    """(N,) whether the checksum is that of the bytes; false where the message is unknown."""
+    """Return (N,) whether the checksum is correct; false where the message is unknown."""
     covered = found.length + np.where(found.second, 9, 5)
     stated = items_at(data, found.start + 1 + covered, "<u2")
     right = checksums(data, found.start + 1, covered, extra) == stated
@@ -361,10 +365,10 @@ def _has_right_checksum(
 
 
 def _apart(found: _Candidates) -> Bools:
-    """(N,) whether to keep a record: not where it begins inside of one that was kept."""
+    """Return a (N,) mask of records to keep: those that do not begin inside of a kept one."""
     begin, end = found.start - 8, found.end
     keep = np.ones(len(begin), dtype=bool)
-    # behind all that came before: kept whatever was kept of that
+    # behind all earlier ones: always kept
     clear = begin[1:] >= np.maximum.accumulate(end[:-1])
     if clear.all():
         return keep
@@ -380,7 +384,7 @@ def _apart(found: _Candidates) -> Bools:
 
 
 def _overlaps(found: _Candidates, sound: _Candidates) -> Bools:
-    """(N,) whether a record lies on one of the sound ones, which are apart."""
+    """Return (N,) whether a record overlaps one of the sound ones, which do not overlap."""
     if not len(sound.start):
         return np.zeros(len(found.start), dtype=bool)
     following = np.searchsorted(sound.start - 8, found.start - 8, side="right")
@@ -391,7 +395,7 @@ def _overlaps(found: _Candidates, sound: _Candidates) -> Bools:
 
 
 def _is_followed(data: NDArray[np.uint8], end: Ints) -> Bools:
-    """(N,) whether another record, or the end of the file, follows."""
+    """Return (N,) whether another record, or the end of the file, follows."""
     mark = data[np.minimum(end + 8, len(data) - 1)]
     return np.asarray((end + 8 >= len(data)) | (mark == _V1) | (mark == _V2))
 
@@ -401,7 +405,7 @@ def _bytes_of(found: _Candidates) -> int:
 
 
 def _grouped(number: NDArray[np.int32]) -> dict[int, Ints]:
-    """Message number: its rows, increasing; the numbers are ones that a dialect defines."""
+    """Group rows by message number, increasing; the numbers are defined in a dialect."""
     # 16 bits, where they suffice: a radix sort
     narrow = number.astype(np.uint16) if not len(number) or number.max() < 1 << 16 else number
     order = np.argsort(narrow, kind="stable")
@@ -412,7 +416,7 @@ def _grouped(number: NDArray[np.int32]) -> dict[int, Ints]:
 
 @dataclass(frozen=True, eq=False)
 class Stream(Messages):
-    """The frames of one boot of one vehicle.
+    """Frames of one boot of one vehicle.
 
     Attributes
     ----------
@@ -421,9 +425,9 @@ class Stream(Messages):
     system
         Number of the vehicle.
     first_row, end_row
-        Which frames belong to this boot.
+        Range of the frames of this boot.
     clock_row, clock_boot_s
-        (C,) frames that state the boot time, and what they state.
+        (C,) frames that state the boot time, and the stated times.
     """
 
     frames: FrameTable
@@ -434,7 +438,7 @@ class Stream(Messages):
     clock_boot_s: Floats
 
     def rows(self, name: str) -> Ints:
-        """(K,) frames of one message type, from the autopilot; else from the vehicle's others."""
+        """Return (K,) frames of one message type from the autopilot, else from other components."""
         rows = self.frames.rows(name)
         rows = rows[np.searchsorted(rows, self.first_row) : np.searchsorted(rows, self.end_row)]
         rows = rows[self.frames.system[rows] == self.system]
@@ -445,7 +449,7 @@ class Stream(Messages):
         return np.asarray(rows[component == np.bincount(component).argmax()], dtype=np.int64)
 
     def read(self, name: str) -> Topic | None:
-        """The messages of one kind, by their own time since boot where they state one."""
+        """Return the messages of one kind, by their own time since boot where they state one."""
         rows = self.rows(name)
         if not len(rows):
             return None
@@ -458,12 +462,12 @@ class Stream(Messages):
         return Topic(name, time_s, columns)
 
     def boot_s(self, rows: Ints) -> Floats:
-        """(K,) boot time at frames that state none: between those of their neighbours."""
+        """Return (K,) boot times of frames that state none, interpolated between neighbours."""
         return np.interp(rows, self.clock_row, self.clock_boot_s)
 
 
 def vehicles(frames: FrameTable) -> list[int]:
-    """Numbers of the autopilots that the log hears, the one with the most positions first."""
+    """Return the numbers of the autopilots in the log, the one with the most positions first."""
     beats = frames.rows("HEARTBEAT", frames.component == _AUTOPILOT_COMPONENT)
     kinds = frames.columns("HEARTBEAT", beats).get("autopilot", np.zeros(0))
     systems = set(frames.system[beats[kinds != _NO_AUTOPILOT]].tolist())
@@ -473,7 +477,8 @@ def vehicles(frames: FrameTable) -> list[int]:
 
 
 def boots(frames: FrameTable, system: int) -> list[Stream]:
-    """One stream for each time that the vehicle's boot clock starts."""
+    """Return one stream for each start of the vehicle's boot clock."""
+    # boot times of all periodic messages of this autopilot, in the order of the file
     mine = (frames.system == system) & (frames.component == _AUTOPILOT_COMPONENT)
     rows_of = [frames.rows(name, mine) for name in _CLOCKED]
     if not any(len(rows) for rows in rows_of):
@@ -489,6 +494,7 @@ def boots(frames: FrameTable, system: int) -> list[Stream]:
     row, time = row[order], time[order]
     if not len(row):
         return []
+    # split where the clock restarts
     edges = [0, *restarts(time).tolist(), len(row)]
     streams = []
     for k in range(len(edges) - 1):

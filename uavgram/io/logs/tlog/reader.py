@@ -1,4 +1,4 @@
-"""MAVLink telemetry logs (.tlog) as a FlightLog: their table and its hooks.
+"""Reader of MAVLink telemetry logs (.tlog): their table and its functions.
 
 Fields, units and frames: https://mavlink.io/en/messages/common.html and ardupilotmega.html.
 """
@@ -28,14 +28,14 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|PX4)\s+[Vv]?\d[\w.\-]*(\s+\(\w+\))?")
-_LARGEST_RAD = 7.0  # of an angle: some say 2 pi for 0
-_EPOCH_USEC = 1e15  # a greater time is microseconds since 1970 (2001 on), a smaller one since boot
+_LARGEST_RAD = 7.0  # of an angle: some firmware sends 2 pi for 0
+_EPOCH_USEC = 1e15  # larger times are microseconds since 1970 (from 2001), smaller since boot
 _WRAP_S = 2.0**32 * 1e-6
 _LONGEST_DELAY_S = 60.0  # from an exposure to its message
 
 
 def _receiver(stream: Stream) -> Topic | None:
-    """Messages with a 3-D fix of the first receiver that has any."""
+    """Return messages with a 3-D fix of the first receiver that has any."""
     for name in ("GPS_RAW_INT", "GPS2_RAW"):
         topic = stream.topic(name)
         if topic is not None and (fixed := topic.column("fix_type") >= 3).any():
@@ -48,7 +48,7 @@ def _has_place(topic: Topic) -> Bools:
 
 
 def _knows_velocity(topic: Topic) -> Bools:
-    """(N,) not at all where zeros are sent throughout, by firmware that knows no velocity."""
+    """Return (N,) False if all velocities are zero, as sent by firmware that knows none."""
     knows = topic.column("vx").any() or topic.column("vy").any()
     return np.full(len(topic.time_s), bool(knows))
 
@@ -58,7 +58,7 @@ def _has_ellipsoid(topic: Topic) -> Bools:
 
 
 def _by_angles(stream: Stream) -> Topic | None:
-    """ATTITUDE as quaternions."""
+    """Return ATTITUDE as quaternions."""
     topic = stream.topic("ATTITUDE")
     if topic is None:
         return None
@@ -69,17 +69,17 @@ def _by_angles(stream: Stream) -> Topic | None:
 
 
 def _received(stream: Stream) -> Topic | None:
-    """The ground station's clock at the messages that state their time since boot."""
+    """Return the ground station's clock at the messages that state their time since boot."""
     received = stream.frames.receive_s(stream.clock_row)
     return Topic("receive", stream.clock_boot_s, {"utc_s": received})
 
 
 def _mount_status(stream: Stream) -> Found[GimbalSamples]:
-    """MOUNT_STATUS: of a servo mount (until 4.2) the servos' angles, so from the vehicle's frame.
+    """Return MOUNT_STATUS: servo angles from the vehicle's frame for a servo mount (until 4.2).
 
-    ArduPilot 3.x, AP_Mount_Servo.cpp status_msg() sends _angle_bf_output_deg, the other mounts
-    send angles from the horizon; the message does not say which. Servo angles cancel the
-    vehicle's: that is how they are told apart here.
+    ArduPilot 3.x, AP_Mount_Servo.cpp status_msg() sends _angle_bf_output_deg, the other mounts send
+    angles from the horizon; the message does not distinguish them. Servo angles cancel the
+    vehicle's, and are recognised by that.
     """
     topic = stream.topic("MOUNT_STATUS")
     if topic is None:
@@ -108,7 +108,7 @@ def _mount_status(stream: Stream) -> Found[GimbalSamples]:
 
 
 def _cancels(samples: GimbalSamples, ned_from_body: Floats) -> bool:
-    """Whether the angles undo the vehicle's: their sum varies far less than they do."""
+    """Return whether the angles cancel the vehicle's: their sum varies far less than they do."""
     _, pitch, roll = ypr_from_matrix(ned_from_body)
     apart = np.var(samples.roll_rad) + np.var(samples.pitch_rad)
     together = np.var(samples.roll_rad + roll) + np.var(samples.pitch_rad + pitch)
@@ -116,17 +116,17 @@ def _cancels(samples: GimbalSamples, ned_from_body: Floats) -> bool:
 
 
 def _on_vehicle(samples: GimbalSamples, ned_from_body: Floats) -> GimbalSamples:
-    """Angles from the vehicle's frame as angles from the horizon and north."""
+    """Convert angles from the vehicle's frame to angles from the horizon and north."""
     body_from_gimbal = matrix_from_ypr(samples.yaw_rad, samples.pitch_rad, samples.roll_rad)
     yaw, pitch, roll = ypr_from_matrix(ned_from_body @ body_from_gimbal)
     return replace(samples, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw, yaw_frame="earth")
 
 
 def _stamped(stream: Stream, name: str, count: str, *, fed_back: bool) -> Found[CameraEvents]:
-    """Events with time_usec, and their number in the field `count`.
+    """Return events with time_usec, and their number in the field `count`.
 
-    That of CAMERA_FEEDBACK changes its clock (ArduPilot, AP_Camera_Backend.cpp): UTC without a
-    feedback pin, microseconds since boot in 32 bits with one.
+    The clock of CAMERA_FEEDBACK varies (ArduPilot, AP_Camera_Backend.cpp): UTC without a feedback
+    pin, microseconds since boot in 32 bits with one.
     """
     topic = stream.topic(name)
     if topic is None:
@@ -145,10 +145,10 @@ def _stamped(stream: Stream, name: str, count: str, *, fed_back: bool) -> Found[
 
 
 def _since_boot(stream: Stream, topic: Topic) -> tuple[Floats, Bools, tuple[str, ...]]:
-    """(K,) boot times of stamps that are UTC or since boot, by magnitude; which are UTC.
+    """Return (K,) boot times of stamps in UTC or since boot, by magnitude; mask of UTC; remarks.
 
-    UTC is taken back to the boot clock by the vehicle's own SYSTEM_TIME, whose clock it is, right
-    or wrong; a stamp since boot of 32 bits is unwrapped to its message's own time.
+    UTC is converted to the boot clock by the vehicle's own SYSTEM_TIME, which is the same clock,
+    right or wrong; a stamp since boot of 32 bits is unwrapped to its message's own time.
     """
     stated = topic.column("time_usec")
     since_boot = stated * 1e-6
@@ -167,7 +167,7 @@ def _since_boot(stream: Stream, topic: Topic) -> tuple[Floats, Bools, tuple[str,
 
 
 def _utc_minus_boot(stream: Stream, topic: Topic) -> Floats | None:
-    """(K,) the vehicle's UTC minus its boot time at these messages; None where it states none."""
+    """Return (K,) the vehicle's UTC minus its boot time at these messages; None without any."""
     system = stream.topic("SYSTEM_TIME")
     if system is None:
         return None
@@ -181,11 +181,11 @@ def _utc_minus_boot(stream: Stream, topic: Topic) -> Floats | None:
 
 
 def _captured(stream: Stream) -> Topic | None:
-    """CAMERA_IMAGE_CAPTURED; a ground station may ask for one again, with the same time."""
+    """Return CAMERA_IMAGE_CAPTURED, without repetitions requested by a ground station."""
     topic = stream.topic("CAMERA_IMAGE_CAPTURED")
     if topic is None:
         return None
-    # may come long after its event, so out of order: asked for again, or kept without a link
+    # repeated ones have the same time and may come long after it: keep the first of each
     time, kept = np.unique(topic.time_s, return_index=True)
     latest = stream.boot_s(stream.rows(topic.name)[kept]) + _LONGEST_DELAY_S
     return topic.only(kept[(time > 0) & (time <= latest)])
@@ -219,7 +219,7 @@ TABLE = Table(
     ),
     velocities=(Row("GLOBAL_POSITION_INT", ("vx", "vy", "vz"), 100.0, valid=_knows_velocity),),
     turn_rates=(Row("ATTITUDE_QUATERNION", _RATES), Row("ATTITUDE", _RATES)),
-    # EKF_STATUS_REPORT's variances are test ratios, no standard deviations
+    # EKF_STATUS_REPORT's variances are test ratios instead of standard deviations
     sigmas=(
         Row("ESTIMATOR_STATUS", ("pos_horiz_accuracy", "pos_vert_accuracy")),
         Row(_receiver, ("h_acc", "v_acc"), 1e3, source="GPS_RAW_INT"),
@@ -242,7 +242,7 @@ def read_tlog(path: str | Path) -> FlightLog:
     Raises
     ------
     InputError
-        The file is missing, empty, no telemetry log, or holds nothing of an autopilot.
+        The file is missing, empty, not a telemetry log, or holds no message of an autopilot.
     """
     frames = _frames(str(path))
     systems = vehicles(frames)
@@ -310,7 +310,7 @@ def _counts(frames: FrameTable, streams: list[Stream]) -> tuple[MessageCount, ..
 
 
 def _boot_times(rows: np.ndarray, streams: list[Stream]) -> list[float]:
-    """Boot times of the first and last of these frames in every boot."""
+    """Return boot times of the first and last of these frames in every boot."""
     times: list[float] = []
     for stream in streams:
         inside = rows[(rows >= stream.first_row) & (rows < stream.end_row)]
@@ -320,7 +320,7 @@ def _boot_times(rows: np.ndarray, streams: list[Stream]) -> list[float]:
 
 
 def _vehicle(frames: FrameTable, system: int) -> tuple[str, str]:
-    """Kind of vehicle by its heartbeat; firmware by its greeting, else by AUTOPILOT_VERSION."""
+    """Return the kind of vehicle by its heartbeat; firmware by its greeting, else its version."""
     mine = (frames.system == system) & (frames.component == 1)
     beats = frames.columns("HEARTBEAT", frames.rows("HEARTBEAT", mine))["type"]
     vehicle = vehicle_kind(int(beats[-1])) if len(beats) else ""

@@ -1,4 +1,4 @@
-"""A simulated flight as a MAVLink telemetry log (.tlog), as a ground station records it."""
+"""Writer of a simulated flight as a MAVLink telemetry log (.tlog), like a ground station's."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.simulated_log import SimulatedLog
 
-LINK_DELAY_S = 0.06  # what the radio needs; the receiver's clock is right
+LINK_DELAY_S = 0.06  # delay of the radio; the receiver's clock is right
 FEEDBACK_DELAY_S = 0.02  # a camera reports after the exposure
 SYSTEM_EVERY_S, HOME_EVERY_S = 1.0, 5.0
 UNKNOWN_16 = 65535
@@ -35,19 +35,19 @@ Timed = Iterator[tuple[float, dialect.MAVLink_message]]
 def write_tlog(path: Path, log: SimulatedLog) -> None:
     """Write a flight as a telemetry log; the same flight gives the same bytes.
 
-    Each message follows a big-endian uint64 of microseconds since the Unix epoch: when the ground
-    station received it.
+    Each message follows a big-endian uint64 of microseconds since the Unix epoch: its time of
+    reception by the ground station.
 
     Parameters
     ----------
     path
-        Where to; overwritten.
+        Output file; overwritten.
     log
-        What the autopilot recorded.
+        Recording of the autopilot.
     """
     sources = (_system, _home, _positions, _attitudes, _gimbal, _gps, _feedback)
     timed = [row for source in sources for row in source(log)]
-    timed.sort(key=lambda row: row[0])  # stable: messages of one instant keep the order above
+    timed.sort(key=lambda row: row[0])  # stable: messages of the same time keep the order above
     link = dialect.MAVLink(None, srcSystem=1, srcComponent=dialect.MAV_COMP_ID_AUTOPILOT1)
     out = bytearray()
     for number, (time_boot_s, message) in enumerate(timed):
@@ -62,7 +62,7 @@ def _every(log: SimulatedLog, step_s: float) -> Floats:
 
 
 def _system(log: SimulatedLog) -> Timed:
-    """Heartbeat and clock once a second, a greeting at the start."""
+    """Iterate over heartbeat and clock once a second, and a greeting at the start."""
     message = dialect.MAVLink_statustext_message(dialect.MAV_SEVERITY_INFO, b"uavgram demo")
     yield float(log.position_time_s[0]), message
     for time in _every(log, SYSTEM_EVERY_S).tolist():
@@ -106,7 +106,7 @@ def _positions(log: SimulatedLog) -> Timed:
 
 
 def _attitudes(log: SimulatedLog) -> Timed:
-    """ATTITUDE and ATTITUDE_QUATERNION, with rates of change of the angles as body rates."""
+    """Iterate over ATTITUDE and ATTITUDE_QUATERNION, with angle rates as body rates."""
     steady = np.unwrap(log.attitude_rpy_rad, axis=0)
     rates = np.gradient(steady, log.attitude_time_s, axis=0).tolist()
     angles = log.attitude_rpy_rad.copy()
@@ -150,7 +150,7 @@ def _gps(log: SimulatedLog) -> Timed:
 
 
 def _feedback(log: SimulatedLog) -> Timed:
-    """Exposures, stamped in UTC as ArduPilot does without a feedback pin; vehicle's attitude."""
+    """Iterate over exposures with attitudes, stamped in UTC (ArduPilot without feedback pin)."""
     home_m = float(log.home_geodetic[2])
     rows = zip(
         log.event_time_s.tolist(),
@@ -186,13 +186,13 @@ def _yaw(log: SimulatedLog) -> Floats:
 
 
 def _scaled(geodetic: Floats) -> list[list[int]]:
-    """Latitude, longitude [1e-7 deg] and height [mm] of (N, 3) degrees, degrees, metres."""
+    """Convert (N, 3) degrees, degrees, metres to latitude, longitude [1e-7 deg] and height [mm]."""
     rounded: list[list[int]] = np.round(geodetic * [1e7, 1e7, 1e3]).astype(np.int64).tolist()
     return rounded
 
 
 def _wxyz(rpy_rad: Floats) -> list[list[float]]:
-    """Quaternions w, x, y, z, MAVLink's order, of (N, 3) roll, pitch, yaw."""
+    """Convert (N, 3) roll, pitch, yaw to quaternions w, x, y, z, MAVLink's order."""
     roll, pitch, yaw = rpy_rad.T
     xyzw = xyzw_from_matrix(matrix_from_ypr(yaw, pitch, roll))
     rolled: list[list[float]] = np.roll(xyzw, 1, axis=-1).tolist()

@@ -1,1 +1,1 @@
-"""PX4's ULog: topics, samples, events."""
+"""Readers of PX4's ULog: topics, samples, events."""

@@ -1,7 +1,7 @@
-"""Messages of a ULog: where they lie, whether bytes can be one, and what its definitions state.
+"""Messages of a ULog: their positions, tests whether bytes can be one, and parsed definitions.
 
-A message is its size (two bytes, what follows the header), its kind (a letter), and its content;
-one follows the other. A topic's rows are messages of data; how they are made up, and key-value
+A message is its size (two bytes, without the header), its kind (a letter), and its content;
+messages follow each other. A topic's rows are messages of data; their composition, and key-value
 pairs of the system, are definitions. https://docs.px4.io/main/en/dev_log/ulog_file_format.html.
 """
 
@@ -28,11 +28,11 @@ _KNOWN = np.zeros(256, dtype=bool)
 _KNOWN[list(b"DSAFOBIPMQRLC")] = True
 
 Fits = Callable[[int, int], bool]
-"""Whether a row of a topic's number can have so many bytes."""
+"""Function that returns whether a row of a topic's number can have so many bytes."""
 
 
 def chain(data: bytes, begin: int, stop: int) -> Ints:
-    """Starts of messages that follow each other by their sizes, and the end of the last.
+    """Return the starts of messages that follow each other by their sizes, and the last's end.
 
     Each starts before `stop`, which leaves room for a header.
 
@@ -41,9 +41,9 @@ def chain(data: bytes, begin: int, stop: int) -> Ints:
     data
         Bytes of the file.
     begin, stop
-        From where to where.
+        Range of bytes.
     """
-    # each size says where the next one stands: the one loop over messages
+    # each size gives the start of the next message: the only loop over messages
     starts: list[int] = []
     add = starts.append
     at = begin
@@ -55,21 +55,21 @@ def chain(data: bytes, begin: int, stop: int) -> Ints:
 
 
 def is_wild(data: NDArray[np.uint8], edges: Ints) -> Bools:
-    """(N,) of N + 1 edges of a chain: an unknown kind, nothing inside, or no end in the data."""
+    """Return (N,) of N + 1 edges of a chain: an unknown kind, no content, or no end in the data."""
     starts, ends = edges[:-1], edges[1:]
     unknown = ~_KNOWN[data[starts + 2]]
     return np.asarray(unknown | (ends - starts == HEADER) | (ends > len(data)))
 
 
 def is_sound(data: bytes, at: int, fits: Fits) -> bool:
-    """Whether the bytes at a place make sense as a message in every respect.
+    """Return whether the bytes at a position form a valid message in every respect.
 
     Parameters
     ----------
     data
         Bytes of the file.
     at
-        The place.
+        The position.
     fits
         Whether rows of the topics have these sizes.
     """
@@ -86,14 +86,14 @@ def is_sound(data: bytes, at: int, fits: Fits) -> bool:
 
 
 def next_sound(data: bytes, begin: int, stop: int, fits: Fits) -> int:
-    """The first place from `begin` on where a sound message lies before another; else `stop`.
+    """Return the first position with a sound message before another; else `stop`.
 
     Parameters
     ----------
     data
         Bytes of the file.
     begin, stop
-        From where to where.
+        Range of bytes.
     fits
         Whether rows of the topics have these sizes.
     """
@@ -141,16 +141,16 @@ Field = tuple[str, int | None, str]
 
 @dataclass(frozen=True)
 class RowType:
-    """The rows of a topic.
+    """Rows of a topic.
 
     Attributes
     ----------
     dtype
-        Nested topics and arrays taken apart: ``esc[0].rpm``, ``q[3]``.
+        Nested topics and arrays are flattened: ``esc[0].rpm``, ``q[3]``.
     longest
-        Bytes of a row with the filling at its end, which a logger may leave out.
+        Bytes of a row with the padding at its end, which a logger may omit.
     time_at
-        Where in it the time of its publishing lies.
+        Offset of the time of publication.
     """
 
     dtype: np.dtype[Any]
@@ -159,7 +159,7 @@ class RowType:
 
 
 def format_of(body: bytes) -> tuple[str, tuple[Field, ...]] | None:
-    """Name and fields that a format message states; None where it makes no sense."""
+    """Return name and fields of a format message; None if it is invalid."""
     name, colon, stated = body.decode("latin-1").partition(":")
     if not colon or not _NAME.fullmatch(name):
         return None
@@ -170,15 +170,15 @@ def format_of(body: bytes) -> tuple[str, tuple[Field, ...]] | None:
             return None
         kind, size, field = found.groups()
         if size is not None and not int(size):
-            return None  # of nothings there could be endlessly many
+            return None  # an unlimited number of them would fit
         fields.append((kind, None if size is None else int(size), field))
     return name, tuple(fields)
 
 
 def row_type(name: str, formats: Mapping[str, tuple[Field, ...]]) -> RowType | None:
-    """How the rows of a topic lie in their messages; None where its formats make no sense.
+    """Return the layout of the rows of a topic in their messages; None for invalid formats.
 
-    Nor are rows without a time of their own of any use: PX4 writes none.
+    Rows without a time of their own are rejected too: PX4 writes none.
     """
     columns: list[tuple[str, str]] = []
     size = time_at = 0
@@ -200,7 +200,7 @@ def row_type(name: str, formats: Mapping[str, tuple[Field, ...]]) -> RowType | N
 def _flat(
     name: str, formats: Mapping[str, tuple[Field, ...]], prefix: str, inside: tuple[str, ...]
 ) -> Iterator[tuple[str, str]]:
-    """Names and numpy types of all plain fields, in order; one too large where none is stated."""
+    """Iterate over names and numpy types of all plain fields, in order; oversized if undefined."""
     for kind, count, field in formats[name]:
         names = [field] if count is None else [f"{field}[{k}]" for k in range(count)]
         if kind in _TYPES:
@@ -214,9 +214,9 @@ def _flat(
 
 
 def key_and_value(body: bytes) -> tuple[str, Any] | None:
-    """What an information or parameter message states; None where it makes no sense.
+    """Parse an information or parameter message; None if it is invalid.
 
-    A text, a number, or the bytes of anything else.
+    The value is a text, a number, or the bytes of any other type.
     """
     end = 1 + body[0] if body else 0
     kind, space, key = body[1:end].decode("latin-1").partition(" ")

@@ -1,4 +1,4 @@
-"""PX4's ULog (.ulg) as a FlightLog: its table and its hooks.
+"""Reader of PX4's ULog (.ulg): its table and its functions.
 
 Field meanings: PX4-Autopilot msg/*.msg; names of fields changed over the years, both are read.
 """
@@ -23,7 +23,7 @@ from uavgram.io.logs.ulog.topics import UlogTables, read_tables
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.log import CameraEvents, FlightLog, MessageCount
 
-# Lowest byte of ver_sw_release (PX4 src/lib/version/version.c)
+# lowest byte of ver_sw_release (PX4 src/lib/version/version.c)
 _RELEASE_KINDS = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "release"}
 _EARTH_RADIUS_M = 6371000.0  # PX4 src/lib/geo/geo.h, CONSTANTS_RADIUS_OF_EARTH
 _LATEST_FEEDBACK_S = 1.0  # after its command
@@ -37,7 +37,7 @@ TOPICS = (
 
 
 def _receiver(tables: UlogTables) -> Topic | None:
-    """The GPS topic that has a 3-D fix; vehicle_gps_position before sensor_gps.
+    """Return the GPS topic that has a 3-D fix; vehicle_gps_position before sensor_gps.
 
     Since 2023 in degrees and metres, before as integers of 1e-7 degrees and millimetres.
     """
@@ -65,20 +65,20 @@ def _has_ellipsoid(topic: Topic) -> Bools:
 
 
 def _is_called_valid(topic: Topic) -> Bools:
-    """(N,) whether no flag denies that a place is valid; old firmware has none of them."""
+    """Return (N,) whether no flag marks a position as invalid; old firmware has none of them."""
     flags = ("lat_lon_valid", "alt_valid", "valid_hpos", "valid_alt")
     return np.asarray(~np.any([topic.column(flag) == 0 for flag in flags], axis=0))
 
 
 def _is_global(topic: Topic) -> Bools:
-    """(N,) whether the local frame is tied to the earth."""
+    """Return (N,) whether the local frame is georeferenced."""
     tied = (topic.column("xy_global") > 0) & (topic.column("z_global") > 0)
     finite = np.isfinite(topic.column("ref_lat")) & np.isfinite(topic.column("ref_lon"))
     return np.asarray(tied & finite)
 
 
 def _from_local(tables: UlogTables) -> Topic | None:
-    """vehicle_local_position on the earth."""
+    """Return vehicle_local_position in geodetic coordinates."""
     topic = tables.topic("vehicle_local_position")
     if topic is None:
         return None
@@ -87,9 +87,9 @@ def _from_local(tables: UlogTables) -> Topic | None:
 
 
 def reprojected(topic: Topic) -> tuple[Floats, Floats, Floats]:
-    """Latitude, longitude [deg] and altitude [m], each (N,), of local north, east, down.
+    """Compute latitude, longitude [deg] and altitude [m], each (N,), of local north, east, down.
 
-    PX4's own projection, as it made the local frame with it: azimuthal equidistant on a sphere
+    PX4's own projection, with which the local frame was made: azimuthal equidistant on a sphere
     (PX4 src/lib/geo/geo.cpp, MapProjection::reproject).
     """
     latitude_0, longitude_0 = (
@@ -110,11 +110,11 @@ def reprojected(topic: Topic) -> tuple[Floats, Floats, Floats]:
 
 
 def _utc(tables: UlogTables) -> Topic | None:
-    """The receiver's UTC, one for each 3-D fix."""
+    """Return the receiver's UTC, one for each 3-D fix."""
     topic = tables.topic(_receiver)
     if topic is None:
         return None
-    # the instant of the UTC stamp, where it is not that of publishing (msg/SensorGps.msg)
+    # time of the UTC stamp, where it differs from that of publication (msg/SensorGps.msg)
     relative = topic.column("timestamp_time_relative") * 1e-6
     time = topic.time_s + np.where(np.abs(relative) < 1.0, relative, 0.0)
     utc = topic.column("time_utc_usec") * 1e-6
@@ -123,11 +123,11 @@ def _utc(tables: UlogTables) -> Topic | None:
 
 
 def _events(tables: UlogTables) -> Found[CameraEvents]:
-    """camera_capture joined with the commands of camera_trigger; else camera_trigger alone.
+    """Join camera_capture with the commands of camera_trigger; else use camera_trigger alone.
 
-    The trigger and the capture driver of PX4 count for themselves (src/drivers/camera_trigger,
-    src/drivers/camera_capture), so a missed shot shifts the one count against the other: commands
-    are joined with feedback by time.
+    The trigger and the capture driver of PX4 count independently (src/drivers/camera_trigger,
+    src/drivers/camera_capture), so a missed shot shifts one count against the other: commands are
+    joined with feedback by time.
     """
     capture, trigger = tables.topic("camera_capture"), tables.topic("camera_trigger")
     if capture is None and trigger is None:
@@ -148,7 +148,7 @@ def _events(tables: UlogTables) -> Found[CameraEvents]:
 
 
 def _main(capture: Topic | None, trigger: Topic | None, fed_back: Bools) -> tuple[Topic, Floats]:
-    """The topic whose rows are the exposures, and whether each is confirmed."""
+    """Return the topic whose rows are the exposures, and whether each is confirmed."""
     if capture is not None:
         # result: 1 success, 0 failure, -1 the camera gives no feedback (msg/CameraCapture.msg)
         return capture, np.where(capture.column("result") == 0, 0.0, 1.0)
@@ -159,7 +159,7 @@ def _main(capture: Topic | None, trigger: Topic | None, fed_back: Bools) -> tupl
 
 
 def _is_answered(command_s: Floats, feedback_s: Floats) -> Bools:
-    """(C,) whether feedback comes after a command, before the next one and within a second."""
+    """Return (C,) whether feedback follows a command, before the next one and within a second."""
     until = np.minimum(
         np.append(command_s[1:] + _EARLIEST_FEEDBACK_S, np.inf), command_s + _LATEST_FEEDBACK_S
     )
@@ -204,7 +204,7 @@ TABLE = Table(
         Row("vehicle_angular_velocity", ("xyz[0]", "xyz[1]", "xyz[2]")),
         Row("vehicle_attitude", ("rollspeed", "pitchspeed", "yawspeed")),
     ),
-    # the test ratios of estimator_status are no standard deviations
+    # the test ratios of estimator_status are not standard deviations
     sigmas=(
         Row(("vehicle_global_position", "vehicle_local_position"), ("eph", "epv")),
         Row(_receiver, ("eph", "epv")),
@@ -224,7 +224,7 @@ def read_ulog(path: str | Path) -> FlightLog:
     Raises
     ------
     InputError
-        The file is missing, empty, no ULog, or damaged beyond use.
+        The file is missing, empty, not a ULog, or damaged beyond use.
     """
     tables = read_tables(path, TOPICS)
     if not tables.counts:
@@ -248,7 +248,7 @@ def _counts(tables: UlogTables) -> tuple[MessageCount, ...]:
 
 
 def _vehicle(tables: UlogTables) -> str:
-    """Kind of vehicle by vehicle_status, else by the parameter MAV_TYPE."""
+    """Return the kind of vehicle by vehicle_status, else by the parameter MAV_TYPE."""
     status = tables.topic("vehicle_status")
     stated = np.nan if status is None else float(status.column("system_type")[-1])
     number = stated if np.isfinite(stated) else tables.parameters.get("MAV_TYPE", 0)
@@ -256,7 +256,7 @@ def _vehicle(tables: UlogTables) -> str:
 
 
 def _firmware(tables: UlogTables) -> str:
-    """Such as ``PX4 v1.11.2 (development, 8583f1da)``."""
+    """Return the firmware, such as ``PX4 v1.11.2 (development, 8583f1da)``."""
     name = str(tables.info.get("sys_name", "PX4"))
     version = tables.info.get("ver_sw_release")
     commit = str(tables.info.get("ver_sw", ""))[:8]

@@ -1,4 +1,4 @@
-"""What a ULog holds, gathered piece by piece: rows of topics, what the system says of itself."""
+"""Contents of a ULog, gathered piece by piece: rows of topics, and data of the system."""
 
 from __future__ import annotations
 
@@ -38,20 +38,20 @@ _STATING[[ADDED, DROPOUT, FORMAT, INFO, PARAMETER]] = True
 
 @dataclass(eq=False)
 class Subscription:
-    """The rows of one instance of one topic so far.
+    """Rows of one instance of one topic, read so far.
 
     Attributes
     ----------
     name, instance
         Of the topic.
     rows
-        What a row is made of.
+        Layout of a row.
     kept
         Whether rows are kept, not only counted.
     data
-        The kept rows, one behind the other.
+        The kept rows, one after the other.
     count, first_us, last_us
-        Of all rows: how many; earliest and latest time, of those that are not 0.
+        Of all rows: number; earliest and latest time, of those that are not 0.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Subscription:
     last_us: int | None = None
 
     def take(self, data: NDArray[np.uint8], starts: Ints) -> None:
-        """Keep the rows that start there."""
+        """Append the rows at these offsets."""
         self.data += _items(data, np.dtype((np.void, self.rows.dtype.itemsize)), starts).tobytes()
 
     def tally(self, count: int, first_us: int, last_us: int) -> None:
@@ -73,7 +73,7 @@ class Subscription:
         Parameters
         ----------
         count
-            How many.
+            Number of rows.
         first_us, last_us
             Their earliest and latest time; _UNSTAMPED where all are 0: never published.
         """
@@ -84,7 +84,7 @@ class Subscription:
 
 
 class Rows:
-    """All that is gathered of one file.
+    """Contents gathered from one file.
 
     Parameters
     ----------
@@ -96,11 +96,11 @@ class Rows:
     subscriptions
         In the order in which the file begins them.
     info, parameters
-        What the system says of itself; parameters as they were when logging began.
+        Data of the system; parameters as they were when logging began.
     dropouts_ms
-        How long each loss of data was.
+        Duration of each loss of data.
     damaged
-        Whether bytes were found that make no sense where they lie.
+        Whether invalid bytes were found.
     """
 
     def __init__(self, wanted: Collection[str] | None) -> None:
@@ -113,7 +113,7 @@ class Rows:
         self._formats: dict[str, tuple[Field, ...]] = {}
         self._defining = True
         self._by_number: dict[int, Subscription] = {}
-        # by a topic's number: bytes of its shortest and longest row; none fits where it is unknown
+        # by topic number: bytes of the shortest and longest row; none fits an unknown topic
         self._shortest = np.full(65536, 65536)
         self._longest = np.zeros(65536, dtype=np.int64)
         self._time_at = np.zeros(65536, dtype=np.int64)
@@ -126,21 +126,21 @@ class Rows:
         }
 
     def read(self, data: bytes, stop: int, *, may_be_cut: bool) -> tuple[int, bool]:
-        """Gather the messages that start before a place.
+        """Gather the messages that start before a position.
 
         Parameters
         ----------
         data
             Bytes, from the start of a message on.
         stop
-            Where to end: `data` has room for the whole of a message that starts before it, or ends
-            with the file.
+            Position at which to stop: `data` contains every message that starts before it
+            completely, or ends with the file.
         may_be_cut
             Whether a message that ends behind the data is no damage.
 
         Returns
         -------
-        Where the next message starts, and whether these were free of damage.
+        Start of the next message, and whether these were free of damage.
         """
         if len(data) < HEADER:  # the file ends inside of a header
             self.damaged |= not may_be_cut
@@ -153,7 +153,7 @@ class Rows:
         if not len(wild):
             return int(edges[-1]), True
         self.damaged |= not may_be_cut or bool(edges[count + 1] <= len(data))
-        # the chain went astray behind the last message that makes sense in every respect
+        # the chain is wrong after the last message that is valid in every respect
         while count and not is_sound(data, int(edges[count - 1]), self._fits):
             count -= 1
         return next_sound(data, int(edges[count]) + 1, stop, self._fits), False
@@ -162,13 +162,13 @@ class Rows:
         return bool(self._shortest[number] <= size <= self._longest[number])
 
     def _gather(self, data: bytes, array: NDArray[np.uint8], edges: Ints) -> None:
-        """Messages of a chain in their order: those that state something, and rows between them."""
+        """Gather a chain of messages in their order: definitions, and the rows between them."""
         starts, ends = edges[:-1], edges[1:]
         kind = array[starts + 2]
         rows = np.flatnonzero(kind == DATA)
         done = 0
         for k in np.flatnonzero(_STATING[kind]).tolist():
-            if kind[k] == ADDED:  # from here on a number may mean another topic
+            if kind[k] == ADDED:  # from here on a number may denote another topic
                 here = int(np.searchsorted(rows, k))
                 self._take(array, starts[rows[done:here]], ends[rows[done:here]])
                 done = here
@@ -207,7 +207,7 @@ class Rows:
                 subscription.take(array, at[edges[k] : edges[k + 1]])
 
     def _added(self, body: bytes) -> bool:
-        """A topic begins under a number."""
+        """Register a topic under a number."""
         if len(body) < 4:
             return False
         name = body[3:].decode("latin-1")
@@ -239,7 +239,7 @@ class Rows:
 
 
 def _items(data: NDArray[np.uint8], dtype: np.dtype[Any], starts: Ints) -> NDArray[Any]:
-    """(N,) what begins at these bytes."""
+    """Return the (N,) items at these bytes."""
     room = len(data) - dtype.itemsize + 1
     items: NDArray[Any] = np.ndarray((room,), dtype, data, strides=(1,))[starts]
     return items

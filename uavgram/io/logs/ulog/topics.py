@@ -1,7 +1,7 @@
 """PX4's ULog as columns on the boot clock.
 
-File format: https://docs.px4.io/main/en/dev_log/ulog_file_format.html. It has no checksum: what
-reads these columns must judge the values.
+File format: https://docs.px4.io/main/en/dev_log/ulog_file_format.html. It has no checksum: users of
+these columns must check the values.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from uavgram.io.logs.ulog.rows import Rows, Subscription
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"
 _FILE_HEADER = 16
-_APPENDED = 1  # the only incompatible flag that there is
-# Bytes read at a time: as much as a processor's cache holds; less where the file is damaged, as
-# messages are looked for anew behind each place of damage.
+_APPENDED = 1  # the only incompatible flag that exists
+# Bytes read at a time: they fit into a processor's cache; fewer in a damaged file, where messages
+# are searched again behind each damage.
 _LEAST_BYTES, _MOST_BYTES = 1 << 12, 1 << 18
 
 
 @dataclass(frozen=True, eq=False)
 class Count:
-    """Rows of a topic, its instances together.
+    """Rows of a topic, of all its instances.
 
     Attributes
     ----------
     rows
-        How many.
+        Number of rows.
     first_s, last_s
         Earliest and latest time since boot; NaN where none is stamped.
     """
@@ -50,24 +50,24 @@ class Count:
 
 @dataclass(frozen=True, eq=False)
 class UlogTables(Messages):
-    """A ULog, read.
+    """Contents of a ULog.
 
     Attributes
     ----------
     topics
-        By name, of those that were wanted: instances, the lowest number first.
+        By name, of the wanted ones: instances, the lowest number first.
     counts
         By name, of all topics that have rows.
     info
-        What the header says of the system.
+        Data of the system in the header.
     parameters
         As they were when logging began.
     wanted
-        Names of the topics that were to be read; None: all.
+        Names of the topics that were read; None: all.
     started_s
-        What was taken off every time: 0, but where the boot clock shows the time of day.
+        Offset subtracted from every time: 0, unless the boot clock shows the time of day.
     notes
-        What was odd about the file.
+        Irregularities of the file.
     """
 
     topics: dict[str, tuple[Topic, ...]]
@@ -79,13 +79,13 @@ class UlogTables(Messages):
     notes: tuple[str, ...]
 
     def instances(self, name: str) -> tuple[Topic, ...]:
-        """All instances with rows of a topic, which must have been wanted."""
+        """Return all instances with rows of a topic, which must be among the wanted ones."""
         if self.wanted is not None and name not in self.wanted:
             raise KeyError(name)
         return self.topics.get(name, ())
 
     def read(self, name: str) -> Topic | None:
-        """The first instance with rows of a topic."""
+        """Return the first instance with rows of a topic."""
         return next(iter(self.instances(name)), None)
 
 
@@ -102,7 +102,7 @@ def read_tables(path: str | Path, wanted: Collection[str] | None = None) -> Ulog
     Raises
     ------
     InputError
-        The file cannot be read, is no ULog, or of a kind that is not known here.
+        The file cannot be read, is not a ULog, or is of an unknown kind.
     """
     with opened(path, "name a flight log") as file:
         size = file.seek(0, 2)
@@ -128,7 +128,7 @@ def read_tables(path: str | Path, wanted: Collection[str] | None = None) -> Ulog
 
 
 def _flags(head: bytes) -> tuple[bytes, list[int]]:
-    """The incompatible flags, and where data was appended; none in old files."""
+    """Return the incompatible flags, and the positions of appended data; none in old files."""
     flags, offsets = bytes(8), (0, 0, 0)
     content = head[_FILE_HEADER + HEADER :]
     if len(content) == 40 and head[_FILE_HEADER + 2] == FLAGS:
@@ -137,13 +137,13 @@ def _flags(head: bytes) -> tuple[bytes, list[int]]:
 
 
 def _read_part(file: BinaryIO, begin: int, end: int, rows: Rows, *, may_be_cut: bool) -> None:
-    """Gather the messages between two places, of which the first is the start of one."""
+    """Gather the messages between two positions, of which the first is the start of one."""
     size = _LEAST_BYTES
     while begin < end:
         file.seek(begin)
         data = file.read(min(size + LONGEST, end - begin))
         if not data:
-            return  # it grew shorter meanwhile
+            return  # it became shorter meanwhile
         read, whole = rows.read(data, min(size, len(data)), may_be_cut=may_be_cut)
         begin += read
         size = min(2 * size, _MOST_BYTES) if whole else _LEAST_BYTES
@@ -182,7 +182,7 @@ def _count(same: list[Subscription], started_s: float) -> Count:
 
 
 def _started_s(found: list[Subscription], times_us: list[NDArray[np.uint64]]) -> float:
-    """What to take off the times: PX4's simulator has its boot clock show the time of day."""
+    """Return the offset of the times: PX4's simulator uses the time of day as its boot clock."""
     firsts = np.array([s.first_us for s in found if s.first_us is not None], dtype=np.float64)
     times_s = max(times_us, key=len, default=firsts).astype(np.float64) * 1e-6
     if not len(times_s):
