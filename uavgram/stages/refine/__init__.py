@@ -1,3 +1,3 @@
-"""Stage: refine poses, points and all that is shared, in one maximum-likelihood adjustment."""
+"""Stage: refine poses, points and shared unknowns in one maximum-likelihood adjustment."""
 
 from uavgram.stages.refine.refine import refine as refine

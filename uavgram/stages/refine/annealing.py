@@ -57,7 +57,7 @@ ENOUGH = 8
 
 NOISIEST = 5.0
 """Largest factor by which sigmas of lengths, known things, control and the ground may be too small.
-With a larger one all of them would be accepted, as where all are in another unit."""
+A larger one means that none of them is right, as where all are in another unit."""
 
 MOST_OF_A_FRAME = 0.5
 """Share of a frame's picks that are gross errors, above which the frame shows another place."""
