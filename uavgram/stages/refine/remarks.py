@@ -334,7 +334,7 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
 
 
 def _suggestion(refined: Refined) -> tuple[str, tuple[str, ...]]:
-    """Suggest the line to tape next and its effect, as the end of a sentence; and return its ends."""
+    """Suggest the line to tape next and its effect, as the end of a sentence; return its ends."""
     advice = next_line(refined.adjustment)
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
         return "", ()

@@ -38,5 +38,5 @@ def doubtful_frames(survey: Survey, refined: Refined) -> frozenset[str]:
 
 
 def cost_with_lost(refined: Refined, picks: int) -> float:
-    """Return the cost of an adjustment of so many picks, including those that it had to leave out."""
+    """Return the cost of an adjustment of so many picks, including the left-out ones."""
     return refined.adjustment.minimum.cost + LOST * (picks - len(refined.pick_index))

@@ -102,9 +102,8 @@ def _softer(survey: Survey) -> Iterator[Survey]:
     if survey.matches.points + survey.ties.points:
         beside = survey.ties.beside
         for softer in SOFT_SIGHTINGS:
-            told = replace(
-                beside, sigma_m=softer * beside.sigma_m
-            )  # predicted by ties that are still off
+            # These are predicted by ties that are still off.
+            told = replace(beside, sigma_m=softer * beside.sigma_m)
             yield replace(
                 survey,
                 matches=replace(survey.matches, sigma_px=softer * survey.matches.sigma_px),

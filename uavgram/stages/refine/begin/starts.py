@@ -185,7 +185,7 @@ MOST_CHOICES = 8
 
 
 def _choices(survey: Survey) -> list[Chosen]:
-    """List every frame's best candidate pose; then with one frame's next best, nearest rival first."""
+    """List every frame's best pose; then with one frame's next best, nearest rival first."""
     frame_at = {name: k for k, name in enumerate(survey.frame_id)}
     candidates = [
         (frame_at[c.frame_id], c) for c in survey.candidate_poses if c.frame_id in frame_at
