@@ -203,7 +203,7 @@ class Doubted:
     def _readings(
         self, ends: tuple[Ints, Ints], k: int, without: Sequence[int]
     ) -> tuple[Floats, Floats, Floats]:
-        """Return readings (m,), their derivatives (m, n) by n removed lengths, and weights (n, n)."""
+        """Return readings (m,), their derivatives (m, n) by removed lengths, and weights (n, n)."""
         adjustment = self.standing.adjustment
         taped = self._taped(ends, k)
         found, gradient, columns = adjustment.problem.readings(adjustment.state, taped)
