@@ -98,14 +98,14 @@ def fit_of(
 
 
 def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
-    """Report where the core does not fit; of what did not come to rest this is known.
+    """Report a misfit of the core, for adjustments that converged.
 
     Parameters
     ----------
     fit
-        How well everything fits.
+        Quality of the fit.
     rest
-        The survey adjusted without its suspects: what they explain is theirs.
+        The survey adjusted without its suspects, which explain their own misfit.
     """
     core = max(fit.core, core_fit(rest).probability)
     if core >= RARE or not rest.minimum.converged:

@@ -192,7 +192,7 @@ def _shown(
     blocks = {kind: groups[kind].block for kind in kinds if kind in groups}
     shown = {kind: cofactors(block, adjustment.covariance) for kind, block in blocks.items()}
     if withheld is not None and (fits := withheld.fits(limit)).any():
-        # Q += B W^-1 B^T, with the covariances B of readings and withheld values.
+        # Q += B W^-1 B^T: B covariance of readings and withheld values, W of the latter's errors.
         weight = np.linalg.inv(withheld.joint[np.ix_(fits, fits)])
         for kind, block in blocks.items():
             response = block.times(slice(None), withheld.solved[:, fits])

@@ -1,4 +1,4 @@
-"""Poses in the local world as geographic tags for other programs."""
+"""Convert poses in the local world to geographic tags for other programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uavgram.model.survey.survey import World
 def geotag(
     poses: Poses, path: tuple[str, ...], pose: tuple[PoseChoice, ...], world: World
 ) -> GeoTags:
-    """Turn poses into tags.
+    """Convert poses to tags.
 
     Angles are from the north of the world's origin; true north at a photo differs by the meridian
     convergence, 0.01 degrees per kilometre of easting at 48 degrees of latitude.
@@ -24,14 +24,14 @@ def geotag(
     Parameters
     ----------
     poses, path, pose
-        (N,) poses, where their photos are, and of which kind they are.
+        (N,) poses, paths of their photos, and kinds of the poses.
     world
-        Where the local world lies.
+        Location of the local world.
 
     Raises
     ------
     GeometryError
-        Nothing ties the world to the earth.
+        The world is not tied to the earth.
     """
     if world.origin is None:
         raise GeometryError(
@@ -59,5 +59,5 @@ def geotag(
 
 
 def _full_turn(ypr_rad: Floats) -> Floats:
-    """Yaw brought into [0, 2 pi)."""
+    """Reduce the yaw to [0, 2 pi)."""
     return np.column_stack([np.mod(ypr_rad[:, 0], 2 * np.pi), ypr_rad[:, 1:]])

@@ -59,7 +59,7 @@ def _closed(still: Bools) -> Bools:
 
 
 def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
-    """Return first and last row of each long standstill of steps (M,); none where most stand still."""
+    """Return first and last row of each long standstill of steps (M,); none if most stand still."""
     if len(time) < FEWEST_ROWS:
         return []
     if same.mean() > 0.5:
@@ -268,7 +268,7 @@ def _place_steps(track: Track, evidence: FlightEvidence, time: Floats, place: Fl
 def _attitudes(
     track: Track, evidence: FlightEvidence, first: float, last: float
 ) -> tuple[list[LogFault], _Steps]:
-    """Find constant attitudes, and rotations without explanation by stated or neighbouring rates."""
+    """Find constant attitudes, and rotations that stated and neighbouring rates do not explain."""
     rows = _within(track.attitude_time_s, first, last)
     time, xyzw = track.attitude_time_s[rows], track.world_from_body_xyzw[rows]
     if len(time) < FEWEST_ROWS:
