@@ -169,7 +169,7 @@ def _on_exif(judged: AssessedCalibration, result: CalibrationResult) -> Iterator
 
 
 def _stated_focal(setting: LensSetting, diagonal_px: float) -> float | None:
-    """Return the focal length [px] by EXIF: as stated, or by its 35 mm equivalent over the diagonal."""
+    """Return the focal length [px] by EXIF: as stated, or by its 35 mm equivalent."""
     if setting.focal_length_px is not None or setting.focal_length_35mm is None:
         return setting.focal_length_px
     return setting.focal_length_35mm * diagonal_px / FRAME_35MM_DIAGONAL_MM

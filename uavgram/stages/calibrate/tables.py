@@ -149,7 +149,7 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
 
 
 def _used_weight(judged: AssessedCalibration, everything: _Everything) -> Floats:
-    """Return weights (M, n) without bad corners, but with removed photos, whose poses are wanted."""
+    """Return weights (M, n) without bad corners, but with removed photos, for their poses."""
     out: Bools = judged.removed_corner & ~judged.removed[:, None]
     return np.where(out, 0.0, everything.corners.weight)
 

@@ -51,7 +51,7 @@ class FileColumn:
 
 
 def heights_above_datum(result: Result) -> Floats:
-    """Compute heights (K,) of the points above the datum of the world [m]; NaN without an origin."""
+    """Compute heights (K,) of the points above the world's datum [m]; NaN without an origin."""
     if result.world.origin is None:
         return np.full(len(result.points.label), np.nan)
     return geodetic_from_enu(result.points.position_world_m, result.world.origin)[2]

@@ -418,7 +418,7 @@ def _control_lines(result: Result) -> Layer:
 
 
 def _measured(name: str, kind: str, result: Result) -> Layer:
-    """Return measurements of areas (``polygon``), or lines; coordinates are in the points' layer."""
+    """Return measurements of areas (``polygon``), or lines; coordinates are points already."""
     measured, strips = result.measurements, measured_strips(result)
     is_area = np.array([k in ENCLOSED for k in measured.kind], dtype=bool)
     is_line = ~is_area & np.array([k != "coordinate" for k in measured.kind], dtype=bool)

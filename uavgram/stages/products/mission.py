@@ -17,7 +17,7 @@ _ROUNDING_M = 0.01
 
 
 def planned_origin(planned: FlightPlanned) -> Origin:
-    """Return latitude [deg], longitude [deg], height above mean sea level [m] of the plan's world."""
+    """Return latitude [deg], longitude [deg], height above mean sea level [m] of the origin."""
     site = planned.site
     return site.latitude_deg, site.longitude_deg, site.height_msl_m
 

@@ -243,7 +243,7 @@ def _moved_aside(half: Floats, length: float) -> float:
 def _along(
     start: Floats, way: Floats, length: float, half: Floats, gap: float, rounds: Ints
 ) -> Floats:
-    """Return places (c, 5) on both sides of a line, farther and farther out, and beyond its ends."""
+    """Return places (c, 5) on both sides of a line, at growing distances, and beyond its ends."""
     beyond = float(half[0] + half[1]) / length
     share = np.array([*_SHARES, 1.0 + beyond, -beyond])
     out = gap + half[1] + 2 * half[1] * np.repeat(rounds, 2)

@@ -182,7 +182,7 @@ def photo_pixels_m(view: View) -> Floats:
 
 
 def reductions(view: View, raster: GroundRaster) -> Ints:
-    """Return powers of two (N,) by which photos are reduced, so that a coarse raster skips no pixel."""
+    """Return powers of two (N,) that reduce photos so that a coarse raster skips no pixel."""
     ratio = raster.pixel_m / np.nan_to_num(photo_pixels_m(view), nan=np.inf)
     return np.asarray(2 ** np.log2(np.maximum(ratio, 1.0)).astype(np.int64))
 

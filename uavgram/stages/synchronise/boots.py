@@ -28,7 +28,7 @@ class ClockedBoot:
     messages: tuple[Message, ...]
 
     def event_rows(self) -> Ints:
-        """Return rows (E,) of the boot's camera events: those with feedback where the log has any."""
+        """Return rows (E,) of the camera events: those with feedback where the log has any."""
         events = self.boot.events
         if events is None:
             return np.zeros(0, dtype=np.int64)

@@ -157,7 +157,7 @@ def predict(seen: Seen, one: int, other: int, pixel_px: Floats) -> Prediction | 
 
 
 def _radius(seen: Seen, one: int, other: int) -> float:
-    """Compute the search radius in pixels, from sigmas of attitudes, positions and ground height."""
+    """Compute the search radius [px] from sigmas of attitudes, positions and ground height."""
     both = seen.poses.covariance[[one, other]]
     variance = np.diagonal(both, axis1=1, axis2=2)
     height = float(seen.height_m[[one, other]].min())
