@@ -59,7 +59,7 @@ def sample(
     MonteCarloResults
         Statistics of the repetitions in which a measurement had a value.
     messages
-        Numbers of repetitions without a value (an outline that crosses itself, say), or without
+        Numbers of repetitions without a value (such as an outline that crosses itself), or without
         convergence.
 
     Notes

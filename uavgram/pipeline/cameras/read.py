@@ -170,7 +170,10 @@ def camera_of_photos(
 
 
 def _difference(first: CameraTags, other: CameraTags) -> str:
-    """Describe why two photos cannot share a camera, up to the first one's name; empty if they can."""
+    """Describe why two photos cannot share a camera, up to the first one's name.
+
+    Empty if they can.
+    """
     if (other.width_px, other.height_px) != (first.width_px, first.height_px):
         sizes = f"{first.width_px} x {first.height_px} px of"
         return f"is {other.width_px} x {other.height_px} px, not the {sizes}"

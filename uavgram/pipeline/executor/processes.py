@@ -150,7 +150,7 @@ def in_workers(
     """Yield the result of each item as soon as it is ready, in any order.
 
     An item whose process dies is tried again, in another one; one that takes too long is given up,
-    and its process ended. When the caller leaves, at Ctrl+C say, all processes end.
+    and its process ended. When the caller leaves, as at Ctrl+C, all processes end.
 
     Parameters
     ----------
@@ -295,9 +295,9 @@ def _made(
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # half-written folders are removed
     try:
         made = work(item)
-    except Exception as raised:  # noqa: BLE001 (whoever asked for it hears of it)
+    except Exception as raised:  # noqa: BLE001 (the caller gets it)
         fault = _sendable(raised)
-    finally:  # an answer that is cut short would never end; who waits for work is told to leave
+    finally:  # an interrupted answer would block the parent
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
     return made, fault, memory_bytes is not None and _kept_bytes() > _RECYCLED_AT * memory_bytes
 
@@ -306,7 +306,7 @@ def _sendable(fault: Exception) -> Exception:  # pragma: no cover (in another pr
     """Return the exception, or its text where it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(fault))  # noqa: S301  (of our own making)
-    except Exception:  # noqa: BLE001  (whatever its class does when it is put together again)
+    except Exception:  # noqa: BLE001  (a class may fail in any way)
         return (
             UavgramError(str(fault))
             if isinstance(fault, UavgramError)

@@ -158,7 +158,7 @@ class Base:
     def _unsure(self, tried: _Tried) -> dict[Pair, str]:
         """Return finds of points of unknown height that are, or may be, the ground behind an edge.
 
-        Two photos agree on a height whatever they show; only a third one confirms that it is one
+        Any two photos agree on some height; only a third one confirms that it is one
         object.
         """
         picks, survey = self.inputs.picks, tried.adjustment.survey

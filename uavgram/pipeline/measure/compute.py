@@ -367,7 +367,7 @@ def _unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
 def _frames(
     inputs: Inputs, posed: Posed, assembled: Assembled, refined: Refined, duplicates: Duplicates
 ) -> FrameResults:
-    """Return all frames; those with picks with a reason for left-out ones, the frame's own first."""
+    """Return all frames; a reason for left-out picks is given, the frame's own first."""
     reasons = {
         image: duplicates.reason(image) for image in (*inputs.picks.image, *duplicates.photos)
     }

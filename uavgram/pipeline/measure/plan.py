@@ -104,7 +104,7 @@ class _Ground:
 
 
 def _raster(view: View, plan: Plan, sheet: PlanSheet) -> GroundRaster:
-    """The ground of a sheet in local metres; no finer than the photos."""
+    """Return the ground raster of a sheet in local metres, no finer than the photos."""
     finest = float(np.nanmin(photo_pixels_m(view), initial=np.inf))
     pixel = plan.scale * 0.0254 / PICTURE_DPI
     pixel = max(pixel, finest) if math.isfinite(finest) else pixel

@@ -421,7 +421,7 @@ def _try_heights(
     before
         Points of rough ground that are off it already: their picks do not agree on a height either.
     on_ground
-        Points that stay on it, whatever height their picks show.
+        Points that stay on it, even if their picks show another height.
     """
     survey, rough = problem.survey, problem.third.rough
     number = np.bincount(survey.pick_label, minlength=len(survey.label))
