@@ -213,11 +213,13 @@ def _joined(
         np.repeat(np.arange(len(pairs)), [len(found.rows) for found in matched]),
         np.concatenate([np.empty(0), *(found.across_px for found in matched)]),
     )
+    # Remove outliers, estimate sigmas, and join matches to tracks.
     matches = matches.take(np.flatnonzero(fitting(matches, relative, len(pairs))))
     sigma = sigmas(matches, relative, len(pairs), scale)
     tracks = tracks_of(matches, photo)
     row = {name: k for k, name in enumerate(scene.frame_id)}
     picked = [k for k, name in enumerate(scene.picked_image) if name in row]
+    # Keep a part of the points, evenly spread over the photos.
     kept = choose(
         Sighted(
             tracks=tracks,

@@ -39,6 +39,7 @@ def matches_of(
     messages
         Messages on matches whose pick was moved or deleted.
     """
+    # Assign each match to the pick at the place from which it was found.
     found = np.flatnonzero(picks.of_source("match"))
     if not len(found):
         return NO_SIGHTINGS, []
@@ -53,6 +54,7 @@ def matches_of(
             stale.append(i)
         elif pick_index[origin] >= 0 and picks.image[i] in frame_at:
             chains.setdefault(origin, []).append(i)
+    # Each chain begins with its pick, whose sigma is the noise of the photo around it.
     rows = [(origin, i) for origin, own in chains.items() for i in (origin, *own)]
     pick = np.array([i for _, i in rows], dtype=np.int64)
     place = {origin: k for k, origin in enumerate(chains)}

@@ -126,6 +126,7 @@ def line_of_sight(
     frame, label = of
     center, ray = _sight(adjustment, frame, pixel_px)
     from_m, raised_m, to_m = HEIGHTS_M
+    # Heights with a step of about STEP_PX in the photo that shows them farthest apart.
     ground = _at_heights(adjustment, label, (center, ray), [0.0])
     to_m = min(to_m, BELOW_CAMERA * float(center[2] - ground[0, 2]))
     ends = _pixels(adjustment, others, _at_heights(adjustment, label, (center, ray), [0.0, to_m]))
@@ -133,6 +134,7 @@ def line_of_sight(
     long_px = float(np.nan_to_num(long).max()) * (to_m - from_m) / to_m
     height = np.linspace(from_m, to_m, min(int(long_px / STEP_PX) + 8, MOST_PLACES))
     place = _at_heights(adjustment, label, (center, ray), height)
+    # Affine map by differences: the line of sight of a neighbouring pixel at the same height.
     columns = []
     for step in _ABOUT_PX * np.eye(2):
         both = []

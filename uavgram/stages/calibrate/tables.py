@@ -82,6 +82,7 @@ def photo_results(judged: AssessedCalibration, left_out: LeftOut) -> PhotoResult
     there = judged.first.weight > 0
     weight = np.where(there, everything.corners.weight, 1.0)
     residual = everything.linear.residual.reshape(*there.shape, 2) / weight[..., None]
+    # Root mean square of the corners' residuals [px], and of the predictions without each photo.
     squares = np.sum(np.where(there[..., None], residual, 0.0) ** 2, axis=(1, 2))
     held = np.full(len(count), np.nan)
     held[~judged.removed] = np.sqrt(judged.held.by_photo) * judged.sigma_px
@@ -124,6 +125,7 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
     C = m - R^T t, with R = camera_from_board and m the board's middle. The estimator's errors (dt,
     phi), true R = exp(phi) R, are in those of `Poses`: dC = -R^T (dt + hat(t) phi), dtheta = -phi.
     """
+    # Covariance of the board poses: own part, and the camera's through the Schur complement's gain.
     fit, state = judged.fit, everything.state
     used = _used_weight(judged, everything)
     linear = linearise(fit.lens, everything.corners.weighted(used), state)
@@ -133,6 +135,7 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
     covariance = normals.pose_inverse * judged.factor
     covariance += normals.gain @ border @ np.swapaxes(normals.gain, 1, 2)
     back = np.swapaxes(state.camera_from_board, 1, 2)
+    # Transform of the errors: dC = -R^T (dt + hat(t) phi), dtheta = -phi.
     turn = np.zeros((len(files), 6, 6))
     turn[:, :3, :3] = -back
     turn[:, :3, 3:] = -back @ hat(state.middle_camera_m)

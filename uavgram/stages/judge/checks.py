@@ -221,6 +221,7 @@ def judge_points(
     position, covariance = adjustment.points()
     error = position[index[seen]] - known.world_m[seen]
     joint = covariance[index[seen]] + known.sigma_m[seen][:, :, None] ** 2 * np.eye(3)
+    # Squared Mahalanobis distances, chi-square with three degrees of freedom.
     squared = np.einsum("ni,ni->n", error, np.linalg.solve(joint, error[..., None])[..., 0])
     checks = PointChecks(
         label=tuple(known.label[i] for i in seen),

@@ -56,6 +56,7 @@ def judge_lines(
     used = refined.line_index[adjustment.problem.line_index]
     row = rows_of(survey_index, used, len(refined.line_removed))
     _fit_of_observed(examined, row, columns)
+    # Withheld lengths: w = residual / sqrt(prediction variance + sigma^2).
     withheld = ~np.asarray(lines.adjust, dtype=bool) & np.isfinite(columns["adjusted_m"])
     sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
     columns["w"][withheld] = (columns["residual_m"] / sigma)[withheld]

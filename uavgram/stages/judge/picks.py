@@ -43,6 +43,7 @@ def judge_picks(
     suspect = examined.suspect("pixels")
     for i in used:
         status[i] = "suspect" if suspect[row[i]] else "used"
+    # Gross errors, and matches that were left out, count as removed.
     given = np.flatnonzero(survey_index >= 0)
     removed = refined.pick_removed.copy()
     removed[[k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]] = True

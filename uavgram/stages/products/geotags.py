@@ -42,6 +42,7 @@ def geotag(
     latitude, longitude, height = geodetic_from_enu(poses.center_world_m, world.origin)
     ned_from_gimbal = ENU_FROM_NED @ poses.world_from_camera @ GIMBAL_FROM_CAMERA.T
     gimbal = np.stack(ypr_from_matrix(ned_from_gimbal), axis=1)
+    # Largest horizontal variance: the semi-major axis of the standard ellipse.
     horizontal = np.linalg.eigvalsh(poses.covariance[:, :2, :2])[:, -1]
     return GeoTags(
         frame_id=poses.frame_id,

@@ -311,6 +311,7 @@ def footprints(result: Result) -> dict[int, Floats]:
     The part of a photo above the horizon, or outside the lens model, has no ground: its border runs
     straight between the parts with ground.
     """
+    # Pixels along the border of the photo, with the outer edges of the outer pixels.
     camera = result.camera
     along = np.arange(BORDER_SAMPLES) / BORDER_SAMPLES
     zero, one = np.zeros_like(along), np.ones_like(along)

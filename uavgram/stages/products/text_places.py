@@ -143,6 +143,7 @@ def place_labels(
                 break
         else:
             return _with_leaders(labels, boxes, size)
+        # No room for a needed text: make all letters smaller, and allow longer distances.
         needed = [row for row, one in enumerate(labels) if one.is_needed]
         fitted = float(np.isfinite(boxes[needed, 0]).mean())
         size = max(least, size * min(max(fitted, _SMALLER[0]), _SMALLER[1]))
@@ -210,6 +211,7 @@ def _place(
             on_line = label.start + np.array(_SHARES)[:, None] * way
             on_line = np.column_stack([on_line, np.broadcast_to([*half, 0.0], (len(on_line), 3))])
             candidates = np.concatenate([on_line, candidates])
+    # Move level places into the picture, and drop others outside it.
     if bounds is not None:
         candidates = _within_bounds(candidates, bounds, label.where)
     for some in np.split(candidates, _FIRST):

@@ -372,9 +372,11 @@ def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[
             counts &= weight[name] > HALF
         checked = np.sort(square[counts])[::-1]
         large = 1.0
+        # Robust variance factor: median of the squares over that of chi-square.
         if len(checked) >= ENOUGH:
             usual = float(chdtri(_axes(name), 0.5))
             large = max(large, float(np.sqrt(np.median(checked) / usual)))
+        # Large enough that no more than the allowed share is gross.
         most = most_gross(len(checked))
         if len(checked) > most and not is_ground:
             large = max(large, float(np.sqrt(checked[most])) / GROSS_SIGMAS)
@@ -402,6 +404,7 @@ def _unlikely_heights(
     up_m = minimum.state.point[rough, 2]
     square = np.sum(minimum.blocks["pixels"].residual ** 2, axis=1)
     apart = np.bincount(survey.pick_label, square, len(survey.label))
+    # Two rays that meet may be of a high point, such as on a house.
     meet = (apart[rough] < MEET) & (rays[rough] == TWO_RAYS)
     is_far = (up_m < LOWEST_M) | (up_m > np.where(meet, EAVES_M, HIGHEST_M))
     return np.asarray(out["roughness"] & is_far & (rays[rough] <= TWO_RAYS))

@@ -65,6 +65,7 @@ def _slopes(adjustment: Adjustment, sure: float) -> Iterator[Message]:
     plane = adjustment.state.plane.reshape(-1, PLANE_SIZE)
     fixed = len(plane) - layout.plane // PLANE_SIZE
     for area in range(fixed, len(plane)):
+        # Sigma of the slope in its own direction; angle = atan(slope).
         slope = plane[area, 1:]
         first = layout.first_plane + PLANE_SIZE * (area - fixed) + 1
         size = float(np.linalg.norm(slope))

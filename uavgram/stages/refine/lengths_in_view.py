@@ -32,6 +32,7 @@ def ratios_in_view(survey: Survey, keep: Bools) -> Floats:
     ray = back_project(calibration.model, calibration.parameters, pixel)
     # Distance of the ends in the image plane z = 1.
     apart = np.linalg.norm(ray[: len(rows)] - ray[len(rows) :], axis=1)
+    # Log ratios relative to the median of their frame, then the median over frames.
     ratio = np.log(survey.length_m[line] / apart)
     ratio -= group_medians(ratio, frame, len(survey.frame_id))[frame]
     shown = np.bincount(line, minlength=len(survey.line_start)) > 0

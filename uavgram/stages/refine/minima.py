@@ -226,6 +226,7 @@ def minima_from(
             )
         selection = select_picks(survey, taking.keep)
         line_used = ~taking.line_removed[selection.line_index]
+        # First values of the remaining observations.
         starts = begin(select_lines(selection.survey, line_used))
         lost = _tied_to_nothing(selection.survey, starts)
         if lost:

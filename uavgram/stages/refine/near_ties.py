@@ -111,10 +111,12 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     place = state.tie[lone[on_ground], :2]
     tree = cKDTree(place)
     around = np.asarray(tree.query(place, NEIGHBOURS + 1)[1])[:, 1:]
+    # Correlation of heights, and prediction errors of the ties themselves.
     ties, reach = _likeliest(_Ties(place, height, np.zeros(len(height))), around)
     off = np.abs(_guessed(around, place, ties, reach).off(ties))
     usual = max(float(np.median(off)) / MEDIAN, LEAST_M)
     square = np.minimum(off, OFF * usual) ** 2
+    # Predict the ground at labels, and scale the sigmas by the errors nearby.
     labels = state.point[names, :2]
     told = _guessed(np.asarray(tree.query(labels, NEIGHBOURS)[1]), labels, ties, reach)
     # The roughness varies with the place: use the prediction errors of the neighbours.

@@ -402,6 +402,7 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
     chance
         Probability of such uneven ground by chance.
     """
+    # Sigmas of the factors are relative.
     factor, sigma = fitted.found.factor, fitted.found.factor * fitted.found.sigma
     components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
     rough = {area: own for one, area, own in components if one.block == "roughness"}

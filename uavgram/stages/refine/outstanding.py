@@ -61,6 +61,7 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     # Sort by probability: a length has fewer degrees of freedom than the picks of its ends.
     axes = {name: block.residual.shape[1] for name, block in blocks.items()}
     falls.sort(key=lambda one: log_probability(one[0], axes[one[1]], 1))
+    # The few candidates, then those among them beyond the noise of the rest.
     worst = falls[: max(1, int(FEW * len(falls)))]
     rest = squares - sum(fall for fall, *_ in worst)
     gone = sum(axes[name] for _, name, _ in worst)

@@ -816,6 +816,7 @@ def _contradicting(found: Annealed) -> list[int]:
     gross[found.gross("pixels")] = True
     label = found.problem.survey.pick_label
     number, wrong = (np.bincount(of, minlength=label.max() + 1) for of in (label, label[gross]))
+    # Labels with at least half of their picks gross.
     asked = np.flatnonzero((number > 1) & (2 * wrong >= number)).tolist()
     return [
         k
@@ -851,6 +852,7 @@ def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
         Picks that take no part, and picks of the point.
     """
     problem = found.problem
+    # Exchange the roles of the point's picks, and decide again.
     weight = {**found.weight, "pixels": np.where(gross ^ own, NEARLY_NONE, 1.0)}
     try:
         other = decide(problem, weighted_minimum(problem, found.minimum.state, weight), weight)
@@ -872,6 +874,7 @@ def _spread_px(found: Annealed, rows: Ints) -> Floats:
     own_px = survey.pick_sigma_px
     off_px = np.linalg.norm(blocks["pixels"].residual, axis=1) * own_px
     label = survey.pick_label[rows]
+    # sigma = distance / 2 * sqrt(n), so that the mean of n picks has half the distance as sigma.
     spread_px = np.zeros(len(survey.label))
     for one in np.unique(label):
         mine = np.flatnonzero(survey.pick_label == one)

@@ -41,6 +41,7 @@ def positions_at(frames: Frames, boot: Boot, clock: BootClock) -> PhotoPoses:
 
     columns = positions.latitude_deg, positions.longitude_deg, positions.height_m
     latitude, longitude, height = (np.interp(instant, logged, column) for column in columns)
+    # Velocity by differences, for the error from the uncertain instant.
     north = EARTH_M * np.gradient(np.radians(positions.latitude_deg), logged)
     east = EARTH_M * np.gradient(np.radians(positions.longitude_deg), logged)
     east *= np.cos(np.radians(positions.latitude_deg))

@@ -131,6 +131,7 @@ def _scatter_m(
     shared = count[owner] > 1
     if not shared.any():
         return np.inf
+    # Distances from the mean of each point in several photos.
     mean = np.stack([np.bincount(owner, axis) for axis in place.T], axis=1)[owner]
     apart = place - mean / count[owner][:, None]
     return float(np.sqrt(np.mean(np.sum(apart[shared] ** 2, axis=1))))

@@ -98,6 +98,7 @@ def place_photos(
     sigma_position[~is_known, 1] = UNKNOWN_HEIGHT_SIGMA_M
     has_attitude = np.asarray(np.isfinite(poses.ypr_rad).all(axis=1))
     time_s = _times(poses, file_time_s)
+    # Heading of the vehicle: stated, by its attitude, or the course between photos.
     course, turning = _courses_in_time(time_s, position, sigma_position)
     nose = poses.vehicle_ypr_rad[:, 0]
     course, turning = np.where(np.isfinite(nose), nose, course), turning & np.isnan(nose)
@@ -105,6 +106,7 @@ def place_photos(
     ypr, stated = with_stated_mount(mount, poses.ypr_rad, heading, poses.source)
     messages = (*_messages(poses, has_attitude, course), *stated)
     ned_from_body = _vehicle(poses, heading)
+    # Attitude of the camera: stated, or by the mount on a level vehicle.
     ned_from_gimbal = matrix_from_ypr(*np.nan_to_num(ypr).T)
     guessed = _level(heading) @ matrix_from_ypr(*np.radians(mount.angles_deg()))
     ned_from_gimbal = np.where(has_attitude[:, None, None], ned_from_gimbal, guessed)

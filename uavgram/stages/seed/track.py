@@ -241,6 +241,7 @@ def _gimbal_track(
     time = gimbal.time_boot_s[inside]
     ned_from_body, _ = interpolate_rotation(vehicle_time, attitudes.ned_from_body_xyzw, time)
     heading = ypr_from_matrix(ned_from_body)[0]
+    # Yaw from north, not from the nose.
     ypr = np.stack([gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad], axis=1)[inside]
     ypr[:, 0] += heading if gimbal.yaw_frame == "vehicle" else 0.0
     ypr, stated = with_stated_mount(mount, ypr, heading, gimbal.source)

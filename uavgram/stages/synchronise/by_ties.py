@@ -61,6 +61,7 @@ def by_ties(
             f"time.offset_s is auto, the log has no camera events, and tie points join only "
             f"{len(rows)} photos with a time ({FEWEST} tell how the flight went): {HOW}"
         )
+    # Fit the offset of the camera's clock to each boot.
     found = [(clocked, _clock(photos, clocked, level, rows)) for clocked in usable]
     fitting = [(c, clock) for c, clock in found if clock and clock.misfit <= MOST_MISFIT]
     if not fitting:
@@ -78,6 +79,7 @@ def by_ties(
             "time.offset_s is auto, the log has no camera events, and its track goes with the tie "
             f"points of the photos under several offsets of the camera's clock: {listed}. {HOW}"
         )
+    # Truncation or rounding of file times: root mean square step / sqrt(8).
     sigma = float(np.hypot(clock.sigma_s, np.nanmax(photos.file_time_resolution_s) / np.sqrt(8.0)))
     text = (
         f"The camera's clock is {clock.offset_s:+.2f} +- {sigma:.2f} s ahead of UTC: so the log's "

@@ -81,12 +81,14 @@ def event_timing(
     event_utc = chosen.event_utc_s()
     time, sigma = np.full(len(photos.frame_id), np.nan), np.full(len(photos.frame_id), np.nan)
     certain = alignment.certain
+    # Photos' own times by the fitted line; sigma of step, line and shutter together.
     line_sigma = alignment.clock.sigma_at(alignment.photo_event_s)
     time[timed] = alignment.photo_event_s
     sigma[timed] = np.linalg.norm(
         [file_sigma_s(photos)[timed], line_sigma, np.full(len(timed), alignment.clock.scatter_s)],
         axis=0,
     )
+    # Certain pairs take the time of their events.
     time[timed[certain]] = event_utc[alignment.event_index[certain]]
     sigma[timed[certain]] = _jitter_s(photos, alignment)
     common = float(np.hypot(alignment.clock.offset_sigma_s, chosen.lag_sigma_s()))

@@ -102,6 +102,7 @@ def overlap(seen: Seen) -> Floats:
     ground = np.stack([seen.ground_of(k, grid) for k in range(count)])
     shown = np.asarray(np.isfinite(ground).all(axis=2))
     share = np.zeros((count, count))
+    # Circle around the ground of each photo, to skip distant pairs.
     photos = np.flatnonzero(shown.any(axis=1))
     middle = np.full((count, 3), np.inf)
     middle[photos] = np.nanmean(ground[photos], axis=1)
@@ -113,6 +114,7 @@ def overlap(seen: Seen) -> Floats:
         near = np.flatnonzero(apart <= reach + reach[k])
         pixel = seen.pixels_of(k, ground[near].reshape(-1, 3))
         share[near, k] = _inside(seen.calibration, pixel).reshape(len(near), -1).mean(axis=1)
+    # The lesser of the two shares.
     share = np.minimum(share, share.T)
     np.fill_diagonal(share, 0.0)
     return share

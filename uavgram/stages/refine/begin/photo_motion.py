@@ -162,6 +162,7 @@ def _by_times(survey: Survey, center: Floats) -> _Flown | None:
     way, apart = np.diff(center[order], axis=0), np.diff(time[by_time])
     if not np.median(apart) > 0:
         return None
+    # Relative error of the time between photos: with a large one, all get the mean speed.
     doubt = float(np.sqrt(2.0) * np.median(sigma) / np.median(apart))
     if doubt > VAGUE:
         moved = np.linalg.norm(way, axis=1)
@@ -172,6 +173,7 @@ def _by_times(survey: Survey, center: Floats) -> _Flown | None:
         ahead = mean * ahead / np.where(size > 0, size, 1.0)
     else:
         ahead = _ahead(way, np.maximum(apart, VAGUE * np.median(apart)))
+    # Implausible speeds: times that are not those of the exposures, or hovering.
     usual = float(np.median(np.linalg.norm(ahead, axis=1)))
     if not SLOWEST_M_S <= usual <= FASTEST_M_S:
         return None

@@ -144,6 +144,7 @@ def _with_seeds(survey: Survey) -> list[Survey]:
         center = seeds.center_world_m[frame]
         seed = (center, seeds.world_from_camera[frame], seeds.covariance[frame], ground)
         known = poses.take(np.flatnonzero(poses.converged))
+        # Poses by lengths within the telemetry's prior, likeliest first.
         compared = compare_with_seed(*seed, known)
         order = np.argsort(known.cost + compared.squared_distance, kind="stable")
         order = order[allowed(compared.squared_distance[order])]

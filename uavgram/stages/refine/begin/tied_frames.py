@@ -98,6 +98,7 @@ def _scale(survey: Survey, point: Floats) -> float | None:
     here = np.linalg.norm(point[a] - point[b], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = survey.length_m / here
+    # Median of the ratios: robust against wrong lengths.
     ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
     return float(np.median(ratio)) if len(ratio) else None
 

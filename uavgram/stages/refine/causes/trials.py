@@ -132,6 +132,7 @@ def tried(standing: Standing, judged: Judged) -> Judged:
     if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
         return Judged(hypothesis, judged.found, 0.0, -np.inf)
     after = Standing(taking, refined)
+    # Variance factor of the corrected survey, where its core still does not fit.
     fit = core_fit(refined.adjustment)
     noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
     gain, found = standing.cost - after.cost, judged.found

@@ -160,6 +160,7 @@ def _too_high(adjustment: Adjustment) -> tuple[float, float]:
     _, off, covariance = _places_off(adjustment)
     weight = 1.0 / covariance[:, 2, 2]
     mean = float(np.average(off[:, 2], weights=weight))
+    # Adjusted bias, mean residual height, and the shift of the ground that followed the log.
     state, ground = adjustment.state, adjustment.survey.ground
     bias = float(adjustment.minimum.blocks["position_bias"].residual[2, 0])
     followed = float(state.plane[0]) - ground.height_m
@@ -351,6 +352,7 @@ def _step_before_lost(standing: Standing) -> Iterator[Hypothesis]:
     lost = misplaced_photos(standing)
     if every is None or not len(lost):
         return
+    # Left-out photos must all be before, or all after, one moment.
     order = every.frame_index[np.argsort(every.time_s, kind="stable")]
     is_lost = np.isin(order, lost)
     ends = np.flatnonzero(np.diff(is_lost.astype(np.int64)))

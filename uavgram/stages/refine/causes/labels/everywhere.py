@@ -141,6 +141,7 @@ def _fall(standing: Standing, first: int, second: int) -> float:
     ends = survey.line_start, survey.line_end
     a, v = _rows(standing, old, at[ends[0][old]], at[ends[1][old]])
     pair = np.array(first), np.array(second)
+    # Derivatives of the old lengths (a) and of the exchanged ones (b).
     b, r = _rows(standing, new, *(at[_exchanged(each[new], *pair)] for each in ends))
     solved = standing.adjustment.minimum.factor.solve(np.concatenate([a, b]).T)
     to_a, to_b = solved[:, : len(old)], solved[:, len(old) :]

@@ -91,6 +91,7 @@ def _places(standing: Standing, picks: Ints, frame: Ints) -> Floats:
     label = labels_of(standing)[survey.pick_label[picks]]
     place = np.full((len(picks), 2), np.nan)
     seen = np.flatnonzero(label >= 0)
+    # Projections of adjusted labels; for picks that take part, without the pick itself.
     place[seen] = adjustment.pixels(frame[seen], label[seen])
     row = np.full(len(survey.pick_frame), -1)
     row[standing.refined.pick_index] = np.arange(len(standing.refined.pick_index))

@@ -109,6 +109,7 @@ def _exchange(standing: Standing, here: Ints, there: Ints) -> tuple[int, int] | 
     if not all(np.isfinite(ray).all() for ray in rays):
         return None
     x, y = (_normalised(ray[:, :2]) for ray in rays)
+    # All exchanges of two picks, and the original order at the end.
     first, second = np.triu_indices(count, 1)
     order = np.tile(np.arange(count), (len(first) + 1, 1))  # the last: as they are
     rows = np.arange(len(first))

@@ -112,6 +112,7 @@ def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
     """Find the labels between which a length fits, best first."""
     if not ends:
         return []
+    # Preselect pairs by the predicted length alone.
     length = found.lengths_between(_labels(found, ends), k)
     away = np.abs(length - found.reading_m[k])
     near = np.argsort(away, kind="stable")[:MOST_PAIRS]
@@ -119,6 +120,7 @@ def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
     ends = [ends[n] for n in near]
     if not ends:
         return []
+    # Test the others: difference over the sigmas of prediction, reading and linearisation.
     length, sigma = found.between(_labels(found, ends), k, [k])
     missed = NOT_LINEAR * abs(found.error[k]) * found.own_sigma_m[k] * found.takes_part[k]
     variance = sigma**2 + found.own_sigma_m[k] ** 2 + missed**2

@@ -54,6 +54,7 @@ def right_labels(standing: Standing, frame: int, picks: Ints) -> Ints:
     if not np.isfinite(ray).all():
         return none
     if survey.seeds is None:
+        # Without a log: begin with the picks whose own labels agree on a pose.
         own = np.searchsorted(label, survey.pick_label[picks])
         own = np.minimum(own, len(label) - 1)
         own[label[own] != survey.pick_label[picks]] = -1
@@ -64,6 +65,7 @@ def right_labels(standing: Standing, frame: int, picks: Ints) -> Ints:
         found = none.copy()
         found[there[agree]] = own[there[agree]]
     else:
+        # With a log: project all labels by its pose, and match picks by pairs.
         pose = survey.seeds.center_world_m[frame], survey.seeds.world_from_camera[frame]
         there = np.column_stack([world, standing.adjustment.points()[0][at[label], 2]])
         place = project(camera.model, camera.parameters, (there - pose[0]) @ pose[1])

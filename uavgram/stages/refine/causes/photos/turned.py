@@ -251,11 +251,13 @@ def _shows_the_ground(standing: Standing, frame: int, picks: Ints, pixel: Floats
     pose = resect_from_plane(world, ray) if np.isfinite(ray).all() else None
     if pose is None or pose[0][2] <= 0:
         return False
+    # Residuals of the resection, by their median.
     off = np.linalg.norm(seen_at(world, pose) - ray[:, :2], axis=1) * camera.parameters[0]
     if not np.median(np.nan_to_num(off, nan=np.inf) / survey.pick_sigma_px[picks[known]]) < AGREES:
         return False
     if survey.seeds is None:
         return True
+    # Rotation angle against the log: cos(angle) = (trace - 1) / 2.
     turn = survey.seeds.world_from_camera[frame].T @ pose[1]
     return bool(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)) < HEADING)
 
