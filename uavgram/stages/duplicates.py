@@ -103,7 +103,7 @@ def _same_exposures(
 ) -> tuple[dict[str, str], dict[str, str]]:
     """Map copies of a file, and other files of an exposure, to the counted photo.
 
-    Of one exposure the first by name with a capture time is counted. A photo without a time is
+    The first by name with a capture time is counted of each exposure. A photo without a time is
     compared with those that have a label at nearly the same pixel, and with the one before it where
     its name continues that name, as for a copy.
     """

@@ -98,7 +98,7 @@ def match(
 
     Your own picks are never changed. Earlier finds, and those that you accepted on the picking
     page, stay too, except those that no longer fit or whose pick you moved: these are searched
-    again. To begin anew, remove all of them first (`--undo`).
+    again. For a new start, remove all of them first (`--undo`).
 
     Parameters
     ----------

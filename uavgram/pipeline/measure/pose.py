@@ -58,8 +58,7 @@ class Posed:
 def pose_frames(inputs: Inputs) -> Posed:
     """Seed the poses from the log or from the photos; without either, only name the world.
 
-    Of several photos of one exposure only one is matched and placed; the others are frames of its
-    time.
+    If several photos show one exposure, only one is matched and placed; the others get its time.
 
     Raises
     ------

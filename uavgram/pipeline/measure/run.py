@@ -178,8 +178,8 @@ def write_review(
 ) -> GroundTexture | None:
     """Write the recording of a result, with its photos and the ground in them.
 
-    Of very many photos it contains some, while all show the ground (see `carried`). They are
-    processed one by one: the used memory does not grow with their number.
+    With very many photos it contains a selection (see `carried`), while all show the ground. They
+    are processed one by one: the used memory does not grow with their number.
 
     Parameters
     ----------

@@ -134,7 +134,7 @@ def same_ground(
 def _best_poses(survey: LiveSurvey, last: Adjusted | None) -> tuple[Poses, Floats] | None:
     """Return each photo's adjusted pose, or else the telemetry's, and its sweep (see `RowPoses`).
 
-    None without either.
+    Return None without either.
     """
     if last is not None:
         rows, poses = shown_poses(last.result)

@@ -1,6 +1,6 @@
 """Choose the number of distortion coefficients: the best one that the photos determine.
 
-By cross-validation with photos left out, and by information criteria.
+The criteria are predictions of left-out photos (cross-validation), and information criteria.
 """
 
 from __future__ import annotations

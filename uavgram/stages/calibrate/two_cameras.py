@@ -55,10 +55,10 @@ class _Level(NamedTuple):
 
 LIKELY = (_Level(0.8, 0.2, 10.0, 4, 0.05), _Level(6.0, 0.3, 0.0, 3, 1.0))
 CERTAIN = (_Level(1.0, 0.3, 20.0, 5, 0.01), _Level(15.0, 0.3, 0.0, 3, 1.0))
-"""Alternative limits for likely, and for certain splits. Of 900 simulated sets of 14 or 20 photos
-of one camera (rolling shutter of 2 px, autofocus within 1 %, stabilisation of 5 px, bent boards)
-none reached `CERTAIN`, and one, with autofocus, `LIKELY`: less than one false refusal in 190 sets,
-at 99 %."""
+"""Alternative limits for likely, and for certain splits. Among 900 simulated sets of 14 or 20
+photos of one camera (rolling shutter of 2 px, autofocus within 1 %, stabilisation of 5 px, bent
+boards) none reached `CERTAIN`, and one, with autofocus, `LIKELY`: less than one false refusal in
+190 sets, at 99 %."""
 
 BENT_SHARE = 0.03
 """Prior sigma of the bow, as a share of the board's length, where it is tested as the reason."""

@@ -23,7 +23,7 @@ MOVED = 1.0
 def is_moved(examined: TestedSurvey) -> Bools:
     """Mark measurements (M,) that a suspected observation, or its rivals, would move if wrong.
 
-    By as much as it takes part in the result, which gives little weight to outliers.
+    The change is that of the result, in which outliers have little weight.
     """
     measured = examined.measured
     sigma = np.where(measured.sigma > 0, measured.sigma, np.inf)

@@ -275,7 +275,7 @@ def _to_go_on_without(
 ) -> dict[int, LeftOut]:
     """Return picks to leave out: those of the undetermined unknown.
 
-    Where all picks depend on it, the picks in the sky of another pose; none without another pose.
+    If all picks depend on it, the picks in the sky of another pose; empty without such a pose.
     """
     hanging = np.flatnonzero(why.picks)
     if 0 < len(hanging) < len(why.picks):

@@ -37,7 +37,7 @@ OFF_M, OFF = 0.25, 4.0
 latter also for prediction errors of ties of another object."""
 
 REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
-"""Ranges of the correlation that are tried, in units of the median distance between ties."""
+"""Ranges of the correlation that are tried, in units of the median distance to the nearest tie."""
 
 OWN = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Variances of each tie by itself, beside the variance that it shares with its neighbours."""
@@ -205,7 +205,7 @@ def _on_ground(world_m: Floats) -> tuple[Ints, Floats]:
 def _likeliest(ties: _Ties, around: Ints) -> tuple[_Ties, float]:
     """Find the correlation under which each tie is predicted best by those around it (T, m).
 
-    By the likelihood of Laplace distributed errors of the fitted size, since some ties are of
+    The likelihood is that of Laplace distributed errors of the fitted size, since some ties are of
     another object. These have no influence afterwards.
 
     Returns

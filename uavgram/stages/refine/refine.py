@@ -5,10 +5,10 @@ The steps of `refine`:
 1. Test tie points and matches against each other (`sound_ties.py`).
 2. Adjust at the stated noise: remove gross errors by a robust adjustment (`robust.py`), and look
    for their causes (`causes/`).
-3. Correct the causes, such as swapped labels, and adjust again.
-4. Learn the noise from the residuals (`noise.py`).
-5. Remove further outliers at the learnt noise: by data snooping (`snooping.py`), or by a second
-   robust adjustment.
+3. With ``outliers: remove``: correct the causes, such as swapped labels, and adjust again.
+4. With ``noise: estimate``: learn the noise from the residuals (`noise.py`).
+5. Remove further outliers at the learnt noise: with ``remove`` by data snooping (`snooping.py`),
+   with ``report`` by a second robust adjustment.
 """
 
 from __future__ import annotations

@@ -696,7 +696,7 @@ def _is_known_mistake(found: Annealed, row: int) -> bool:
 def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     """Adjust without the gross errors of the best candidate; None where that has no result.
 
-    Of candidates that explain as much, one that keeps all picks comes first, and one that
+    Among candidates that explain as much, the one that keeps most picks comes first, and one that
     converges. Those that leave out other lengths are alternatives of the result.
     """
     if not agreed:

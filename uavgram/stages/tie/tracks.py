@@ -29,7 +29,8 @@ class Matches(NamedTuple):
     pair
         (M,) index of the pair of photos.
     across_px
-        (M,) distance from the epipolar line of the other feature, less the common part of all.
+        (M,) distance from the epipolar line of the other feature, less that of neighbouring
+        matches.
     """
 
     feature: Ints

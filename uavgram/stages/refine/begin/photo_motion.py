@@ -104,7 +104,8 @@ def is_in_question(survey: Survey) -> bool:
 def ask_for_shutter(plain: Adjustment, rolling: Adjustment) -> bool:
     """Return whether ties fit much better with rotations during the readout.
 
-    By the median, since wrong ones are still among them, and beyond the effect of so many unknowns.
+    The medians are compared, since wrong ties are still among them, and the effect of so many
+    unknowns is subtracted.
 
     Parameters
     ----------

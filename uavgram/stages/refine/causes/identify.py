@@ -269,7 +269,7 @@ def _each_once(survey: Survey, proposed: Iterable[Judged]) -> Iterator[Judged]:
 def _with_rival(best: Judged, trials: Sequence[Judged]) -> tuple[Judged, Judged | None]:
     """Return the hypothesis to report, and another one that leaves no larger misfit.
 
-    If the observations cannot separate them, one that does not blame a tape comes first.
+    If the observations cannot separate them, one that assumes no wrong tape comes first.
     """
     if best.hypothesis.tell is None:
         return best, None

@@ -1,6 +1,6 @@
 """Find the pose that most picks of a photo agree on.
 
-By consensus of the smallest sets that determine one (Fischler and Bolles 1981), here all of them or
+Consensus of the smallest sets that determine one (Fischler and Bolles 1981), here all of them or
 a fixed sample.
 """
 
