@@ -13,7 +13,7 @@ from uavgram.model.survey.survey import Survey
 
 
 class UndeterminedError(GeometryError):
-    """Error: an unknown is not determined; `picks` (P,) are those that depend on it alone."""
+    """Undetermined unknown; `picks` (P,) are the picks that depend on it alone."""
 
     def __init__(self, message: str, picks: Bools) -> None:
         self.picks = picks
