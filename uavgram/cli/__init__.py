@@ -1,6 +1,6 @@
-"""The command line: arguments -> one call of the pipeline -> exit status; one file per command.
+"""Command line: arguments -> one call of the pipeline -> exit status; one file per command.
 
-Hardly anything is loaded here: before `main` is at work, Python answers Ctrl+C in its own way.
+Hardly anything is loaded here: before `main` starts, Python handles Ctrl+C in its own way.
 """
 
 TYPE_CHECKING = False
@@ -13,13 +13,13 @@ __all__ = ["main"]
 def main(arguments: "Sequence[str] | None" = None) -> int:
     """Run the command line and return its exit status.
 
-    0: done; 1: a problem that the user can solve, told in one message; 2: wrong usage; 130:
-    interrupted by Ctrl+C, at whatever moment. Anything else is a bug and keeps its traceback.
+    0: done; 1: a problem that the user can solve, reported in one message; 2: wrong usage; 130:
+    interrupted by Ctrl+C, at any moment. Anything else is a bug and keeps its traceback.
 
     Parameters
     ----------
     arguments
-        None: those of this process, which is ours alone then.
+        None: those of this process, which then runs only this command.
     """
     try:
         from uavgram.cli.start import begin

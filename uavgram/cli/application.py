@@ -1,4 +1,4 @@
-"""The application that the commands register with, and what they share: options, exit status."""
+"""Application that the commands register with, and their common options and exit statuses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uavgram.model.limits import comma_question, with_point
 
 
 def decimal(_type: object, tokens: Sequence[Token]) -> float:
-    """Read a number that a person typed; a decimal comma where it can mean nothing else."""
+    """Read a typed number, with a decimal comma where it is unambiguous."""
     typed = tokens[0].value
     try:
         return float(with_point(typed))
@@ -28,7 +28,7 @@ Json = Annotated[bool, Parameter(name="--json", negative=())]
 
 DONE, PROBLEM, WRONG_USAGE, VERDICT = 0, 1, 2, 3
 QUIET = "--quiet"
-"""Taken by every command, at any place before a `--`."""
+"""Option of every command, at any place before a `--`."""
 
 app = App(
     name="uavgram",
@@ -41,7 +41,7 @@ app = App(
     "of `run --fail-on`, 130 stopped by Ctrl+C.",
     help_format="plaintext",
     version_flags=["--version"],
-    print_error=False,  # `entry.main` tells every error in one form
+    print_error=False,  # `entry.called` reports every error in one form
     exit_on_error=False,
     suppress_keyboard_interrupt=False,
     result_action="return_value",

@@ -1,6 +1,6 @@
 """Build the JSON objects that commands print for other programs (`--json`).
 
-Units are SI and in the keys' names; numbers that are not known are null. Keys of `run` are those of
+Units are SI and in the keys' names; unknown numbers are null. Keys of `run` are those of
 results.json, which holds everything else.
 """
 
@@ -30,9 +30,9 @@ def run_object(result: Result, folder: Path) -> dict[str, Any]:
     Parameters
     ----------
     result
-        What the run computed.
+        Result of the run.
     folder
-        Where its files are.
+        Folder of its files.
     """
     from uavgram.io.outputs import LAST
     from uavgram.io.results.results_json import dump_results
@@ -91,14 +91,14 @@ def camera_object(read: CameraRead) -> dict[str, Any]:
 def difference_object(
     first: CameraRead, second: CameraRead, difference: CameraDifference
 ) -> dict[str, Any]:
-    """Make an object of what a second camera projects elsewhere, over the image of the first.
+    """Make an object of the differences of a second camera, over the image of the first.
 
     Parameters
     ----------
     first, second
         The cameras.
     difference
-        Between them.
+        Difference between their projections.
     """
     return {
         "schema": SCHEMA,

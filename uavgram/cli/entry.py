@@ -1,4 +1,4 @@
-"""Every command, and the form in which errors are told."""
+"""All commands, and the form of error messages."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ __all__ = ["app", "called"]
 
 
 def called(arguments: Sequence[str] | None) -> int:
-    """Run the command that the arguments, or the process's own, name; its exit status."""
+    """Run the command in the arguments, or the process's own; return its exit status."""
     tell_in(METRIC)
     typed = sys.argv[1:] if arguments is None else list(arguments)
     options = typed[: typed.index("--")] if "--" in typed else typed
@@ -50,7 +50,7 @@ def called(arguments: Sequence[str] | None) -> int:
         try:
             status = app(_with_command(rest))
         except Exception as fault:
-            if has_come():  # what the fault says is of a library that Ctrl+C broke off
+            if has_come():  # the fault is of a library interrupted by Ctrl+C
                 raise KeyboardInterrupt from fault
             raise
     except cyclopts.CycloptsError as error:
@@ -59,16 +59,16 @@ def called(arguments: Sequence[str] | None) -> int:
     except UavgramError as error:
         sys.stderr.write(as_told(f"uavgram: {error}\n"))
         return PROBLEM
-    except BrokenPipeError:  # who reads our output has left (head, less): the files are written
+    except BrokenPipeError:  # the reader of the output (head, less) ended; files are written
         drop_output()
         return DONE
     return status if isinstance(status, int) else DONE
 
 
 def _with_command(typed: list[str]) -> list[str]:
-    """Open the page where no command is named: `uavgram`, or `uavgram FOLDER`.
+    """Open the page without a command: `uavgram`, or `uavgram FOLDER`.
 
-    A command wins over a folder of its name.
+    A command takes precedence over a folder of its name.
     """
     if not typed:
         return ["pick"]
@@ -77,7 +77,7 @@ def _with_command(typed: list[str]) -> list[str]:
 
 
 def _wrong_use(error: cyclopts.CycloptsError) -> str:
-    """What is wrong with a command as it was typed, and where to read how it is used."""
+    """Describe the wrong use of a command, and the way to its help."""
     said = str(error)
     if isinstance(error, cyclopts.UnusedCliTokensError):
         typed = ", ".join(map(repr, error.unused_tokens or ()))

@@ -1,4 +1,4 @@
-"""Ctrl+C at any moment: one line on standard error and status 130, never a traceback."""
+"""Handle Ctrl+C at any moment: one line on standard error and status 130, never a traceback."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _status: int | None = None  # with which this process ends, once it is known
 
 
 def has_come() -> bool:
-    """Tell whether Ctrl+C came while this process was watched."""
+    """Return whether Ctrl+C came while this process was watched."""
     return _came
 
 
 def watch() -> None:
-    """Note every Ctrl+C from now on: libraries may turn its exception into another one.
+    """Record every Ctrl+C from now on: libraries may convert its exception to another one.
 
-    Where Python can raise none, as at the end of an object's life, it is raised a moment later.
+    Where Python cannot raise it, as at the end of an object's life, it is raised a moment later.
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not ignored, as by nohup
         signal.signal(signal.SIGINT, _interrupt)
@@ -54,20 +54,20 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     _came = True
     if _status is None:
         raise KeyboardInterrupt
-    if _status == 0:  # Python puts things away, and nothing is caught any more
+    if _status == 0:  # at the end of the process, nothing is caught any more
         sys.stderr.write("uavgram: interrupted; what was asked for was done already\n")
         os._exit(INTERRUPTED)
-    # Else one line was written already.
+    # Otherwise one line was written already.
 
 
 def _leave() -> None:
-    """End here: while Python takes its modules apart, a signal would end it without a word."""
+    """End here: while Python unloads modules, a signal would end the process without a message."""
     if _status is None:  # a bug, whose traceback is shown
         return
     try:
         sys.stdout.flush()
         sys.stderr.flush()
-    except (AttributeError, OSError, ValueError):  # closed: Python has a status of its own for that
+    except (AttributeError, OSError, ValueError):  # closed: Python has its own status for this
         return
     os._exit(_status)
 

@@ -1,4 +1,4 @@
-"""Where a command begins: the process is set up before what the command needs is loaded."""
+"""Start of a command: set up the process before its modules are loaded."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from uavgram.cli.interrupt import ending, has_come, watch
 
 
 def begin(arguments: Sequence[str] | None) -> int:
-    """Set the process up, and run the command; its exit status.
+    """Set the process up, and run the command; return its exit status.
 
     Raises
     ------
     KeyboardInterrupt
-        Ctrl+C came, whatever exception it was turned into on its way here.
+        Ctrl+C came, even if its exception was converted to another one.
     """
     if arguments is None:  # this process is ours alone
         watch()
@@ -30,12 +30,12 @@ def _run(arguments: Sequence[str] | None) -> int:
     # Most matrices here are small: more threads wait for each other longer than they help. numpy's
     # library reads this when a command loads it.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Photos are looked at by threads of ours, as many as there are cores: those of OpenCV would
+    # Photos are processed by own threads, as many as there are cores: those of OpenCV would
     # wait beside them, and waiting takes a core too. It reads this when it is loaded.
     os.environ.setdefault("OPENCV_FOR_THREADS_NUM", "1")
-    # Of damaged photos OpenCV speaks in terms of its own source; our messages say what to do.
+    # OpenCV's messages on damaged photos refer to its source; own messages name the action.
     os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
-    # pydantic asks every installed package whether it has a plugin for it; we use none.
+    # pydantic searches every installed package for plugins; none is used.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     if arguments is None:
         from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles

@@ -1,4 +1,4 @@
-"""What the commands do to a terminal: text, log lines, progress bars."""
+"""Terminal of the commands: text, log lines, progress bars."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ _KNOWN: ContextVar[tuple[tuple[str, ...], tuple[float, ...]]] = ContextVar(
 
 
 def be_quiet(*, quiet: bool) -> None:
-    """From now on write no text but problems, and no progress; JSON is written all the same."""
+    """Suppress all text but problems, and progress, from now on; JSON is still written."""
     _QUIET.set(quiet)
 
 
 def tell_in(units: Units) -> None:
-    """From now on tell lengths and speeds in these units, and of no result yet."""
+    """Set the units of lengths and speeds in texts from now on, without a result."""
     _UNITS.set(units)
     _KNOWN.set(((), ()))
 
 
 def tell_of(result: Result) -> None:
-    """From now on tell lengths of this result from their exact values, its names as they are."""
+    """Convert lengths of this result from their exact values from now on; keep names unchanged."""
     from uavgram.views.unit_words import exact_lengths, names_like_lengths
 
     if _UNITS.get() != METRIC:
@@ -49,9 +49,9 @@ def tell_of(result: Result) -> None:
 
 
 def tell_as(project: Path) -> Units:
-    """From now on tell lengths and speeds, of errors too, as a project file says.
+    """Set the units of lengths and speeds, also in errors, from a project file.
 
-    A file that cannot be read is no error here: whoever needs it says so.
+    A file that cannot be read is no error here: the code that needs it reports it.
     """
     from uavgram.config.project import load_project
 
@@ -64,7 +64,7 @@ def tell_as(project: Path) -> Units:
 
 
 def as_told(text: str) -> str:
-    """A text with its lengths and speeds in the units of the project."""
+    """Return a text with its lengths and speeds in the units of the project."""
     from uavgram.views.unit_words import in_units
 
     return in_units(text, _UNITS.get(), *_KNOWN.get())
@@ -81,25 +81,25 @@ def say_as_is(*lines: str) -> None:
     Raises
     ------
     OutputError
-        It takes no more, such as a full disk; what the command did stays done.
+        It takes no more, such as a full disk; the work of the command is done.
     """
     if not _QUIET.get():
         _write("\n".join(lines))
 
 
 def say_json(content: object) -> None:
-    """Write a JSON object to standard output, in ASCII: no encoding of a pipe harms it.
+    """Write a JSON object to standard output, in ASCII, safe for every encoding of a pipe.
 
     Raises
     ------
     OutputError
-        It takes no more; what the command did stays done.
+        It takes no more; the work of the command is done.
     """
     _write(json.dumps(content, indent=1, allow_nan=False))
 
 
 def _write(text: str) -> None:
-    if sys.stdout is None:  # closed by who started the program, as some schedulers do
+    if sys.stdout is None:  # closed by the parent, as by some schedulers
         return
     if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal without ± is no reason to fail
         sys.stdout.reconfigure(errors="replace")
@@ -108,7 +108,7 @@ def _write(text: str) -> None:
         sys.stdout.flush()
     except OSError as fault:
         drop_output()
-        # A reader that has left (head, less) misses nothing, and the status stays the command's.
+        # If the reader has ended (head, less), the status of the command is kept.
         if isinstance(fault, BrokenPipeError) or (
             sys.platform == "win32" and fault.errno == errno.EINVAL
         ):
@@ -120,17 +120,17 @@ def _write(text: str) -> None:
 
 
 def say_written(folder: Path, files: Iterable[str]) -> None:
-    """Name the files that were written, below their folder."""
+    """List the files that were written, below their folder."""
     say_as_is("", f"written:   {folder}", *(f"           {file}" for file in files))
 
 
 def drop_output() -> None:
-    """Let go of what standard output did not take, which would fail again at the end."""
+    """Discard unwritten standard output, which would fail again at the end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def log_to_stderr(*, verbose: bool) -> None:
-    """Show log messages on standard error: warnings, and with `verbose` what is being done."""
+    """Show log messages on standard error: warnings, and with `verbose` the steps of the work."""
     level = logging.INFO if verbose else logging.WARNING
     logging.basicConfig(stream=sys.stderr, level=level, force=True)
     for handler in logging.getLogger().handlers:
@@ -138,14 +138,14 @@ def log_to_stderr(*, verbose: bool) -> None:
 
 
 class _Told(logging.Formatter):
-    """Log messages in the units of the project."""
+    """Formatter of log messages in the units of the project."""
 
     def format(self, record: logging.LogRecord) -> str:
         return as_told(super().format(record))
 
 
 def progress() -> Progress:
-    """Progress bars on a terminal, nothing elsewhere."""
+    """Return progress bars on a terminal, nothing elsewhere."""
     from uavgram.pipeline.progress import silent
 
     if _QUIET.get() or not sys.stderr.isatty():

@@ -1,1 +1,1 @@
-"""From a project file to results: reading, the stages in their order, the outputs."""
+"""Pipelines from a project file to results: reading, the stages in order, and the outputs."""

@@ -18,12 +18,12 @@ from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import in_order
 
 _MOST_COMPARED = 1_000_000
-"""Pairs of names that are compared for a slip of the pen, 2 microseconds each."""
+"""Largest number of pairs of names that are compared for typing errors, 2 microseconds each."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Checked:
-    """What a project holds, and what is odd about it."""
+    """Content of a project, and its anomalies."""
 
     inputs: Inputs
     posed: Posed
@@ -49,7 +49,7 @@ def check(project: str | os.PathLike[str]) -> Checked:
 
 
 def missing(inputs: Inputs) -> Iterator[Message]:
-    """What a project lacks to give measurements, or good ones, each in a sentence."""
+    """Report inputs that a project lacks for measurements, or for good ones."""
     project = inputs.project
     if not inputs.picks.image:
         text = (
@@ -83,7 +83,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
 
 
 def _unseen(inputs: Inputs) -> list[Message]:
-    """Labels that lengths, measurements or known points name and nobody picked."""
+    """Report labels in lengths, measurements or known points without a pick."""
     picked = set(inputs.picks.label)
     named = [
         (f"line {name!r}", label)

@@ -1,6 +1,6 @@
-"""How many cores this process may use.
+"""Number of cores that this process may use.
 
-Apart from `threads.py`: a worker reads it before anything that loads numpy.
+Separate from `threads.py`: a worker reads it before it loads numpy.
 """
 
 from __future__ import annotations
@@ -8,16 +8,16 @@ from __future__ import annotations
 import os
 
 _allowed: list[int] = []
-"""How many cores this process was told to use, if it was."""
+"""Number of cores assigned to this process, if any."""
 
 
 def use_one_core() -> None:
-    """From now on use one core: this process is one of as many as there are cores."""
+    """Use one core from now on: this process is one of as many as there are cores."""
     _allowed[:] = [1]
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     if _allowed:
         return _allowed[0]
     if hasattr(os, "sched_getaffinity"):

@@ -1,4 +1,4 @@
-"""Hand the photos' poses over to other programs."""
+"""Export the photos' poses for other programs."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ TAGGED = "tagged"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Geotagged:
-    """What was written where, of which tags, and what is to be said about them."""
+    """Written files and tags, and messages."""
 
     folder: Path
     files: tuple[str, ...]
@@ -46,7 +46,7 @@ def geotag(
     exif: bool = False,
     progress: Progress = silent,
 ) -> Geotagged:
-    """Write geo.txt, pix4d.csv and, asked for, tagged copies of the photos.
+    """Write geo.txt, pix4d.csv and, on request, tagged copies of the photos.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def geotag(
     output
         Folder; by default ``geotag`` in the project's output folder.
     poses
-        ``refined``: as adjusted (of photos without picks, the seed); ``seed``: as the log or the
-        photos have them.
+        ``refined``: as adjusted (for photos without picks, the seed); ``seed``: by the log or the
+        photos.
     exif
         Copies into the folder ``tagged``; the photos themselves are never touched.
     progress

@@ -1,4 +1,4 @@
-"""The ground as photos show it, window by window of a raster."""
+"""Picture of the ground from photos, window by window of a raster."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from uavgram.stages.products.top_view import boxes, reductions
 
 
 def photos_for(view: View, raster: GroundRaster, gains: Floats | None = None) -> PhotoCache:
-    """Photos of a view, no finer than a raster can show.
+    """Return photos of a view, no finer than a raster can show.
 
     Parameters
     ----------
@@ -29,7 +29,7 @@ def photos_for(view: View, raster: GroundRaster, gains: Floats | None = None) ->
     raster
         The top view.
     gains
-        (N,) factors of their brightness; by default they stay as they are.
+        (N,) factors of their brightness; by default unchanged.
     """
     files = photo_files(view.result.frames)
     return photo_cache(
@@ -42,7 +42,7 @@ def photos_for(view: View, raster: GroundRaster, gains: Floats | None = None) ->
 def warped_windows(
     view: View, raster: GroundRaster, photos: PhotoCache | None = None
 ) -> Iterator[tuple[Window, Pixels]]:
-    """Every window of the raster in the order of the file; a few are under way at a time.
+    """Yield every window of the raster in the order of the file; a few are computed ahead.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ def warped_windows(
     raster
         The top view.
     photos
-        By index of the view; by default as they are.
+        By index of the view; by default unchanged.
     """
     reach = boxes(view, raster)
     cache = photos_for(view, raster) if photos is None else photos
@@ -68,7 +68,7 @@ def warped_windows(
 
 
 def whole_picture(view: View, raster: GroundRaster, photos: PhotoCache) -> Pixels:
-    """(H, W, 4) RGB and opacity of a raster that fits into memory.
+    """Return RGB and opacity (H, W, 4) of a raster that fits into memory.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def whole_picture(view: View, raster: GroundRaster, photos: PhotoCache) -> Pixel
 
 
 def _within(reach: Floats, window: Window) -> Ints:
-    """Photos that may show some of a window."""
+    """Return photos that may show part of a window."""
     column, row, width, height = window
     with np.errstate(invalid="ignore"):
         touches = (

@@ -1,4 +1,4 @@
-"""Take over picks that were made in another program."""
+"""Import picks that were made in another program."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from uavgram.stages.messages import in_order
 
 @dataclass(frozen=True, kw_only=True)
 class ControlFiles:
-    """Where the coordinates of a gcp_list.txt go to.
+    """Files for the coordinates of a gcp_list.txt.
 
     Attributes
     ----------
     path
         The control.csv.
     sigmas
-        How well they are known.
+        Their sigmas.
     check
         Labels of the points that go to `check_path` instead: only to judge the result.
     check_path
@@ -43,7 +43,7 @@ class ControlFiles:
 
 @dataclass(frozen=True)
 class Imported:
-    """How much was taken over, and what is to be said about it."""
+    """Numbers of imported items, and messages."""
 
     picks: int
     labels: int
@@ -103,7 +103,7 @@ def import_picks(
 def _tables(
     file: Path, known: KnownPoints | None, control: ControlFiles
 ) -> dict[Path, KnownPoints]:
-    """Points of each file to write: those to judge the result apart from those it is made of."""
+    """Return the points of each file to write: check points separate from control points."""
     if known is None:
         raise InputError(file, "holds no coordinates: leave --control out")
     for label in control.check:

@@ -1,4 +1,7 @@
-"""A project file for a folder of photos: files that are found, and files to choose from."""
+"""Write a project file for a folder of photos, with the files found in it.
+
+Where several files are possible, a person has to choose.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +43,7 @@ PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADE
 """Tables that the picking page makes, and their columns."""
 
 HEADERS = PICKED | {"control": CONTROL_HEADER}
-"""Columns of tables that a new project may have to be written for."""
+"""Columns of tables that may have to be written for a new project."""
 
 _TABLES: tuple[TableRole, ...] = (
     *("picks", "lines", "known", "measure", "control", "control_lines", "check", "plan"),
@@ -49,7 +52,7 @@ _TABLES: tuple[TableRole, ...] = (
 
 @dataclass(frozen=True, kw_only=True)
 class Choices:
-    """What a person chose where a folder holds several; paths are relative to the folder.
+    """Choices of a person where a folder holds several files; paths are relative to the folder.
 
     A camera is a file, ``auto`` or ``unknown``, as in a project.
     """
@@ -62,25 +65,25 @@ class Choices:
 
 @dataclass
 class Notes:
-    """What there is to say, while a folder is looked through."""
+    """Findings and messages of the search through a folder."""
 
     found: list[str] = field(default_factory=list)
     messages: list[Message] = field(default_factory=list)
 
     def warn(self, code: str, text: str, *files: str) -> None:
-        """Add a warning, on `files` where it is about some."""
+        """Add a warning, with the `files` concerned."""
         self.messages.append(Message("warning", code, text, files=files))
 
 
 def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[PhotoGroup, ...]:
-    """Groups of photos to take, all of one size.
+    """Return groups of photos to take, all of one size.
 
     Parameters
     ----------
     folder
         The project folder.
     holdings
-        What it holds.
+        Its content.
     choices
         Patterns that a person chose.
     """
@@ -93,7 +96,7 @@ def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[P
         }
         groups = grouped(sorted(named))
         if not groups:
-            image_size(min(named))  # says why
+            image_size(min(named))  # raises the reason
             wanted = ", ".join(choices.images)
             raise InputError(folder, f"no photo is named {wanted}: correct --images")
     if not groups:
@@ -108,7 +111,7 @@ def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[P
 
 
 def passed_over(holdings: Holdings) -> str:
-    """Files that a new project has no use for, by kind and number; empty where there is none."""
+    """Describe files without a use in a new project, by kind and number; empty without any."""
     kinds = [(path, unread_format(path)) for path in holdings.others]
     names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
     ways = {f"A {known.name}: {known.way_out}": None for _, known in kinds if known}
@@ -117,7 +120,7 @@ def passed_over(holdings: Holdings) -> str:
 
 
 def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
-    """The kinds of photos that there are, and how to choose one."""
+    """Describe the kinds of photos, and how to choose one."""
     patterns = [own_pattern(folder, group, groups) for group in groups]
     rows = "\n".join(
         f"  {pattern}: {len(group.files)} of {group.size_px[0]} x {group.size_px[1]} px, such as "
@@ -135,7 +138,7 @@ def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
 
 
 def own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -> str:
-    """A group's pattern; with how its names begin, where that alone tells it from others.
+    """Return a group's pattern, with the common beginning of its names if that separates it.
 
     Parameters
     ----------
@@ -160,34 +163,34 @@ def own_pattern(folder: Path, group: PhotoGroup, groups: Sequence[PhotoGroup]) -
 
 
 def pattern_of(folder: Path, group: PhotoGroup) -> str:
-    """The pattern of a group, relative to the folder."""
+    """Return the pattern of a group, relative to the folder."""
     inside = group.folder.relative_to(folder).as_posix()
     start = "" if inside == "." else f"{glob.escape(inside)}/"
     return f"{start}*{group.suffix}"
 
 
 def absolute(folder: Path, pattern: str) -> str:
-    """A pattern that is relative to the folder, as `read_photos` wants it."""
+    """Return a pattern relative to the folder as an absolute one, for `read_photos`."""
     return pattern if Path(pattern).is_absolute() else f"{glob.escape(str(folder))}/{pattern}"
 
 
 def only_one(
     folder: Path, what: str, option: str, candidates: Sequence[Path], chosen: Path | None
 ) -> str | None:
-    """The only candidate, or the chosen one, relative to the folder.
+    """Return the only candidate, or the chosen one, relative to the folder.
 
     Parameters
     ----------
     folder
         The project folder.
     what
-        What the file is, in words.
+        Description of the file.
     option
         The option of the command that chooses one.
     candidates
-        Files that could be it.
+        Possible files.
     chosen
-        The one that a person chose; None: nobody did.
+        The choice of a person; None without one.
     """
     if chosen is not None:
         path = chosen if chosen.is_absolute() else folder / chosen
@@ -215,20 +218,20 @@ def choose_camera(
     photos: Photos,
     notes: Notes,
 ) -> str:
-    """The camera file that fits the photos, ``auto``, or ``unknown``.
+    """Return the camera file that fits the photos, ``auto``, or ``unknown``.
 
     Parameters
     ----------
     folder
         The project folder.
     candidates
-        Camera files that are there.
+        Camera files in it.
     chosen
-        The one that a person chose; None: nobody did.
+        The choice of a person; None without one.
     photos
         Photos to take.
     notes
-        What there is to say; the choice is added.
+        Findings and messages; the choice is added.
     """
     size = round(float(photos.width_px[0])), round(float(photos.height_px[0]))
     if chosen is not None and str(chosen) == CAMERA_UNKNOWN:
@@ -267,12 +270,12 @@ def choose_camera(
 
 
 def _unknown_camera(photos: Photos, notes: Notes) -> str:
-    """Where neither a file nor the photos say which camera it was.
+    """Use an ordinary camera where neither a file nor the photos state theirs.
 
     Raises
     ------
     InputError
-        No ordinary camera can stand for it, or for all of the photos.
+        No ordinary camera can replace it, or those of all photos.
     """
     try:
         camera_of_photos(photos, may_be_unknown=True)
@@ -284,16 +287,16 @@ def _unknown_camera(photos: Photos, notes: Notes) -> str:
 
 
 def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, str]:
-    """Tables by role; those that the picking page makes have a name though they are not there.
+    """Return tables by role; those that the picking page makes have a name even if missing.
 
     Parameters
     ----------
     folder
         The project folder.
     holdings
-        What it holds.
+        Its content.
     notes
-        What there is to say; the choice is added.
+        Findings and messages; the choice is added.
     """
     names: dict[str, str] = {role: f"{role}.csv" for role in PICKED}
     for role in _TABLES:
@@ -332,16 +335,16 @@ Attempt = tuple[ProjectText, Message | None]
 
 @dataclass(frozen=True, kw_only=True)
 class NewProject:
-    """A project that was written.
+    """Written project.
 
     Attributes
     ----------
     path
         The project file.
     found
-        What it names, in words.
+        Files that it names, in words.
     messages
-        What is still missing, and what is odd.
+        Messages on missing inputs, and on anomalies.
     """
 
     path: Path
@@ -350,24 +353,24 @@ class NewProject:
 
 
 def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
-    """Write project.yaml for a folder, and empty tables for what is to be picked.
+    """Write project.yaml for a folder, and empty tables for picks.
 
-    Files that are there are never written over. Nothing is written where something is found
-    twice and it is not said which to take, or where a file that is there is wrong.
+    Existing files are never overwritten. Nothing is written where several files are possible
+    without a choice, or where an existing file is wrong.
 
     Parameters
     ----------
     folder
-        It, or folders in it, holds the photos.
+        Folder with the photos, in it or in its subfolders.
     choices
-        Which photos, log or camera to take.
+        Photos, log or camera to take.
 
     Raises
     ------
     InputError
-        The folder holds no photo, or several sizes, logs, cameras or tables of one kind: lists
-        them. Or it holds a project file already, or a file in it is wrong, or no camera can be
-        assumed for the photos.
+        The folder holds no photo, or several sizes, logs, cameras or tables of one kind, which the
+        message lists. Or it holds a project file already, or a file in it is wrong, or no camera
+        can be assumed for the photos.
     OutputError
         It cannot be written to.
     """
@@ -389,7 +392,7 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
 
 
 def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, Photos]:
-    """What the project file is to say, with poses only attempted; and the photos."""
+    """Return the content of the project file, with poses only attempted; and the photos."""
     holdings = search_folder(folder)
     groups = choose_photos(folder, holdings, choices)
     images = choices.images or tuple(pattern_of(folder, group) for group in groups)
@@ -418,7 +421,7 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectTex
 
 
 def _make_files(folder: Path, text: ProjectText) -> list[Path]:
-    """Write the tables that are not there, and the project last; none over another."""
+    """Write the missing tables, and the project last; none over an existing file."""
     contents = {
         folder / text.tables[role]: new_table(header, ()).decode()
         for role, header in HEADERS.items()
@@ -443,14 +446,14 @@ def _make_files(folder: Path, text: ProjectText) -> list[Path]:
 
 
 def _try(project: Path, text: ProjectText, photos: Photos, notes: Notes) -> None:
-    """Read the project as `uavgram check` does, and say what it still lacks.
+    """Read the project as `uavgram check` does, and report missing inputs.
 
-    Where the photos cannot be placed as it stands, what else can be tried without asking is tried.
+    Where the photos cannot be placed with it, alternatives that need no question are tried.
 
     Raises
     ------
     InputError
-        A file that is named is wrong.
+        A named file is wrong.
     """
     why = last = ""
     for attempt, note in _attempts(text, photos):
@@ -477,7 +480,7 @@ def _try(project: Path, text: ProjectText, photos: Photos, notes: Notes) -> None
 
 
 def _attempts(text: ProjectText, photos: Photos) -> list[Attempt]:
-    """Project files to try, the first that works is taken; and what is to be said of each."""
+    """List project files to try, of which the first that works is taken; with their messages."""
     if text.log is not None:
         return [(text, None), _on_utc(text, ""), *_by_names(text, photos.frame_id)]
     if text.poses is not None:
@@ -492,7 +495,7 @@ def _attempts(text: ProjectText, photos: Photos) -> list[Attempt]:
 
 
 def _above_ground(text: ProjectText, photos: Photos, also: str) -> list[Attempt]:
-    """The same with an assumed height above the ground, for poses that say nothing of it."""
+    """Return an attempt with an assumed height above the ground, for poses without one."""
     origin = ground_below(str(text.poses), photos)
     if origin is None:
         return []
@@ -515,7 +518,7 @@ def _on_utc(text: ProjectText, also: str) -> Attempt:
 
 
 def _by_names(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
-    """The same with times from the photos' names, where these hold some."""
+    """Return attempts with times from the photos' names, if these contain any."""
     form = name_format([Path(name).stem for name in names])
     if form is None:
         return []

@@ -1,4 +1,4 @@
-"""What a process of ours alone does without: the command line's, or a worker of a batch."""
+"""Settings for processes of this program only: the command line's, or a worker of a batch."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from importlib.util import LazyLoader
 from types import ModuleType
 
 NEVER = frozenset({"pandas"})
-"""No command needs it, but Arrow, in which recordings are written, loads it where it is: a third of
-a second. Where the search for a module fails, it is not installed."""
+"""Modules that no command needs, but that Arrow, in which recordings are written, loads if
+installed: a third of a second. Where the search for a module fails, it counts as not installed."""
 
 LATE = frozenset(
     {
@@ -33,25 +33,24 @@ LATE = frozenset(
         "scipy.spatial.transform",
     }
 )
-"""scipy loads all of numpy, down to its compiler of Fortran, Rerun all that one can do with its
-viewer, and ezdxf all hatches and fonts of CAD. These are executed when somebody asks for something
-in them, which hardly anybody does. What threads may ask for at once is none of them: while the
-first executes it, the others find half of it. So numpy.ma, which each median asks, is loaded."""
+"""Modules that are executed at their first use, which is rare: scipy loads all of numpy, including
+its Fortran compiler, Rerun its complete viewer interface, and ezdxf all hatches and fonts of CAD.
+Modules that threads may use simultaneously are excluded: while the first thread executes the
+module, the others find half of it. So numpy.ma, which each median uses, is loaded."""
 
 
 def seldom_look_for_cycles() -> None:
-    """Collect garbage hardly ever, and none of it at the end.
+    """Collect garbage rarely, and not at the end.
 
-    The half thousand modules of a run are a million objects that stay. To look through them for
-    cycles again and again takes a twentieth of a short run, to do so once more before the process
-    ends as long.
+    The half thousand modules of a run are a million permanent objects. Repeated searches for cycles
+    among them take a twentieth of a short run, and another one before the process ends as long.
     """
     gc.set_threshold(1_000_000, 20, 100)
     atexit.register(gc.freeze)
 
 
 def load_little() -> None:
-    """From now on load no module for nothing: see `NEVER` and `LATE`."""
+    """Avoid unnecessary modules from now on: see `NEVER` and `LATE`."""
     sys.meta_path.insert(0, _Little())
 
 
@@ -59,7 +58,7 @@ class _Little(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """None, so that others go on looking, of everything else."""
+        """Return None for all other modules, so that the search continues."""
         if fullname.partition(".")[0] in NEVER:
             raise ModuleNotFoundError(fullname, name=fullname)
         spec = PathFinder.find_spec(fullname, path, target) if fullname in LATE else None

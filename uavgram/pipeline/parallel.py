@@ -1,4 +1,4 @@
-"""Work on all cores ahead of whoever takes the results, and only a little ahead."""
+"""Parallel work on all cores, only a little ahead of the consumer."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ Made = TypeVar("Made")
 
 
 def prefetch(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[tuple[Item, Made]]:
-    """Results in order, with no more of them in memory than are needed to keep all cores busy.
+    """Yield results in order, with only as many in memory as keep all cores busy.
 
-    For work that leaves Python (decoding, warping): it is done by threads.
+    For work outside Python (decoding, warping): it is done by threads.
     """
     count = cores()
     with ThreadPoolExecutor(count) as pool:
@@ -32,20 +32,20 @@ def prefetch(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[tu
 
 
 FEW = 4
-"""Items for which starting processes does not pay."""
+"""Number of items up to which processes do not pay."""
 
 
 def in_processes(
     work: Callable[[Item], Made], items: Sequence[Item], workers: int = 0
 ) -> Iterator[Made]:
-    """Results in order, made by so many processes (0: as there are cores); few items by this one.
+    """Yield results in order, computed by processes; few items by this one.
 
     For work in Python. `work` and items are pickled.
 
     Parameters
     ----------
     work, items
-        What is done with each item.
+        Function, and its arguments.
     workers
         Processes; 0: as many as there are cores.
 

@@ -1,4 +1,4 @@
-"""Tie points into the project's table, or out of it again."""
+"""Write tie points into the project's table, or remove them."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from uavgram.stages.messages import in_order
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TiesWritten:
-    """What became of a project's tie points.
+    """Tie points of a project after a change.
 
     Attributes
     ----------
     path
         The table.
     ties
-        What is new in it.
+        New tie points in it.
     taken_back
-        Rows of the program that are no more in it.
+        Number of the program's rows that were removed.
     written
-        Whether anything was written.
+        Whether the table was written.
     messages
-        What there is to say of them.
+        Messages on them.
     """
 
     path: Path
@@ -52,21 +52,21 @@ def write_ties(
 ) -> TiesWritten:
     """Find tie points in a project's photos and write them to its table.
 
-    Those that the program found before go; rows that somebody else made stay.
+    Earlier ones by the program are replaced; rows from other sources stay.
 
     Parameters
     ----------
     project
         The project file, or its folder.
     dry_run
-        Whether nothing is to be written.
+        Write nothing.
     progress
         Shows long loops.
 
     Raises
     ------
     UavgramError
-        A problem that the user can solve; the table is as it was.
+        A problem that the user can solve; the table is unchanged.
     """
     inputs = read_inputs(Path(project), unfinished=True)
     path = _table(inputs.project, inputs.folder)
@@ -95,19 +95,19 @@ def write_ties(
 
 
 def take_ties_back(project: str | os.PathLike[str], *, dry_run: bool = False) -> TiesWritten:
-    """Take all tie points that the program found out of a project's table.
+    """Remove all tie points that the program found from a project's table.
 
     Parameters
     ----------
     project
         The project file, or its folder.
     dry_run
-        Whether nothing is to be written.
+        Write nothing.
 
     Raises
     ------
     UavgramError
-        A problem that the user can solve; the table is as it was.
+        A problem that the user can solve; the table is unchanged.
     """
     file = project_file(Path(project))
     settings = load_project(file, unfinished=True)

@@ -1,4 +1,4 @@
-"""Sheets of coded plates at true size."""
+"""Print sheets of coded plates at true size."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ _STEP_MM = 5.0  # of the side that is chosen to fill a page
 
 @dataclass(frozen=True, kw_only=True)
 class PrintedTargets:
-    """What was written.
+    """Written plates.
 
     Attributes
     ----------
     path
         The PDF.
     names
-        Of the plates.
+        Names of the plates.
     pages
-        Number of pages that each takes.
+        Number of pages of each.
     side_m
-        Of the black square; None of a board, which states its own.
+        Side of the black square; None for a board, which states its own.
     """
 
     path: Path
@@ -55,7 +55,7 @@ def print_targets(
     plates
         Ids.
     side_m
-        Of the black square; None: as large as a page takes.
+        Side of the black square; None: as large as a page allows.
     paper
         Name of a paper.
     path
@@ -64,7 +64,7 @@ def print_targets(
     Raises
     ------
     InputError
-        There is no such family, plate or paper, or the side is none.
+        There is no such family, plate or paper, or the side is invalid.
     OutputError
         The file cannot be written.
     """
@@ -85,7 +85,7 @@ def print_targets(
 
 
 def _checked(family: str, plates: Sequence[int], side_m: float | None, paper: str) -> float:
-    """The side to print, once everything is found possible."""
+    """Return the side to print, after checks of all arguments."""
     if family not in FAMILIES:
         hint = near_miss(family, FAMILIES) or "such as aruco-4x4-50 or apriltag-36h11"
         raise InputError("--family", f"there is no family {family!r} ({hint})")

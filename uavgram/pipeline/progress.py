@@ -9,21 +9,21 @@ Item = TypeVar("Item")
 
 
 class Progress(Protocol):
-    """Hands on `items`; `what` names the work, `total` counts it."""
+    """Function that passes on `items`; `what` names the work, `total` counts it."""
 
     def __call__(self, items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
-        """Items, one by one, as they are taken."""
+        """Yield items, one by one, as they are taken."""
 
 
 def silent(items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:  # noqa: ARG001
-    """Hand on the items and show nothing.
+    """Pass on the items and show nothing.
 
     Parameters
     ----------
     items
-        Anything.
+        Any items.
     what
-        What is being done.
+        Name of the work.
     total
         Number of items.
     """

@@ -42,19 +42,19 @@ SHEET_PX = 3000
 """Longer side of the picture to print."""
 
 SIGMA_STEP_PX = 16
-"""Pixels of the top view to one of the standard deviations, which change slowly."""
+"""Pixels of the top view for one pixel of the sigmas, which change slowly."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rectified:
-    """What was written where.
+    """Written top view.
 
     Attributes
     ----------
     covered
         Share of the raster that any photo shows.
     sigma_m
-        Standard deviation of places in it: the median, and what 95 % of them stay below.
+        Standard deviation of places in it: the median, and the 95 % quantile.
     """
 
     folder: Path
@@ -150,7 +150,7 @@ def _tags(view: View) -> dict[str, str]:
 
 
 def _other_planes(view: View) -> tuple[Message, ...]:
-    """A word on areas that lie on planes of their own."""
+    """Report areas that are on planes of their own."""
     first, *others = view.result.areas
     if not others:
         return ()
@@ -163,7 +163,7 @@ def _other_planes(view: View) -> tuple[Message, ...]:
 
 
 def _to_be_seen(picture: Pixels) -> tuple[Pixels, Tone]:
-    """(H, W, 4) RGB and opacity for people to look at, and how it was brightened."""
+    """Return RGB and opacity (H, W, 4) for display, and the applied tone."""
     rgb = np.ascontiguousarray(picture[..., :3])
     tone = automatic_tone(rgb[picture[..., 3] > 0][:, None, ::-1])
     return np.dstack([toned(rgb, tone), picture[..., 3]]), tone
@@ -199,7 +199,7 @@ def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> Fram
 
 
 def _sigma(view: View, raster: GroundRaster, reach: Floats, known: FrameKnowledge) -> Floats:
-    """(H, W) standard deviation of the place that each pixel shows; NaN where none does."""
+    """Compute the sigma (H, W) of the place in each pixel; NaN where no photo shows it."""
     world = view.ground(raster, np.arange(float(raster.width)), np.arange(float(raster.height)))
     best = np.full(world.shape[:2], np.inf)
     sigma = np.full(world.shape[:2], np.nan)

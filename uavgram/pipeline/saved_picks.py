@@ -1,4 +1,4 @@
-"""picks.csv written again by the program: what people wrote in it stays, to the byte."""
+"""Write picks.csv again; the rows that people wrote stay unchanged, to the byte."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from uavgram.pipeline.measure.inputs import Inputs
 
 @contextmanager
 def sole_writer(project: Project, project_path: str) -> Iterator[None]:
-    """Keep picking pages and other searches out of a project's tables.
+    """Lock a project's tables against picking pages and other searches.
 
     Parameters
     ----------
     project, project_path
-        The project, and the file that it was read from.
+        The project, and its file.
 
     Raises
     ------
     UavgramError
-        One of them has the project open; names its process.
+        One of them has the project open; with its process.
     OutputError
-        The output folder, where the lock lies, cannot be written to.
+        The output folder, with the lock, cannot be written to.
     """
     folder = Path(project.output)
     existed = folder.is_dir()
@@ -41,28 +41,28 @@ def sole_writer(project: Project, project_path: str) -> Iterator[None]:
     finally:
         lock.release()
         if not existed:
-            with suppress(OSError):  # somebody else's files are in it by now
+            with suppress(OSError):  # other files are in it by now
                 folder.rmdir()
 
 
 def save_picks(inputs: Inputs, after: Picks) -> Path:
-    """Write other picks into a project's table, made if absent, in one step; returns its path.
+    """Write other picks into a project's table, made if absent, in one step; return its path.
 
     Parameters
     ----------
     inputs
         As read.
     after
-        What the table should hold.
+        New content of the table.
 
     Raises
     ------
     InputError
         Another program changed the table since it was read.
     OutputError
-        It cannot be written; it is as it was.
+        It cannot be written; it is unchanged.
     """
-    path = Path(inputs.project.picks).resolve()  # through links, so that a link stays one
+    path = Path(inputs.project.picks).resolve()  # resolves links, so that a link is kept
     before = path.read_bytes() if path.exists() else None
     if _changed(inputs, before):
         raise InputError(path, "was changed by another program meanwhile: run this once more")
@@ -72,7 +72,7 @@ def save_picks(inputs: Inputs, after: Picks) -> Path:
     if before is None:
         replace_bytes(path, content)
         return path
-    if not os.access(path, os.W_OK):  # replacing would not ask
+    if not os.access(path, os.W_OK):  # a replacement ignores permissions
         raise OutputError(f"{path}: may not be written to; it is as it was")
     mode = path.stat().st_mode
     replace_bytes(path, content)
@@ -82,7 +82,7 @@ def save_picks(inputs: Inputs, after: Picks) -> Path:
 
 
 def _changed(inputs: Inputs, content: bytes | None) -> bool:
-    """Whether a table is no more what was read."""
+    """Return whether a table differs from the one that was read."""
     if content is None:
         return bool(inputs.picks.image)
     return hashlib.sha256(content).hexdigest() not in {one.sha256 for one in inputs.digests}

@@ -1,6 +1,6 @@
-"""What a page asks before picking: what a folder holds, and how it was photographed and taped.
+"""Setup of a project before picking: content of a folder, and how photos and lengths were taken.
 
-What is set is written into project.yaml, in the places where a person would write it.
+The settings are written into project.yaml, in the places where a person would write them.
 """
 
 from __future__ import annotations
@@ -31,24 +31,24 @@ from uavgram.pipeline.import_picks import ControlFiles, import_picks
 from uavgram.pipeline.new import PROJECT, Choices, absolute, new_project, own_pattern, passed_over
 
 MOST_NAMES = 30
-"""Files of a kind that a person is asked to choose from."""
+"""Largest number of files of a kind that are offered to a person."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """How photos were taken and lengths taped.
+    """Setup of photos and tape.
 
     Attributes
     ----------
     pitch_deg
-        Of a camera that was fixed: -90 looked straight down, 0 forward; ``auto``: as the drone
-        recorded it.
+        Pitch of a fixed camera: -90 looked straight down, 0 forward; ``auto``: as recorded by the
+        drone.
     reading_sigma_m
-        Of a reading of the tape.
+        Sigma of a reading of the tape.
     units
-        In which people read.
+        Units for display.
     case
-        For the head of the report.
+        Case for the head of the report.
     """
 
     pitch_deg: float | Auto = "auto"
@@ -64,13 +64,13 @@ class FoundPhotos:
     Attributes
     ----------
     pattern
-        Which they are, relative to the folder that was looked through.
+        Their pattern, relative to the folder of the search.
     count, width_px, height_px, example
-        How many, how large, and the name of the first.
+        Number, size, and the name of the first.
     camera
-        What the first says of its camera; empty where nothing can be assumed from it.
+        Camera by the tags of the first; empty where it cannot be assumed.
     looks_deg
-        How far below the horizon the camera looked, as the first says; None where it does not.
+        Angle of the camera below the horizon by the first; None where not stated.
     """
 
     pattern: str
@@ -84,7 +84,7 @@ class FoundPhotos:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundCamera:
-    """A camera file, for photos of one size."""
+    """Camera file, for photos of one size."""
 
     name: str
     width_px: int
@@ -93,22 +93,22 @@ class FoundCamera:
 
 @dataclass(frozen=True, kw_only=True)
 class FoundInFolder:
-    """What a folder holds for a project; names are relative to it.
+    """Content of a folder for a project; names are relative to it.
 
     Attributes
     ----------
     has_project
-        Whether a project was set up in it already.
+        Whether it holds a project already.
     photos, cameras, logs, poses, gcp_lists, tables
-        What could be used.
+        Usable files.
     passed_over
-        What cannot, in a sentence; empty where there is nothing.
+        Description of unusable files; empty without any.
     setup
-        As the project says, or the defaults.
+        Setup by the project, or the defaults.
     camera
-        As the project says; None without one.
+        Camera by the project; None without one.
     fault
-        Why the project that is there cannot be read; empty where it can.
+        Reason why the existing project cannot be read; empty where it can.
     """
 
     has_project: bool
@@ -126,18 +126,18 @@ class FoundInFolder:
 
 @dataclass(frozen=True, kw_only=True)
 class Wanted:
-    """What a person chose for a folder.
+    """Choices of a person for a folder.
 
     Attributes
     ----------
     choices
-        Which files a new project takes.
+        Files of a new project.
     setup
-        How it was photographed and taped.
+        Setup of photos and tape.
     gcp_list
         A gcp_list.txt to take points with known coordinates from; None: none.
     gcp_sigma_m
-        How well those coordinates are known.
+        Sigma of those coordinates.
     """
 
     choices: Choices
@@ -147,7 +147,7 @@ class Wanted:
 
 
 def look_through(folder: Path) -> FoundInFolder:
-    """Look through a folder and those in it; nothing is written.
+    """Search a folder and its subfolders; nothing is written.
 
     Raises
     ------
@@ -191,7 +191,7 @@ def _photos(folder: Path, group: PhotoGroup, holdings: Holdings) -> FoundPhotos:
         photos, _ = read_photos((absolute(folder, _pattern_of_one(folder, first)),), TimeOptions())
         looks_deg = _looks_deg(photos)
         camera = camera_of_photos(photos)[0].name
-    except UavgramError:  # the photo does not say, or is told of when the project is made
+    except UavgramError:  # not stated, or reported when the project is made
         pass
     return FoundPhotos(
         pattern=own_pattern(folder, group, holdings.photos),
@@ -236,7 +236,7 @@ def _camera_of(folder: Path, project: Project) -> str:
 
 
 def setup_of(project: Project) -> Setup:
-    """What a project says already."""
+    """Return the setup by a project."""
     mount = project.mount
     fixed: float | Auto = mount.pitch_deg
     if mount.gimbal == "none" and fixed == "auto":
@@ -250,13 +250,13 @@ def setup_of(project: Project) -> Setup:
 
 
 def set_up(folder: Path, wanted: Wanted) -> Path:
-    """Write a project file for a folder, or change the one that is there; return it.
+    """Write a project file for a folder, or change the existing one; return it.
 
     Raises
     ------
     UavgramError
-        The photos cannot be used as they are, or nothing can be written. A new project is gone
-        then, and one that was there is as it was.
+        The photos cannot be used, or nothing can be written. A new project is removed then, and an
+        existing one is unchanged.
     """
     folder = folder.absolute()
     path = folder / PROJECT
@@ -281,18 +281,18 @@ def set_up(folder: Path, wanted: Wanted) -> Path:
 
 
 def change_setup(path: Path, setup: Setup) -> None:
-    """Write what differs from what a project says already; all else in the file stays.
+    """Write changed settings into a project; the rest of the file is unchanged.
 
     Raises
     ------
     UavgramError
-        The file cannot be changed in those places; says what to write.
+        The file cannot be changed in those places; the message names the settings.
     """
     _write(path, _changes(setup_of(load_project(path, unfinished=True)), setup))
 
 
 def _changes(before: Setup, after: Setup) -> Settings:
-    """What is to be written, by section and key."""
+    """Return the changes by section and key."""
     changes: dict[str, str | float | Mapping[str, str | float]] = {}
     if after.pitch_deg != before.pitch_deg:
         fixed = after.pitch_deg != "auto"
@@ -312,7 +312,7 @@ def _changes(before: Setup, after: Setup) -> Settings:
 CASE: tuple[Literal["number", "title", "place", "date", "agency"], ...] = (
     *("number", "title", "place", "date", "agency"),
 )
-"""Of a case, what is asked for."""
+"""Fields of a case that are asked for."""
 
 
 def _change_camera(folder: Path, path: Path, camera: Path | None) -> None:
@@ -341,7 +341,7 @@ def _write(path: Path, changes: Settings) -> None:
 
 
 def _take_points(folder: Path, path: Path, wanted: Wanted) -> None:
-    """Take picks and coordinates of a gcp_list.txt over."""
+    """Import picks and coordinates of a gcp_list.txt."""
     project = load_project(path, unfinished=True)
     control = Path(project.control or folder / "control.csv")
     sigmas = GcpSigmas(sigma_m=wanted.gcp_sigma_m)

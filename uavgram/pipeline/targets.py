@@ -1,8 +1,8 @@
 """Find targets in a project's photos, coded and without a number, and write them as picks.
 
-Which one it is, the search for picks tells (`uavgram picks match`): it knows the region, refuses
-what is there twice, and what the other photos contradict. Where its centre is, the target itself
-tells in each photo, so that the clicks' errors are not repeated.
+Targets without a number are identified by the search for picks (`uavgram picks match`), which knows
+the region, and refuses ambiguous ones and those contradicted by other photos. Their centres are
+measured in each photo, so that the errors of clicks are not repeated.
 """
 
 from __future__ import annotations
@@ -49,29 +49,29 @@ from uavgram.stages.target_rows import (
 )
 
 CLICK_PX = 2.5
-"""A target's centre this far from a pick, or three of its sigmas, is not what was picked."""
+"""Largest distance of a target's centre from its pick [px]; or three sigmas of the pick."""
 
 SAME_PX = 1.0
-"""A target's centre farther from where the picture around it is found belongs to another one."""
+"""Largest distance of a target's centre from the place by the surrounding picture [px]."""
 
 ON_GROUND = 100.0
-"""Odds that a target without a height is on the ground: that is where people put them."""
+"""Odds that a target without a height is on the ground, where people usually place them."""
 
 NOT_CLEAR = "no clear target there: hidden, shadowed, or too small"
 
 
 @dataclass(frozen=True, kw_only=True)
 class UncodedTargets:
-    """What was found.
+    """Targets without a number that were found.
 
     Attributes
     ----------
     picks
-        All of the project, with those of these targets.
+        All picks of the project, with those of these targets.
     kinds
-        What each label is, of those that are targets.
+        Kind of target by label.
     found
-        By label, the other photos in which it was found.
+        Other photos in which it was found, by label.
     """
 
     picks: Picks
@@ -84,12 +84,12 @@ NO_UNCODED = UncodedTargets(picks=NO_PICKS)
 
 
 def uncoded_targets(inputs: Inputs, progress: Progress) -> UncodedTargets:
-    """Look for picked targets in the other photos.
+    """Search for picked targets in the other photos.
 
     Parameters
     ----------
     inputs
-        The project; of targets, its picks hold those that stay.
+        The project; its picks of targets are those that stay.
     progress
         Shows long loops.
     """
@@ -116,7 +116,7 @@ def uncoded_targets(inputs: Inputs, progress: Progress) -> UncodedTargets:
 
 
 def _recognised(inputs: Inputs, photos: Photos) -> dict[int, Uncoded]:
-    """Targets at the places that people picked, by number of the pick."""
+    """Recognise targets at picks by people, by number of the pick."""
     picks, found = inputs.picks, {}
     for i in np.flatnonzero(picks.of_source("hand")).tolist():
         if picks.image[i] not in inputs.photos.frame_id:
@@ -129,16 +129,16 @@ def _recognised(inputs: Inputs, photos: Photos) -> dict[int, Uncoded]:
 
 
 def picked_target(photo: Image, label: str, pixel_px: Floats, sigma_px: float) -> Uncoded | None:
-    """The target that a person picked; None where the pick is on none, or on a coded plate.
+    """Recognise a picked target; None where the pick is on none, or on a coded plate.
 
     Parameters
     ----------
     photo
         (height, width) grey.
     label
-        Of the pick.
+        Label of the pick.
     pixel_px, sigma_px
-        (2,) where it is; NaN where no sigma is known.
+        (2,) its pixel; its sigma, NaN where unknown.
     """
     if plate_of(label) is not None:
         return None
@@ -149,16 +149,16 @@ def picked_target(photo: Image, label: str, pixel_px: Floats, sigma_px: float) -
 
 
 def same_target(photo: Image, kind: Kind, place_px: Floats, sigma_px: float) -> Uncoded | None:
-    """The target of a kind where its surroundings were found; None where it is not clear there.
+    """Recognise a target of a kind where its surroundings were found; None if it is not clear.
 
     Parameters
     ----------
     photo
         (height, width) grey.
     kind
-        What was picked.
+        Kind of the picked target.
     place_px, sigma_px
-        (2,) where its centre should be by the matching.
+        (2,) place of its centre by the matching, and its sigma.
     """
     target = uncoded_target(photo, place_px)
     if target is None or target.kind is not kind:
@@ -168,16 +168,16 @@ def same_target(photo: Image, kind: Kind, place_px: Floats, sigma_px: float) -> 
 
 
 def measured_row(image: str, label: str, target: Uncoded, focal_px: float) -> TargetRow:
-    """A pick of a target's centre.
+    """Return a pick of a target's centre.
 
     Parameters
     ----------
     image, label
-        The photo, and what is picked in it.
+        The photo, and the label.
     target
-        As seen there.
+        The target in it.
     focal_px
-        Of the camera: the middle of a disc's outline is not the image of its middle.
+        Focal length of the camera: the middle of a disc's outline is not the image of its middle.
     """
     sigma = float(np.hypot(target.sigma_px, target.off_center_px(focal_px)))
     u, v = target.pixel_px.tolist()
@@ -185,7 +185,7 @@ def measured_row(image: str, label: str, target: Uncoded, focal_px: float) -> Ta
 
 
 def _kinds(picks: Picks, own: Mapping[int, Uncoded]) -> dict[str, Kind]:
-    """What each label is; none where its picks lie on targets of several kinds."""
+    """Return the kind of each label; none where its picks are on targets of several kinds."""
     kinds: dict[str, set[Kind]] = {}
     for i, target in own.items():
         kinds.setdefault(picks.label[i], set()).add(target.kind)
@@ -199,16 +199,16 @@ def _searched(
     kinds: Mapping[str, Kind],
     progress: Progress,
 ) -> Record:
-    """Where the pictures around the targets are in the other photos.
+    """Search for the pictures around the targets in the other photos.
 
     Parameters
     ----------
     inputs, photos, progress
         The project.
     own
-        Targets at picks: they are looked for from their centres.
+        Targets at picks: the search starts from their centres.
     kinds
-        The labels to look for.
+        Labels to search for.
     """
     pixel = inputs.picks.pixel_px.copy()
     for i, target in own.items():
@@ -228,16 +228,16 @@ def _searched(
 def _measured(
     inputs: Inputs, photos: Photos, kinds: Mapping[str, Kind], record: Record
 ) -> tuple[list[TargetRow], dict[Pair, str]]:
-    """Rows of those targets that are clear where they were found, and why the others are not.
+    """Return rows of clear targets at the finds, and reasons for the others.
 
     Parameters
     ----------
     inputs, photos
         The project.
     kinds
-        What each label is.
+        Kind of each label.
     record
-        What was found.
+        Record of the search.
     """
     rows, missed = [], dict(record.in_vain)
     for pair, found in sorted(record.found.items()):
@@ -252,7 +252,7 @@ def _measured(
 
 
 def _without_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
-    """Without matches where the target itself is picked now: that is better."""
+    """Remove matches where the target itself is now picked, which is better."""
     new = {(row.image, row.label) for row in rows}
     pairs = zip(picks.image, picks.label, strict=True)
     there = np.array([pair in new for pair in pairs], dtype=np.bool_)
@@ -285,20 +285,20 @@ Sight = Callable[[Image], tuple[SeenPlate, ...]]
 
 @dataclass(frozen=True, kw_only=True)
 class FoundTargets:
-    """What was found, and written unless it was only asked for.
+    """Targets that were found, and written unless in a dry run.
 
     Attributes
     ----------
     path
         The table of picks.
     rows, removed
-        Rows of targets that it has now; that it had before.
+        Numbers of rows of targets in it now, and before.
     plates
         For each plate, the photos that show it, and the shortest side there [px].
     photos
-        Number of photos that were looked at.
+        Number of photos that were searched.
     uncoded
-        What was found of labels that are targets without a number.
+        Targets without a number.
     """
 
     path: Path
@@ -314,9 +314,9 @@ class FoundTargets:
 def find_targets(
     project: str | os.PathLike[str], *, dry_run: bool = False, progress: Progress = silent
 ) -> FoundTargets:
-    """Look for the project's plates in all of its photos, and for targets that are picked in one.
+    """Find the project's plates in all of its photos, and targets that are picked in one.
 
-    The rows of an earlier search are replaced; those that a person made stay as they are.
+    The rows of an earlier search are replaced; those by people are unchanged.
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ def find_targets(
     Raises
     ------
     UavgramError
-        A problem that the user can solve. The table is as it was.
+        A problem that the user can solve. The table is unchanged.
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
     with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
@@ -355,17 +355,17 @@ def find_targets(
 
 
 def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> FoundTargets:
-    """Take all rows of targets out of a project's picks.
+    """Remove all rows of targets from a project's picks.
 
     Parameters
     ----------
     project, dry_run
-        As of `find_targets`.
+        As for `find_targets`.
 
     Raises
     ------
     UavgramError
-        A problem that the user can solve. The table is as it was.
+        A problem that the user can solve. The table is unchanged.
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
     path = Path(inputs.project.picks)
@@ -404,7 +404,7 @@ def _seen(inputs: Inputs, progress: Progress) -> Iterator[tuple[str, tuple[SeenP
 
 
 def named_points(inputs: Inputs) -> tuple[set[str], set[str]]:
-    """Labels that lengths, measurements and known things name, and those of known coordinates."""
+    """Return labels in lengths, measurements and known things, and those of known coordinates."""
     lines, known = inputs.lines, inputs.known
     points_of = (*known.points, *inputs.control_lines.points)
     named = {*lines.start, *lines.end, *(p for points in points_of for p in points)}

@@ -1,8 +1,8 @@
-"""One thread for the linear algebra, for as long as one of our calls runs.
+"""One thread for the linear algebra, during calls of this program.
 
-Sums over blocks of another size round in another way, and BLAS cuts its blocks by the number of
-its threads: what is to come out the same on every machine is computed with one. Most matrices here
-are small besides: more threads wait for each other longer than they help.
+Sums over blocks of another size are rounded differently, and BLAS divides blocks by the number of
+its threads: for equal results on every machine one thread is used. Besides, most matrices here are
+small: more threads wait for each other longer than they help.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ Arguments = ParamSpec("Arguments")
 Value = TypeVar("Value")
 
 _OF_EACH_THREAD = "openmp"
-"""Libraries on this layer have a setting for each thread that calls them, others one for all."""
+"""Layer of libraries with a setting for each calling thread; others have one for all."""
 
 _lock = threading.Lock()
 _inside = 0
 _before: list[tuple[LibController, int]] = []
-"""The setting of all threads, as the caller has it."""
+"""Setting of all threads of the caller."""
 
 
 def _libraries() -> ThreadpoolController:
@@ -42,10 +42,10 @@ def _found(*, opencv: bool) -> ThreadpoolController:  # noqa: ARG001  (it brings
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Let BLAS use one thread; the setting before comes back at the end, whatever happens.
+    """Let BLAS use one thread; the previous setting is always restored at the end.
 
     With most libraries the setting is one for the whole process, so calls that overlap in time
-    share it: the first one sets it, and the last one to end puts it back.
+    share it: the first one sets it, and the last one to end restores it.
     """
     with _libraries().select(threading_layer=_OF_EACH_THREAD).limit(limits=1):
         _enter()
@@ -79,10 +79,10 @@ def _is_of_each_thread(library: LibController) -> bool:
 
 
 def _set(numbers: list[tuple[LibController, int]]) -> None:
-    """Set numbers of threads, in whatever thread we are.
+    """Set numbers of threads, from any thread.
 
-    threadpoolctl heeds one thread alone, the first that ever sets a number, until that one gives
-    its right up; a run that is called from another one would not be limited at all.
+    threadpoolctl accepts one thread only, the first that ever sets a number, until that one gives
+    up its right; otherwise a run from another thread would not be limited at all.
     """
     OpenBLASController.clear_controlling_thread(force=True)
     for library, number in numbers:

@@ -31,23 +31,23 @@ from uavgram.stages.tie.tracks import (
 )
 
 DECIMALS = 3
-"""Of pixels, as the table has them."""
+"""Decimals of pixels in the table."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scene:
-    """What is known before tie points are sought.
+    """Inputs of the search for tie points.
 
     Attributes
     ----------
     frame_id, path
         (N,) names and files of the photos.
     calibration
-        Of the camera.
+        Calibration of the camera.
     poses
-        Of those that have one, by their names; None where nothing says where any was.
+        Poses of photos with one, by their names; None where all are unknown.
     picked_image, picked_px
-        (K,), (K, 2) what people picked: around it the height of the ground will be asked for.
+        (K,), (K, 2) picks by people: around them the height of the ground will be needed.
     ground_m, ground_sigma_m
         Height of the ground in the world of the poses, and its standard deviation.
     """
@@ -64,14 +64,14 @@ class Scene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Found:
-    """Tie points, and what they were found from.
+    """Tie points, and their pairs of photos.
 
     Attributes
     ----------
     ties
-        The sightings that are kept.
+        The kept sightings.
     compared, matched
-        (P, 2), (Q, 2) pairs of photos that were compared, and those that show the same.
+        (P, 2), (Q, 2) pairs of photos that were compared, and those with matches.
     """
 
     ties: TiePicks
@@ -85,7 +85,7 @@ def find_ties(scene: Scene, progress: Progress = silent) -> Found:
     Parameters
     ----------
     scene
-        The photos, and what is known of them.
+        The photos, and prior information.
     progress
         Shows long loops.
 
@@ -104,14 +104,14 @@ def find_ties(scene: Scene, progress: Progress = silent) -> Found:
 
 
 class _Seeds(NamedTuple):
-    """Photos with a pose that says what they show, and the row of each in it (-1: none)."""
+    """Photos with a usable pose, and the row of each photo among them (-1: none)."""
 
     seen: Seen
     row: Ints
 
 
 def _pairs(scene: Scene, features: Sequence[Features]) -> tuple[Ints, _Seeds | None]:
-    """Pairs of photos to compare, and what predicts where one shows what another does."""
+    """Choose pairs of photos to compare, and return the poses for predictions."""
     count = len(scene.frame_id)
     chosen = np.zeros((count, count), np.bool_)
     seeds = _seeds(scene)
@@ -146,14 +146,14 @@ def _seeds(scene: Scene) -> _Seeds | None:
 
 
 class _Matched(NamedTuple):
-    """Matches (M, 2) of two photos that passed, as rows of theirs, and (M,) how far off each is."""
+    """Verified matches (M, 2) of two photos, as rows of theirs, and the distance (M,) of each."""
 
     rows: Ints
     across_px: Floats
 
 
 class _PairWork:
-    """Compares two photos: by where the seeds predict things, else by their looks alone."""
+    """Comparison of two photos: guided by predictions from seeds, or else by appearance only."""
 
     def __init__(
         self, calibration: Calibration, features: Sequence[Features], seeds: _Seeds | None
@@ -164,15 +164,15 @@ class _PairWork:
         self._scale = scale_of(calibration)
 
     def compare(self, pair: tuple[int, int]) -> _Matched:
-        """Matches of two photos, by their rows."""
+        """Return matches of two photos, by their rows."""
         one, other = pair
         guide = self._guide(one, other)
         found = self._verified(one, other, guide)
         if guide is None:
-            # where all is compared with all, chance brings a few together
+            # an unguided comparison has a few matches by chance
             return found if len(found.rows) >= 2 * FEWEST else _Matched(found.rows[:0], np.empty(0))
         if len(found.rows) < 2 * FEWEST:
-            # the seeds may be worse than they claim
+            # the seeds may be worse than stated
             free = self._verified(one, other, None)
             found = free if len(free.rows) > 2 * FEWEST else found
         return found
@@ -191,14 +191,14 @@ class _PairWork:
 
 
 def scale_of(calibration: Calibration) -> float:
-    """Pixels of a photo per pixel of the picture that features are sought in."""
+    """Return the pixels of a photo per pixel of the picture in which features are sought."""
     return max(1.0, max(calibration.width_px, calibration.height_px) / WORKING_PX)
 
 
 def _joined(
     scene: Scene, features: Sequence[Features], pairs: Ints, matched: Sequence[_Matched]
 ) -> Found:
-    """Points over all photos, thinned out."""
+    """Join matches to points over all photos, and thin them out."""
     counts = [len(found.pixel_px) for found in features]
     first = np.cumsum([0, *counts])
     photo = np.repeat(np.arange(len(features)), counts)
@@ -213,11 +213,13 @@ def _joined(
         np.repeat(np.arange(len(pairs)), [len(found.rows) for found in matched]),
         np.concatenate([np.empty(0), *(found.across_px for found in matched)]),
     )
+    # Remove outliers, estimate sigmas, and join matches to tracks.
     matches = matches.take(np.flatnonzero(fitting(matches, relative, len(pairs))))
     sigma = sigmas(matches, relative, len(pairs), scale)
     tracks = tracks_of(matches, photo)
     row = {name: k for k, name in enumerate(scene.frame_id)}
     picked = [k for k, name in enumerate(scene.picked_image) if name in row]
+    # Keep a part of the points, evenly spread over the photos.
     kept = choose(
         Sighted(
             tracks=tracks,
@@ -242,6 +244,6 @@ def _joined(
 
 
 def _names(point: Ints) -> Iterator[str]:
-    """Names of points, counted from 1."""
+    """Yield names of points, counted from 1."""
     number = np.unique(point, return_inverse=True)[1]
     return (f"tie{k + 1}" for k in number)

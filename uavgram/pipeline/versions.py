@@ -1,4 +1,4 @@
-"""What a result was computed with."""
+"""Versions of the software behind a result."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import TypedDict
 
 @cache
 def package_versions(names: Sequence[str]) -> tuple[tuple[str, str], ...]:
-    """Versions of Python and of these packages, as pairs of name and version."""
+    """Return versions of Python and of these packages, as pairs of name and version."""
     python = ".".join(str(part) for part in sys.version_info[:3])
     return ("python", python), *((name, importlib.metadata.version(name)) for name in names)
 
 
 class Stamp(TypedDict):
-    """Which program made something, and when (ISO 8601), as every provenance says it."""
+    """Program and time (ISO 8601) of an output, as in every provenance."""
 
     program: str
     version: str
@@ -26,6 +26,6 @@ class Stamp(TypedDict):
 
 
 def stamp() -> Stamp:
-    """The stamp of this program, now."""
+    """Return the stamp of this program, now."""
     now = datetime.now(UTC).isoformat(timespec="seconds")
     return Stamp(program="uavgram", version=importlib.metadata.version("uavgram"), created_utc=now)

@@ -1,1 +1,1 @@
-"""The stages of a run: pure functions of frozen data; none imports another."""
+"""Stages of a run: pure functions of frozen data; none imports another."""

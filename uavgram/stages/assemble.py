@@ -1,4 +1,4 @@
-"""Assemble: names become indices, and everything observed becomes one survey."""
+"""Assemble all observations into one survey, with indices instead of names."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 from uavgram.stages.tied import matches_of, ties_of
 
 SIGNIFICANCE = 1e-4
-"""Probability below which the heights of an area's control points are on no plane."""
+"""Probability below which the heights of an area's control points are not in a plane."""
 
 
 def with_own_heights(survey: Survey) -> Survey:
-    """Free the heights of an area's control points where no plane of the ground goes through them.
+    """Free the heights of an area's control points where they are not in one plane.
 
-    Where one does, they say where it is. A height above the ground that is stated holds.
+    Where they are, they determine the plane. A stated height above the ground is kept.
     """
     free = np.array(survey.is_free)
     for area, ground in enumerate(survey.grounds):
@@ -46,12 +46,12 @@ def with_own_heights(survey: Survey) -> Survey:
 
 
 def _misfit(place_m: Floats, sigma_m: Floats, slope_sigma: float) -> float:
-    """Weighted sum of squares of heights about a plane of unknown height, level up to its sigma.
+    """Compute the weighted squares of heights about a plane of free height, level up to its sigma.
 
     Parameters
     ----------
     place_m, sigma_m
-        (n, 3), (n,) points, and how well each height is that of the plane.
+        (n, 3), (n,) points, and sigmas of their heights about the plane.
     slope_sigma
         Prior of the plane's slopes about level; n - 1 degrees of freedom are left.
     """
@@ -66,12 +66,12 @@ def _misfit(place_m: Floats, sigma_m: Floats, slope_sigma: float) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Assembled(FrozenArrays):
-    """A survey, and where the project's picks and lines went.
+    """Survey, with indices from the project's picks and lines into it.
 
     Attributes
     ----------
     survey
-        Ready to refine.
+        Survey, ready to refine.
     pick_index
         (P,) into the survey's picks; -1 for matches, and for picks in frames without a pose.
     line_index
@@ -79,7 +79,7 @@ class Assembled(FrozenArrays):
     pick_sigma_px
         (P,) of every pick, the default filled in.
     messages
-        On the gauge, and on control points and areas that nobody picked.
+        Messages on the gauge, and on control points and areas without a pick.
     """
 
     survey: Survey
@@ -90,11 +90,11 @@ class Assembled(FrozenArrays):
 
 
 def assemble(observed: Observations) -> Assembled:
-    """Make one survey of what was observed.
+    """Assemble one survey from all observations.
 
     Frames take part where they have a pick or a tie and, with a log, an instant in it. The gauge is
-    ``world`` where telemetry, two picked control points or lines of known position fix position
-    and heading.
+    ``world`` where telemetry, two picked control points or lines of known position fix position and
+    heading.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def assemble(observed: Observations) -> Assembled:
     if gauge == "plane":
         known = []
     areas = _areas(picks, label_at)
-    # The default area comes first where any label lies in it: with a free gauge it is z = 0.
+    # The default area comes first where it has any label: with a free gauge it is z = 0.
     area_at = _rows(sorted(areas, key=lambda name: name != DEFAULT_AREA))
     sigma = np.where(np.isnan(picks.sigma_px), observed.picks_sigma_px, picks.sigma_px)
     matches, stale = matches_of(picks, sigma, _index(chosen, len(picks.image)), shown_at)
@@ -192,11 +192,11 @@ def assemble(observed: Observations) -> Assembled:
 
 
 def _usable_picks(observed: Observations) -> Ints:
-    """Indices of the picks, but for matches, in photos that take part."""
+    """Return indices of the picks, without matches, in photos that take part."""
     picks, posed = observed.picks, _posed(observed)
     used = np.flatnonzero([image in posed for image in picks.image])
     used = used[~(picks.of_source("match") | picks.is_copy)[used]]
-    if observed.copies:  # what was clicked again counts, what was copied with the photo does not
+    if observed.copies:  # a second click counts, a pick that was copied with the photo does not
         shown = [observed.copies.get(name, name) for name in picks.image]
         places = zip(shown, picks.label, *picks.pixel_px.T.tolist(), strict=True)
         first = {place: i for i, place in reversed(list(enumerate(places)))}
@@ -210,7 +210,7 @@ def _usable_picks(observed: Observations) -> Ints:
 
 
 def _posed(observed: Observations) -> set[str]:
-    """Photos that may take part, and others of the same exposures."""
+    """Return photos that may take part, and others of the same exposures."""
     telemetry, copies = observed.telemetry, observed.copies
     seen = {*observed.picks.image, *observed.ties.image}
     posed = seen if telemetry is None else set(telemetry.poses.frame_id)
@@ -219,18 +219,18 @@ def _posed(observed: Observations) -> set[str]:
 
 
 def _tied(observed: Observations) -> set[str]:
-    """Photos that take part by what was found in them."""
+    """Return photos that take part because of matches or ties."""
     found = {observed.picks.image[i] for i in np.flatnonzero(observed.picks.of_source("match"))}
     return (found | set(observed.ties.image)) & _posed(observed) - set(observed.copies)
 
 
 def _rows(names: Iterable[str]) -> dict[str, int]:
-    """Each name once, in order, with its position."""
+    """Map each name, once and in order, to its position."""
     return {name: k for k, name in enumerate(dict.fromkeys(names))}
 
 
 def _times(exposures: Frames | None, frame_at: Iterable[str]) -> tuple[Floats, Floats]:
-    """(F,), (F,) instants of the frames and their own sigmas; NaN where nobody says."""
+    """Return instants (F,) of the frames and their own sigmas (F,); NaN where unknown."""
     taken: dict[str, tuple[float, float]] = {}
     if exposures is not None:
         both = zip(exposures.time_utc_s.tolist(), exposures.sigma_time_s.tolist(), strict=True)
@@ -240,20 +240,20 @@ def _times(exposures: Frames | None, frame_at: Iterable[str]) -> tuple[Floats, F
 
 
 def _index(chosen: Ints | list[int], count: int) -> Ints:
-    """(count,) position among the chosen ones; -1 for the others."""
+    """Return positions (count,) among the chosen ones; -1 for the others."""
     index = np.full(count, -1)
     index[chosen] = np.arange(len(chosen))
     return index
 
 
 def _known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ...]:
-    """What is known of picked points, but for what is withheld."""
+    """Return known things of picked points, without withheld ones."""
     things = (known.seen_thing(i, label_at) for i in np.flatnonzero(known.adjust).tolist())
     return tuple(thing for thing in things if thing is not None)
 
 
 def _of_labels(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
-    """(K,) of each label what one of its picks (P,) states, which holds for all; else 0."""
+    """Return the value (K,) of each label, stated at any of its picks (P,); otherwise 0."""
     found = np.zeros(len(label_at))
     for i in np.flatnonzero(np.isfinite(value)).tolist():
         if picks.label[i] in label_at:
@@ -262,7 +262,7 @@ def _of_labels(picks: Picks, value: Floats, label_at: dict[str, int]) -> Floats:
 
 
 def _areas(picks: Picks, label_at: dict[str, int]) -> list[str]:
-    """(K,) area of each label; stated at one pick, it holds for all."""
+    """Return the area (K,) of each label; stated at one pick, it holds for all."""
     areas = [DEFAULT_AREA] * len(label_at)
     for label, area in zip(picks.label, picks.area or ("",) * len(picks.label), strict=True):
         if area and label in label_at:
@@ -271,7 +271,7 @@ def _areas(picks: Picks, label_at: dict[str, int]) -> list[str]:
 
 
 def _ground(options: GroundOptions, area: str) -> Ground:
-    """An area's plane beforehand."""
+    """Return the prior of an area's plane."""
     own = options.of(area)
     return Ground(
         name=area,
@@ -329,7 +329,7 @@ def _unseen_control(control: KnownWorldPoints, survey: Survey) -> Iterator[Messa
 
 
 def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
-    """Areas of the options in which no usable pick lies."""
+    """Report areas of the options without a usable pick."""
     picked = tuple(one.name for one in survey.grounds)
     for name in ground.areas:
         if name not in picked:
@@ -349,7 +349,7 @@ def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
 
 
 def _unused_readout(survey: Survey) -> Iterator[Message]:
-    """Say so where rows are known to be read one after the other, and the motion is not."""
+    """Report a known readout time without knowledge of the motion."""
     readout, logged = survey.calibration.readout, isinstance(survey.track, Track)
     if readout is not None and readout.value_s and not (logged or survey.ties.points):
         yield Message(

@@ -1,8 +1,8 @@
-"""Camera of a survey: assumed from what a photo says, and learnt from the survey itself.
+"""Camera of a survey: assumed from the tags of a photo, and learnt from the survey itself.
 
-The best source that there is: the maker's calibration in the photo, else the sensor's resolution in
-EXIF, else the table of drone cameras with the focal length of EXIF, else the 35 mm equivalent.
-Where there is none and that may be, an ordinary drone camera.
+The best available source is used: the maker's calibration in the photo, otherwise the sensor's
+resolution in EXIF, otherwise the table of drone cameras with the focal length of EXIF, otherwise
+the 35 mm equivalent. Without any of these an ordinary drone camera, if that is allowed.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ WAY_OUT = (
 )
 WITHOUT = "or write `camera: unknown` in the project, for an ordinary drone camera with wide errors"
 UNKNOWN_CAMERA, ASSUMED_CAMERA = "camera-unknown", "camera-assumed"
-"""Codes of the messages about a camera of which nothing is known, and one that photos tell of."""
+"""Codes of the messages on an unknown camera, and on one assumed from the tags of photos."""
 
 CALIBRATED_FOCAL = 0.002
-"""Of a focal length by an ordinary calibration, as a share: what there is to gain (the published
-calibration of a Phantom 3 by 30 photos has 0.15 % of fy)."""
+"""Relative sigma of the focal length by an ordinary calibration (the published calibration of a
+Phantom 3 by 30 photos has 0.15 % of fy)."""
 
 _SAME_SHAPE = 0.01  # of width / height
 _CONTRADICTION = 0.12  # of two focal lengths: more than a strip of a sensor, or a rounded one
@@ -52,7 +52,7 @@ _CONTRADICTION = 0.12  # of two focal lengths: more than a strip of a sensor, or
 
 @dataclass(frozen=True, eq=False)
 class _Source:
-    """Parameters of a camera, where they come from in words, and how good they are."""
+    """Parameters of a camera, their source in words, and their errors."""
 
     parameters: Floats
     words: str
@@ -62,29 +62,29 @@ class _Source:
 def assume_camera(
     tags: CameraTags, table: tuple[DroneCamera, ...], *, may_be_unknown: bool = False
 ) -> tuple[Calibration, tuple[Message, ...]]:
-    """Make a camera from the tags of a photo.
+    """Assume a camera from the tags of a photo.
 
     Parameters
     ----------
     tags
-        Of one photo.
+        Tags of one photo.
     table
-        The drone cameras that are known.
+        Known drone cameras.
     may_be_unknown
-        Whether an ordinary drone camera is assumed where the photo says nothing that helps.
+        Whether an ordinary drone camera is assumed where the tags are insufficient.
 
     Returns
     -------
     calibration
-        Brown, with the covariance that its source deserves.
+        Brown model, with the covariance of its source.
     messages
-        Which source gave it, and what a calibration would gain.
+        The source, and the gain of a calibration.
 
     Raises
     ------
     InputError
-        Nothing is known of this camera, or the photo was taken with digital zoom, and that may not
-        be; or it has a fisheye lens, which no ordinary camera stands for.
+        The camera is unknown, or the photo was taken with digital zoom, and `may_be_unknown` is
+        false; or it has a fisheye lens, which an ordinary camera cannot replace.
     """
     is_fisheye = _is_fisheye(tags, table)
     source = _factory(tags)
@@ -112,7 +112,7 @@ def _calibration(tags: CameraTags, source: _Source) -> Calibration:
 
 
 def _assumed(tags: CameraTags, source: _Source) -> Message:
-    """What was assumed, and what a calibration would gain."""
+    """Report the assumed camera, and the gain of a calibration."""
     focal_px, errors = source.parameters[0], source.errors
     text = (
         f"Camera {tags.camera_name or 'camera'!r} is assumed, not calibrated: {source.words}. "
@@ -126,7 +126,7 @@ def _assumed(tags: CameraTags, source: _Source) -> Message:
 
 
 def _nothing_known(tags: CameraTags, source: _Source, why: str) -> Message:
-    """What was assumed of a camera that nobody knows, what follows, and what to do."""
+    """Report the assumptions on an unknown camera, their consequences, and the action."""
     focal_px, errors = source.parameters[0], source.errors
     text = (
         f"Nothing is known of this camera: the first photo {why}. {source.words} is assumed: focal "
@@ -142,7 +142,7 @@ def _nothing_known(tags: CameraTags, source: _Source, why: str) -> Message:
 
 
 def _corner_sigma_px(tags: CameraTags, source: _Source) -> float:
-    """How far the assumed errors of a radial distortion move the image's corners."""
+    """Compute the effect of the assumed errors of the radial distortion at the image's corners."""
     focal_px = source.parameters[0]
     radius = math.hypot(tags.width_px, tags.height_px) / (2 * focal_px)
     terms = (sigma * radius**k for k, sigma in zip((3, 5, 7), source.errors.radial, strict=True))
@@ -154,7 +154,7 @@ def _centre(tags: CameraTags) -> list[float]:
 
 
 def _factory(tags: CameraTags) -> _Source | None:
-    """The maker's calibration of this very lens.
+    """Return the maker's calibration of the individual lens.
 
     The camera matrix is [fx 0 width / 2 + cx; 0 fy height / 2 + cy; 0 0 1] for OpenCV's undistort
     (DJI, Mavic 3M Image Processing Guide 2023, page 9, step 2).
@@ -171,9 +171,9 @@ def _factory(tags: CameraTags) -> _Source | None:
 
 
 def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | None:
-    """Focal length of EXIF over the table's pixel size, with the table's distortion.
+    """Compute the focal length from EXIF and the table's pixel size, with the table's distortion.
 
-    Of a camera with a perspective lens.
+    For cameras with a perspective lens only.
     """
     camera = find_camera(tags, table)
     if camera is None or tags.digital_zoom > 1:
@@ -219,13 +219,13 @@ def _of_a_strip(errors: AssumedErrors) -> AssumedErrors:
 
 
 def _folds_in_view(parameters: Floats, tags: CameraTags) -> bool:
-    """Whether the distortion folds back inside the image: it was not fitted over all of it."""
+    """Return whether the distortion folds back inside the image, outside the range of its fit."""
     corner = np.hypot(tags.width_px, tags.height_px) / (2 * parameters[0])
     return bool(largest_radius("brown", parameters) < corner)
 
 
 def _from_equivalent(tags: CameraTags) -> _Source | None:
-    """The 35 mm equivalent of EXIF; its distortion is unknown."""
+    """Use the 35 mm equivalent of EXIF; its distortion is unknown."""
     if math.isnan(tags.focal_35mm_mm) or tags.digital_zoom > 1:
         return None
     errors = replace(DRONE_TABLE, focal=EQUIVALENT_FOCAL, radial=RADIAL_UNKNOWN)
@@ -237,10 +237,10 @@ def _from_equivalent(tags: CameraTags) -> _Source | None:
 
 
 def _from_sensor(tags: CameraTags, other: _Source | None) -> _Source | None:
-    """The focal length over the sensor's resolution, the rest as the other source has it.
+    """Compute the focal length by the sensor's resolution; the rest is from the other source.
 
-    EXIF alone does not tell a copy whose EXIF names its own size as the original's: the focal
-    length must agree with the other source; where there is none, the original's size is stated.
+    A copy whose EXIF states its own size as the original's cannot be detected from EXIF alone: the
+    focal length must agree with the other source; without one, the original's size must be stated.
     """
     focal_px, apart = focal_plane_px(tags)
     if math.isnan(focal_px):
@@ -264,7 +264,7 @@ def _from_sensor(tags: CameraTags, other: _Source | None) -> _Source | None:
 
 
 def _ordinary(tags: CameraTags) -> _Source:
-    """A camera as drones have them: nobody says of which width of its sensor the photo is."""
+    """Return an average drone camera; the used width of its sensor is unknown."""
     logarithm = np.log(list(ORDINARY_EQUIVALENTS_MM.values()))
     spread = float(np.std(logarithm, ddof=1))
     equivalent_mm = math.exp(np.mean(logarithm)) * tags.digital_zoom
@@ -279,7 +279,7 @@ def _ordinary(tags: CameraTags) -> _Source:
 
 
 def _pinhole(tags: CameraTags, focal_px: float) -> Floats:
-    """(9,) parameters without distortion."""
+    """Return parameters (9,) without distortion."""
     return np.array([focal_px, focal_px, *_centre(tags), 0.0, 0.0, 0.0, 0.0, 0.0])
 
 
@@ -303,20 +303,20 @@ def _why_unknown(tags: CameraTags, table: tuple[DroneCamera, ...]) -> str:
 
 
 FAR = 3.0
-"""Prior sigmas beyond which a parameter's shift contradicts the calibration."""
+"""Prior sigmas above which a parameter's shift contradicts the calibration."""
 
 _PIXELS = {"fx", "fy", "cx", "cy"}
 
 
 def what_was_learnt(camera: LearntCamera, *, is_assumed: bool = False) -> tuple[Message, ...]:
-    """Say which parameters the survey determines better than the calibration did, and which not.
+    """Report which parameters the survey determines better than the calibration, and which not.
 
     Parameters
     ----------
     camera
-        Before and after.
+        Camera before and after.
     is_assumed
-        Whether nobody calibrated it: its values and sigmas before are a guess.
+        Whether the camera is not calibrated: its values and sigmas before are a guess.
 
     Returns
     -------

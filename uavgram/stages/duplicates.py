@@ -1,7 +1,7 @@
-"""What stands in a survey twice and says nothing new: counted twice, it would sharpen sigmas.
+"""Find duplicates in a survey, which are counted once: counted twice, they would reduce sigmas.
 
-A copy of a photo carries the errors of its original (pose, picks, lens), and a length that was
-copied the error of its reading; the adjustment takes observations for independent.
+A copy of a photo has the errors of its original (pose, picks, lens), and a copied length the error
+of its reading; the adjustment assumes independent observations.
 """
 
 from __future__ import annotations
@@ -24,26 +24,27 @@ from uavgram.model.survey.observations import KnownLines, Picks
 _MOST_NAMED = 10
 
 MOST_AT_ONCE = 8
-"""Photos of one capture time among which copies are looked for: more are of a clock that stood."""
+"""Largest number of photos with one capture time that are searched for copies: more are from a
+stopped clock."""
 
 SAME_PX = 5.0
-"""Apart at most: two clicks of a person on the same point of one exposure."""
+"""Largest distance of two clicks of a person on the same point of one exposure."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Duplicates:
-    """What is to be counted once.
+    """Items to be counted once.
 
     Attributes
     ----------
     photos
-        Name of each photo that is not counted -> that of the one which is.
+        Name of each photo that is not counted -> that of the counted one.
     lines
-        Index of each known length that is not counted -> that of the one which is.
+        Index of each known length that is not counted -> that of the counted one.
     messages
-        All of it in words.
+        Messages on all duplicates.
     known
-        Index of each known thing that is not counted -> what is: a length or another known thing.
+        Index of each known thing that is not counted -> the counted length or known thing.
     """
 
     photos: Mapping[str, str]
@@ -52,7 +53,7 @@ class Duplicates:
     known: Mapping[int, str] = field(default_factory=dict)
 
     def reason(self, frame_id: str) -> str:
-        """Why a photo is not counted; empty where it is."""
+        """Return the reason why a photo is not counted; empty where it is."""
         kept = self.photos.get(frame_id)
         return "" if kept is None else f"the same photo as {kept}, which is counted"
 
@@ -65,19 +66,19 @@ def find_duplicates(
     known: KnownThings = NO_KNOWN,
     is_same: Callable[[str, str], bool] = lambda _one, _other: False,
 ) -> Duplicates:
-    """Find photos and lengths that are there more than once.
+    """Find photos and lengths that occur more than once.
 
     Parameters
     ----------
     photos
-        Of the project.
+        Photos of the project.
     sha256
-        Of their files, by name.
+        Hashes of their files, by name.
     picks, lines, known
-        Every one of them.
+        All picks, lengths and known things.
     is_same
-        Whether two photos, by name, are of one camera and show the same; asked of those that may
-        be one exposure.
+        Function that decides whether two photos, by name, are of one camera and show the same;
+        called for those that may be one exposure.
     """
     same_file, saved_anew = _same_exposures(photos, sha256, picks, is_same)
     same_lines = _same_lines(lines)
@@ -100,11 +101,11 @@ def find_duplicates(
 def _same_exposures(
     photos: Photos, sha256: Mapping[str, str], picks: Picks, is_same: Callable[[str, str], bool]
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Copies of a file, and other files of an exposure -> the photo that is counted.
+    """Map copies of a file, and other files of an exposure, to the counted photo.
 
-    Of one exposure that is the first by name of those with a capture time. A photo without a time
-    is compared with those that have a label at nearly the same pixel, and with the one before it
-    where its name goes on as a copy's does.
+    The first by name with a capture time is counted of each exposure. A photo without a time is
+    compared with those that have a label at nearly the same pixel, and with the one before it where
+    its name continues that name, as for a copy.
     """
     time_s = dict(zip(photos.frame_id, photos.file_time_s.tolist(), strict=True))
     rows: dict[str, list[int]] = {}
@@ -140,7 +141,7 @@ def _same_exposures(
 
 
 def _same_lines(lines: KnownLines) -> dict[int, int]:
-    """Length -> the one between the same labels, of the same tape and value, that is kept."""
+    """Map each duplicate length to the kept one, of equal labels, tape and value."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, ends in enumerate(zip(lines.start, lines.end, strict=True)):
         how = lines.tape_of(i), lines.along_of(i)
@@ -153,7 +154,7 @@ def _same_lines(lines: KnownLines) -> dict[int, int]:
 
 
 def _same_known(lines: KnownLines, known: KnownThings) -> dict[int, str]:
-    """Known thing -> the length, or the earlier one, of the same points and value."""
+    """Map each duplicate known thing to the length, or earlier thing, of equal points and value."""
     first: dict[tuple[object, ...], str] = {}
     for i in range(len(lines.name)):
         if lines.adjust[i] and lines.along_of(i) == "slope":
@@ -174,7 +175,7 @@ def _same_known(lines: KnownLines, known: KnownThings) -> dict[int, str]:
 
 
 def _known_messages(known: KnownThings, same: Mapping[int, str]) -> tuple[Message, ...]:
-    """One message on all known things that are not counted."""
+    """Report all known things that are not counted."""
     if not same:
         return ()
     parts = [f"{known.name[i]!r} is {kept} again" for i, kept in same.items()]
@@ -200,7 +201,7 @@ def _photo_message(code: str, what: str, copies: Mapping[str, str]) -> tuple[Mes
 
 
 def _pick_message(picks: Picks) -> tuple[Message, ...]:
-    """One message on all rows of picks that repeat another one."""
+    """Report all rows of picks that repeat another one."""
     copies = np.flatnonzero(picks.is_copy).tolist()
     if not copies:
         return ()
@@ -214,7 +215,7 @@ def _pick_message(picks: Picks) -> tuple[Message, ...]:
 
 
 def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message, ...]:
-    """One message on all lengths that are not counted."""
+    """Report all lengths that are not counted."""
     if not same:
         return ()
     parts = []
@@ -237,7 +238,7 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
 
 
 def _alike_messages(picks: Picks) -> Iterator[Message]:
-    """Labels that are picked once and look like another: one point may have both."""
+    """Report labels that are picked once and look like another: one point may have both."""
     count = Counter(picks.label)
     groups: dict[str, list[str]] = {}
     for label in sorted(count, key=lambda label: count[label]):

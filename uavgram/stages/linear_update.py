@@ -1,4 +1,4 @@
-"""Where an adjusted survey moves to when its readings change a little, to first order."""
+"""First-order update of an adjusted survey after small changes of its readings."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from uavgram.model.arrays import Floats
 
 
 class LinearUpdate(NamedTuple):
-    """A survey after one step of the linear model.
+    """Survey after one step of the linear model.
 
     Attributes
     ----------
     state
-        Of all unknowns.
+        State of all unknowns.
     residual_px
         (P, 2) of the picks: projection minus the new pick.
     world_m
@@ -30,16 +30,16 @@ class LinearUpdate(NamedTuple):
 
 
 def linear_update(adjustment: Adjustment, pixel_px: Floats, length_m: Floats) -> LinearUpdate:
-    """Move an adjustment to other readings, by its factorised normal equations.
+    """Update an adjustment to other readings, by its factorised normal equations.
 
     Parameters
     ----------
     adjustment
         The adjusted survey.
     pixel_px
-        (P, 2) its picks as they are now.
+        (P, 2) its picks after the change.
     length_m
-        (n,) the known lengths that take part in it, as they are now.
+        (n,) its participating lengths after the change.
     """
     survey, blocks, problem = adjustment.survey, adjustment.minimum.blocks, adjustment.problem
     errors = {"pixels": (pixel_px - survey.pixel_px) / survey.pick_sigma_px[:, None]}
@@ -48,6 +48,7 @@ def linear_update(adjustment: Adjustment, pixel_px: Floats, length_m: Floats) ->
         change = (length_m - survey.length_m[used]) / survey.length_sigma_m[used]
         errors["lengths"] = change[:, None]
     size = problem.layout.size
+    # Step = N^-1 J^T e, with the changes e of the whitened readings.
     right = np.zeros(size)
     for name, error in errors.items():
         moved = np.einsum("nr,nrk->nk", error, blocks[name].jacobian)

@@ -1,4 +1,4 @@
-"""What a flight log amounts to, boot by boot: its clock, its track, its events, what is unusual."""
+"""Summary of a flight log, boot by boot: clock, track, events and anomalies."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _HEIGHT_JUMP_M = 50.0
 
 
 def summarise_log(log: FlightLog) -> LogSummary:
-    """Judge the clock, the track and the events of every boot; nothing missing is an error."""
+    """Summarise the clock, the track and the events of every boot; missing parts are no error."""
     return LogSummary(log=log, boots=tuple(_boot_summary(boot) for boot in log.boots))
 
 
@@ -80,7 +80,7 @@ def _residuals(boot: Boot, clock: BootClock | None) -> tuple[Floats, Floats]:
 
 
 def _from_first_m(places: PositionSamples | HomeSamples) -> Floats:
-    """(N, 3) east, north, up of the first place."""
+    """Return east, north, up (N, 3) relative to the first position."""
     geodetic = places.latitude_deg, places.longitude_deg, places.height_m
     first = Geodetic(*(float(column[0]) for column in geodetic))
     return enu_from_geodetic(*geodetic, first)

@@ -1,13 +1,13 @@
-"""Match: which places to look for in other photos, what was found, and what contradicts it.
+"""Match: choose places to search in other photos, record finds, and test them for contradictions.
 
-The more is found, the better the poses, and the smaller the regions that are left to search. So a
-round takes only what is predicted about as well as the best of what is left, and a place that was
-not found is tried again from another pick, or once its region has become much smaller.
+More finds give better poses and smaller search regions. So a round takes only places predicted
+about as well as the best of the remaining ones, and a place that was not found is tried again from
+another pick, or once its region has become much smaller.
 
-Places in one photo are predicted with errors that they share: its pose. So what they are off
-by must be as the joint covariance of their predictions has it, and a look-alike a hundred pixels
-away stands out where it could not by its own prediction. The test is Baarda's, in the linear model
-(Baarda 1968), for pairs of coordinates.
+Predictions of places in one photo share the errors of its pose. So the errors of the finds must
+agree with the joint covariance of the predictions, and a look-alike a hundred pixels away is
+detectable, although not by its own prediction. The test is Baarda's, in the linear model (Baarda
+1968), for pairs of coordinates.
 """
 
 from __future__ import annotations
@@ -23,26 +23,26 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 
 Pair = tuple[str, str]
-"""A photo and a label."""
+"""Photo and label."""
 
 
 CONTRADICTED = "what looks like it has moved, or is something else: the other photos contradict it"
 
 
 RAISED_PX = 0.5
-"""Sigma that is added to finds of what stands off the ground: what is seen behind its edges is
-another thing in each photo (on rendered streets they were off by 0.2 to 0.5 px)."""
+"""Sigma that is added to finds of points off the ground: the background of their edges differs from
+photo to photo (on rendered streets they were off by 0.2 to 0.5 px)."""
 
 
 def pick_sigmas(covariance_px2: Floats, is_raised: Bools) -> Floats:
-    """(n,) sigmas of picks that are made of finds: of the matching, in its worse direction.
+    """Return sigmas (n,) of picks made from finds: those of the matching, in its worse direction.
 
     Parameters
     ----------
     covariance_px2
         (n, 2, 2) of the matching; NaN where nothing was found.
     is_raised
-        (n,) whether what was found stands off the ground.
+        (n,) whether the point is off the ground.
     """
     worse = np.sqrt(np.linalg.eigvalsh(np.nan_to_num(covariance_px2))[:, 1])
     return np.asarray(np.hypot(worse, np.where(is_raised, RAISED_PX, 0.0)))
@@ -50,7 +50,7 @@ def pick_sigmas(covariance_px2: Floats, is_raised: Bools) -> Floats:
 
 @dataclass(frozen=True)
 class Found:
-    """A label found in a photo.
+    """Label found in a photo.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Found:
     pixel_px
         (u, v).
     sigma_px, score
-        Of the matching alone, in its worse direction; and how alike both places look, 0 to 1.
+        Sigma of the matching alone, in its worse direction; and similarity of both places, 0 to 1.
     radius_px
         Half the length of the region that was searched.
     """
@@ -71,22 +71,22 @@ class Found:
     radius_px: float
 
     def missed(self, why: str) -> Missed:
-        """The same, taken back."""
+        """Return the find as revoked."""
         return Missed(self.pick, self.radius_px, why, self.pixel_px)
 
 
 @dataclass(frozen=True)
 class Missed:
-    """A label that was looked for in a photo in vain.
+    """Label that was not found in a photo.
 
     Attributes
     ----------
     pick, radius_px
-        As of `Found`.
+        As in `Found`.
     why
-        Why not, in words.
+        Reason, in words.
     pixel_px
-        (u, v) of what looks like it, where the others contradict that.
+        (u, v) of a look-alike that the others contradict.
     """
 
     pick: int
@@ -97,21 +97,21 @@ class Missed:
 
 @dataclass(frozen=True)
 class Record:
-    """The search so far, by photo and label.
+    """Record of the search so far, by photo and label.
 
     Attributes
     ----------
     found
-        What stands.
+        Valid finds.
     missed
-        What was tried, in order.
+        Unsuccessful attempts, in order.
     """
 
     found: Mapping[Pair, Found] = field(default_factory=dict)
     missed: Mapping[Pair, tuple[Missed, ...]] = field(default_factory=dict)
 
     def with_results(self, results: Mapping[Pair, Found | Missed]) -> Record:
-        """The record after another round."""
+        """Add the results of another round."""
         found, missed = dict(self.found), dict(self.missed)
         for pair, result in results.items():
             if isinstance(result, Found):
@@ -121,20 +121,20 @@ class Record:
         return Record(found, missed)
 
     def without(self, pairs: Mapping[Pair, str]) -> Record:
-        """The record with some finds taken back, and why."""
+        """Revoke some finds, with reasons."""
         out = {pair: self.found[pair].missed(why) for pair, why in pairs.items()}
         rest = {pair: one for pair, one in self.found.items() if pair not in pairs}
         return replace(self, found=rest).with_results(out)
 
     def without_labels(self, labels: Collection[str]) -> Record:
-        """The record as if some labels had not been looked for."""
+        """Remove some labels from the record."""
         found = {pair: one for pair, one in self.found.items() if pair[1] not in labels}
         missed = {pair: all_ for pair, all_ in self.missed.items() if pair[1] not in labels}
         return Record(found, missed)
 
     @property
     def in_vain(self) -> dict[Pair, str]:
-        """What was not found in the end, and why: contradicted, else the last reason."""
+        """Pairs that were not found, and the reason: contradicted, or else the last one."""
         left = {pair: tried for pair, tried in self.missed.items() if pair not in self.found}
         return {
             pair: CONTRADICTED if any(one.why == CONTRADICTED for one in tried) else tried[-1].why
@@ -144,7 +144,7 @@ class Record:
 
 @dataclass(frozen=True, kw_only=True)
 class Matches:
-    """What a search found.
+    """Result of a search.
 
     Attributes
     ----------
@@ -153,19 +153,19 @@ class Matches:
     record
         Found and missed, by photo and label.
     labels
-        Those that were looked for.
+        Labels that were looked for.
     picks
-        Those that the table has now, or would have.
+        Picks of the table after the search, or as it would be.
     replaced, kept
-        Number of earlier matches whose pick was moved, or that fit no longer, and which are taken
-        out; and of those that stay as they are.
+        Number of earlier matches whose pick was moved, or that no longer fit, and which are
+        removed; and of those that stay unchanged.
     not_sought
-        Labels that take no part in the adjustment, so that nobody knows where to look.
+        Labels that take no part in the adjustment, so that their places are unknown.
     unplaced
-        Photos of which it is not known where they were taken.
+        Photos of unknown position.
     turned_rad
-        By how much the camera looked elsewhere than mount and log have it, more than they may err;
-        0: it did not.
+        Angle between the camera's direction and that by mount and log, beyond their errors; 0:
+        none.
     """
 
     path: str
@@ -180,7 +180,7 @@ class Matches:
 
     @property
     def sightings(self) -> dict[str, int]:
-        """Of each label that was looked for, the number of photos in which the table has it."""
+        """Number of photos with each label that was looked for, in the table."""
         count = dict.fromkeys(self.labels, 0)
         for label in self.picks.label:
             if label in count:
@@ -189,35 +189,35 @@ class Matches:
 
 
 REGION = float(chdtri(2, 0.001))
-"""Squared sigmas from the middle of a region that holds 99.9 % to its edge."""
+"""Squared sigmas from the middle of a 99.9 % region to its edge."""
 
 FINE_PX = 25.0
 """Radius of a region that is searched without waiting for better poses."""
 
 BEST = 0.2
-"""Share of the places left that a round takes at least."""
+"""Least share of the remaining places that a round takes."""
 
 ALIKE = 1.5
-"""Times the radius of those up to which others are taken too."""
+"""Factor of the radius up to which other places are taken too."""
 
 NARROWED = 0.5
 """Share of its radius to which a region must have shrunk to be searched again."""
 
 
 def radii(covariance_px2: Floats) -> Floats:
-    """(n,) half lengths of the regions (n, 2, 2) that hold 99.9 % [px]."""
+    """Return half lengths (n,) of the 99.9 % regions of covariances (n, 2, 2) [px]."""
     return np.asarray(np.sqrt(REGION * np.linalg.eigvalsh(covariance_px2)[:, 1]))
 
 
 def stretches(affine: Floats) -> Floats:
-    """(n,) by how much a photo shows things larger, smaller or foreshortened: 0 is not at all."""
+    """Compute the change of size (n,), as a logarithm: 0 for equal size without foreshortening."""
     size = np.linalg.svd(affine, compute_uv=False)
     return np.asarray(np.abs(np.log(np.maximum(size, 1e-9))).max(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """n predicted places to choose from.
+    """Set of n predicted places.
 
     Attributes
     ----------
@@ -228,10 +228,10 @@ class Candidates:
     pick
         (n,) number of the pick that each is predicted from.
     is_raised
-        (n,) whether the label stands off the ground: what is seen behind its edges changes from
-        photo to photo, so it waits for the poses that the ground gives.
+        (n,) whether the label is off the ground: the background of its edges changes from photo to
+        photo, so it waits for the poses from ground points.
     is_alone
-        (n,) whether one photo alone shows such a label, so that nothing says how high it stands.
+        (n,) whether only one photo shows such a label, so that its height is unknown.
     """
 
     places: Transferred
@@ -242,14 +242,14 @@ class Candidates:
 
 
 def next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
-    """Which places to look at in the next round; none where there is nothing left to try.
+    """Choose the places of the next round; none where all were tried.
 
     Parameters
     ----------
     candidates
         n predicted places.
     wanted
-        (n,) which are asked for.
+        (n,) mask of the requested ones.
     record
         The search so far.
     """
@@ -273,14 +273,14 @@ def next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
 
 
 def lines_left(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
-    """Places of labels of unknown height to look at along their lines of sight, each pick once.
+    """Choose places of labels of unknown height to search along their lines of sight, once a pick.
 
     Parameters
     ----------
     candidates
         n predicted places.
     wanted
-        (n,) which are asked for.
+        (n,) mask of the requested ones.
     record
         The search so far.
     """
@@ -290,21 +290,21 @@ def lines_left(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
 
 
 CONTRADICTED_SQUARED = float(chdtri(2, 1e-5))
-"""Squared sigmas of the difference from what the others let expect."""
+"""Squared sigmas of the difference from the expectation by the others."""
 
 AS_BAD = 0.7
-"""Share of the worst one's squared sigmas from which another one may be the culprit as well."""
+"""Share of the worst one's squared sigmas above which another one may be the wrong one as well."""
 
 TURNED = float(chdtri(3, 1e-4))
-"""Squared sigmas of the camera's direction on its mount from which on the log is not believed."""
+"""Squared sigmas of the camera's direction on its mount above which the log is not used."""
 
 CURVED = 0.03
-"""Of how far a place is off, what the linear model may miss: a pose that is off by a degree or two
-moves places by other amounts at its edges."""
+"""Share of a place's error that the linear model may miss: a pose error of a degree or two moves
+places by other amounts at its edges."""
 
 
 def contradicted(off_px: Floats, covariance_px2: Floats, sigma_px: Floats) -> Bools:
-    """(n,) which finds do not go together with the others.
+    """Mark finds (n,) that do not agree with the others.
 
     Parameters
     ----------
@@ -321,6 +321,7 @@ def contradicted(off_px: Floats, covariance_px2: Floats, sigma_px: Floats) -> Bo
     left = np.arange(n)
     while left.size:
         both = 2 * left[:, None] + np.arange(2)
+        # Decrease of the squares without each find: p^T W_ii^-1 p, with p = (W e)_i.
         own = weight[both[:, :, None], both[:, None, :]]
         pull = (weight[:, both.ravel()] @ off_px[left].ravel())[both]
         fall = np.einsum("ni,ni->n", pull, np.linalg.solve(own, pull[..., None])[..., 0])
@@ -328,21 +329,22 @@ def contradicted(off_px: Floats, covariance_px2: Floats, sigma_px: Floats) -> Bo
             break
         out = both[fall >= AS_BAD * fall.max()].ravel()
         left = left[fall < AS_BAD * fall.max()]
+        # Remove the worst finds from the joint distribution (Schur complement).
         weight = weight - weight[:, out] @ np.linalg.solve(weight[np.ix_(out, out)], weight[out])
     return ~np.isin(np.arange(n), left)
 
 
 def turned_rad(boresight_rad: Floats, sigma_rad: float) -> float:
-    """By how much the camera looked elsewhere than mount and log have it; 0: within their errors.
+    """Return the angle of the camera from mount and log, 0 within their errors.
 
-    While the log's direction counts, what the photos show is drawn towards it: it is rather more.
+    The log's direction draws the adjusted one towards it: the angle is rather larger.
 
     Parameters
     ----------
     boresight_rad
         (3,) rotation vector, adjusted.
     sigma_rad
-        Of its prior, each axis.
+        Sigma of its prior, each axis.
     """
     angle = float(np.linalg.norm(boresight_rad))
     return angle if angle**2 > TURNED * sigma_rad**2 else 0.0

@@ -1,4 +1,4 @@
-"""Measure: values between ground points with their joint covariance, and what they rest on."""
+"""Measure values between ground points with their joint covariance, and their basis."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from uavgram.model.survey.observations import MeasurementRequest
 def measure(
     adjustment: Adjustment, requests: tuple[MeasurementRequest, ...], frames: Frames
 ) -> tuple[MeasurementResults, tuple[Message, ...]]:
-    """Measure what was asked for.
+    """Compute the requested measurements.
 
     Parameters
     ----------
     adjustment
         The adjusted survey.
     requests
-        What to measure. A ``coordinate`` gives two rows, its east and north.
+        Measurements. A ``coordinate`` gives two rows, its east and north.
     frames
         Times of the exposures, for ``speed``.
 
@@ -43,7 +43,7 @@ def measure(
     MeasurementResults
         In the order of the requests; NaN where a value cannot be computed.
     messages
-        Why not.
+        Reasons for missing values.
     """
     return measurement_results(propagate(adjustment, requests, frames))
 
@@ -51,14 +51,14 @@ def measure(
 def measurement_results(
     measured: MeasuredValues, shifted: Shifts | None = None
 ) -> tuple[MeasurementResults, tuple[Message, ...]]:
-    """What was measured as a table of the result, and why the rest was not.
+    """Return the measurements as a table, and the reasons for missing values.
 
     Parameters
     ----------
     measured
         The values.
     shifted
-        What relief and a wrong tape would do to them; None where nobody asks for it.
+        Effects of relief and of a wrong tape; None where not requested.
     """
     sigma, value = measured.sigma, measured.value
     reach = float(ndtri(0.975)) * sigma
@@ -92,7 +92,7 @@ def measurement_results(
 
 
 def profiles(adjustment: Adjustment, requests: tuple[MeasurementRequest, ...]) -> ProfileResults:
-    """All profiles that were asked for, but those that have no direction or a point unseen."""
+    """Compute all requested profiles, except those without a direction or with a point unseen."""
     names: list[str] = []
     labels: list[str] = []
     tables = [np.zeros((0, 2, len(COLUMNS)))]
@@ -112,7 +112,7 @@ def profiles(adjustment: Adjustment, requests: tuple[MeasurementRequest, ...]) -
 
 
 def _profile(adjustment: Adjustment, label: Ints) -> Floats:
-    """(n, 2, 4) places along a profile, and their standard deviations; NaN without a direction."""
+    """Compute places (n, 2, 4) along a profile, and their sigmas; NaN without a direction."""
     world, jacobian, columns = adjustment.points_with_jacobian(label)
     feet, of_feet, foot_columns = adjustment.ground_with_jacobian(label)
     below = ground_below(adjustment.survey, label, world, feet)
@@ -120,13 +120,14 @@ def _profile(adjustment: Adjustment, label: Ints) -> Floats:
     foot_columns = np.where(below.told[:, None], columns, foot_columns)
     along = profile(world)
     n = len(label)
-    # The ground below over the first point: what lies under a point less the point over the first.
+    # Ground height relative to the first point.
     ground = below.feet[:, 2] - world[0, 2]
     by_points = np.zeros((n, 4, n, 3))
     by_points[:, :3] = along.gradient
     by_points[:, 3, 0, 2] = -1.0
     by_feet = np.zeros((n, 4, n, 3))
     by_feet[np.arange(n), 3, np.arange(n), 2] = 1.0
+    # Gradients by all unknowns, through the points and through the ground below them.
     unknowns = np.unique(np.concatenate([columns, foot_columns]))
     gradient = np.einsum("apni,niu->apu", by_points, _dense(jacobian, columns, unknowns))
     gradient += np.einsum("apni,niu->apu", by_feet, _dense(of_feet, foot_columns, unknowns))
@@ -138,7 +139,7 @@ def _profile(adjustment: Adjustment, label: Ints) -> Floats:
 
 
 def _dense(jacobian: Floats, columns: Ints, unknowns: Ints) -> Floats:
-    """(n, 3, u) Jacobians by all of the unknowns (u,)."""
+    """Expand Jacobians to all of the unknowns (u,), (n, 3, u)."""
     dense = np.zeros((*jacobian.shape[:2], len(unknowns)))
     place = np.searchsorted(unknowns, columns)
     rows = np.arange(len(jacobian))[:, None, None]
@@ -147,11 +148,11 @@ def _dense(jacobian: Floats, columns: Ints, unknowns: Ints) -> Floats:
 
 
 SIGMA_OFF = 0.05
-"""Difference of second- and first-order sigma, as a share, from which first order is off."""
+"""Relative difference of second- and first-order sigma above which first order is insufficient."""
 
 BIAS_OFF = 0.2
-"""Second-order bias, in sigmas, from which first order is off: a 95 % interval about the value
-then holds the truth in 94.5 % of cases, but misses it twice as often on one side."""
+"""Second-order bias, in sigmas, above which first order is insufficient: a 95 % interval about the
+value then holds the truth in 94.5 % of cases, but misses it twice as often on one side."""
 
 
 def second_order(
@@ -167,9 +168,9 @@ def second_order(
     adjustment
         The adjusted survey.
     measured, results
-        What was measured, and its first-order results.
+        The measurements, and their first-order results.
     frames
-        As they were measured.
+        Frames as for the measurements.
     """
     if not measured.rows:
         return None, ()
@@ -215,7 +216,7 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
 
 
 SAME_SIGMAS = 1.0
-"""Values of two other solutions that lie this close, in sigmas, are one value to a reader."""
+"""Difference, in sigmas, up to which values of two other solutions count as one value."""
 
 
 def with_alternatives(
@@ -224,8 +225,8 @@ def with_alternatives(
     """Mark every measurement that the observations do not decide.
 
     The interval of a value holds for one solution. Where another solution, which explains the
-    observations as well, puts the value outside of it, the interval says too much: the other
-    values belong beside it, wherever it is shown.
+    observations as well, puts the value outside of it, the interval is too narrow: the other values
+    have to be shown beside it.
 
     Parameters
     ----------
@@ -242,7 +243,7 @@ def with_alternatives(
     table = np.array([list(other) for other in values], dtype=np.float64)
     table = table.reshape(len(values), len(measurements.name))
     low, high = measurements.interval_95.T
-    outside = (table < low) | (table > high)  # never of NaN: what has no interval is not judged
+    outside = (table < low) | (table > high)  # False for NaN, without an interval
     return replace(
         measurements,
         alternative_values=tuple(
@@ -253,7 +254,7 @@ def with_alternatives(
 
 
 def _distinct(ascending: Floats, reach: float) -> tuple[float, ...]:
-    """Values farther than `reach` from the one before them that is kept."""
+    """Keep values farther than `reach` from the last kept one before them."""
     kept: list[float] = []
     for value in ascending.tolist():
         if not kept or value - kept[-1] > reach:
@@ -262,7 +263,7 @@ def _distinct(ascending: Floats, reach: float) -> tuple[float, ...]:
 
 
 def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
-    """One message: what gives the scale, and how well all else confirms it."""
+    """Report the source of the scale, and its confirmation by other observations."""
     found = scale_sigmas(adjustment)
     witnesses = _witnesses(adjustment)
     rest = " and ".join([", ".join(witnesses[:-1])] * (len(witnesses) > 1) + witnesses[-1:])
@@ -285,12 +286,12 @@ def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
 
 
 def _witnesses(adjustment: Adjustment) -> list[str]:
-    """Name what else may confirm the scale."""
+    """Name the other observations that may confirm the scale."""
     observations = reversed(adjustment.problem.observations.values())
     names = [name for observation in observations for name in observation.witness()]
     return names or ["the stated heights"]
 
 
 def _percent(share: float) -> str:
-    """Two digits of a share, in per cent."""
+    """Format a share in per cent, with two digits."""
     return f"{figures(100.0 * share)}" if share < 1.0 else "100 or more"

@@ -1,4 +1,4 @@
-"""The messages of a run, in order: one message for each kind, the likeliest cause first."""
+"""Order the messages of a run: one message for each kind, the likeliest cause first."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from uavgram.model.message import together as mended_together
 from uavgram.model.survey.mend import Cause
 
 MOST_LISTED = 5
-"""Things that a sentence lists; the message names all of them as data."""
+"""Number of things that a sentence lists; the message names all of them as data."""
 
 LEVELS = ("error", "warning", "info")
 
 
 def without_the_innocent(messages: Iterable[Message], causes: Sequence[Cause]) -> Iterator[Message]:
-    """The messages, those that accuse what a cause explains as information.
+    """Reduce messages to information where a cause explains the misfit that they report.
 
     Parameters
     ----------
     messages
-        As the stages gave them.
+        Messages from the stages.
     causes
-        What explains that observations do not fit.
+        Causes of misfits.
     """
     settled = {name for cause in causes for name in cause.settles}
     settled |= {name for cause in causes for name in cause.message.lengths}
@@ -48,18 +48,18 @@ def without_the_innocent(messages: Iterable[Message], causes: Sequence[Cause]) -
 
 
 def in_order(*messages: Message) -> tuple[Message, ...]:
-    """Messages as people read them: each once, those of one kind as one.
+    """Sort messages for people, each once, and join those of one kind.
 
     Parameters
     ----------
     messages
-        As the stages gave them.
+        Messages from the stages.
 
     Returns
     -------
-    Causes that were found before errors, these before warnings, and choices last; of one level
-    causes first and their consequences last,
-    else in the order in which they came. Doing it twice changes nothing.
+    Causes that were found before errors, these before warnings, and choices last; within one level
+    causes first and their consequences last, otherwise in the order of the input. The function is
+    idempotent.
     """
     groups: dict[object, list[Message]] = {}
     for message in dict.fromkeys(messages):
@@ -84,7 +84,7 @@ def _kind(message: Message) -> object:
 
 
 def _joined(group: Sequence[Message]) -> Message:
-    """One message of several of a kind."""
+    """Join several messages of a kind."""
     first, several = group[0], [m.several for m in group if m.several is not None]
     if len(group) == 1:
         return replace(first, several=None)
@@ -103,10 +103,10 @@ def _joined(group: Sequence[Message]) -> Message:
 
 
 def _mended_together(remedies: Sequence[tuple[Remedy | None, ...]]) -> list[Remedy | None]:
-    """What puts several messages right; by message, what puts it right, likeliest first.
+    """Return a correction for several messages together, and its alternatives, likeliest first.
 
-    Where one of them could be something else, nothing puts all of them right. To read a length
-    again, or to remove it, are two ways of the same.
+    Where one message has several possible corrections, there is no common one. To read a length
+    again, or to remove it, are two ways of the same correction.
     """
     again = all(one[0] is not None and one[0].action == "read" for one in remedies)
     if max(map(len, remedies)) > (2 if again else 1):
@@ -115,7 +115,7 @@ def _mended_together(remedies: Sequence[tuple[Remedy | None, ...]]) -> list[Reme
 
 
 def _listed(several: Sequence[Several]) -> str:
-    """``'a', 'b' (too few picks); 'c' (in the sky); and 4 more``."""
+    """Return ``'a', 'b' (too few picks); 'c' (in the sky); and 4 more``."""
     by_reason: dict[str, list[str]] = {}
     for one in several[:MOST_LISTED]:
         by_reason.setdefault(one.why, []).append(one.item)

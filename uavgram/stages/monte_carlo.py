@@ -1,7 +1,7 @@
-"""Monte Carlo: everything observed or assumed is sampled, adjusted anew and measured.
+"""Monte Carlo: sample all observations and priors, readjust, and measure.
 
-JCGM 101:2008 (GUM supplement 1): where first-order propagation is not good enough, the sampled
-values show it, and their intervals are skewed where the truth is.
+JCGM 101:2008 (GUM supplement 1): the sampled values show where first-order propagation is
+insufficient, and their intervals are skewed as the true distribution is.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from uavgram.model.result.tables import MeasurementResults, MonteCarloResults
 from uavgram.model.survey.observations import MeasurementRequest
 
 NOTICED = 0.05
-"""Difference between sampled and first-order sigma, or of an end of the interval as a share of its
-width, from which it is said."""
+"""Relative difference between sampled and first-order sigma, or of an end of the interval as a
+share of its width, above which it is reported."""
 
 WIDTH = 2.0 * float(ndtri(0.975))
-"""Of a 95 % interval, in sigmas."""
+"""Width of a 95 % interval, in sigmas."""
 
 QUANTILE_SIGMA = float(np.sqrt(0.025 * 0.975 * 2.0 * np.pi) * np.exp(0.5 * ndtri(0.025) ** 2))
 """Standard deviation of a sampled 2.5 % quantile, in sigmas over the root of the sample's size."""
@@ -46,25 +46,26 @@ def sample(
     Parameters
     ----------
     adjustment
-        The adjusted survey; where its iterations start.
+        The adjusted survey, from which the iterations start.
     requests, frames
-        What to measure, and the times of the exposures.
+        Measurements, and the times of the exposures.
     count
         Number of repetitions, at least two that converge.
     seed
-        Of the draws; friction and times are drawn too.
+        Seed of the draws; friction and times are drawn too.
 
     Returns
     -------
     MonteCarloResults
-        Of the repetitions in which a measurement had a value.
+        Statistics of the repetitions in which a measurement had a value.
     messages
-        In how many it had none (an outline that crosses itself, say), or nothing came to rest.
+        Numbers of repetitions without a value (such as an outline that crosses itself), or without
+        convergence.
 
     Notes
     -----
     Every observation enters whitened, r = W (predicted - observed); drawing the observation from
-    its own distribution makes it r - e with e of unit variance, whatever its covariance was.
+    its own distribution makes it r - e with e of unit variance, for any covariance.
     """
     rng = np.random.default_rng(seed)
     rows, failed = [], 0
@@ -76,7 +77,7 @@ def sample(
         if state is None:
             failed += 1
         else:
-            drawn: dict[str, float] = defaultdict(rng.standard_normal)  # one draw a source
+            drawn: dict[str, float] = defaultdict(rng.standard_normal)  # one draw for each source
             rows.append(values_at(adjustment.problem, state, requests, frames, drawn.__getitem__))
     if len(rows) < 2:
         raise GeometryError(
@@ -109,7 +110,7 @@ def _left_out(
     known: Bools,
     failed: int,
 ) -> Iterator[Message]:
-    """Messages on repetitions without a solution, and without a value that the survey has."""
+    """Report repetitions without a solution, and without a value that the survey has."""
     if failed:
         text = (
             f"{failed} Monte Carlo repetitions found no solution and were left out: the sampled "
@@ -138,7 +139,7 @@ def _left_out(
 
 
 def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[Message]:
-    """Say where first order is not good enough: by more than 5 % and what chance may do.
+    """Report insufficient first order: differences of more than 5 % and beyond chance.
 
     Compared are the sigmas, and both ends of the 95 % intervals (JCGM 101:2008, clause 8).
     """

@@ -9,10 +9,10 @@ from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.target_families import corner_label, plate_of
 
 TAPE = "targets"
-"""What all plates have in common, as one printer made them, is the scale of this tape."""
+"""Name of the tape of all plates, as one printer made them: they share its scale."""
 
 OWN_SHARE = 0.5
-"""Of the sigma of a plate's side: what differs from side to side."""
+"""Share of the sigma of a plate's side that differs from side to side."""
 
 SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
 """Pairs of corners whose distance is known: sides and diagonals."""
@@ -21,7 +21,7 @@ SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
 def own_scale(outline_m: Floats, sigma_m: float) -> tuple[tuple[str, float], ...]:
-    """Prior of the scale that all plates have in common.
+    """Return the prior of the common scale of all plates.
 
     Parameters
     ----------
@@ -36,16 +36,16 @@ def own_scale(outline_m: Floats, sigma_m: float) -> tuple[tuple[str, float], ...
 def with_plate_sides(
     lines: KnownLines, picks: Picks, outline_m: Floats, sigma_m: float
 ) -> KnownLines:
-    """The known lengths, and those between the corners of every plate that was found.
+    """Add lengths between the corners of every plate that was found.
 
-    Where a person measured between two corners of a plate, that length stands alone.
+    Where a person measured between two corners of a plate, only that length is used.
 
     Parameters
     ----------
     lines
-        Of the project.
+        Lengths of the project.
     picks
-        All of them; those of source ``target`` say which plates there are.
+        All picks; those of source ``target`` give the plates.
     outline_m
         (4, 2) corners of a plate.
     sigma_m
@@ -81,7 +81,7 @@ def with_plate_sides(
 
 
 def _found(picks: Picks) -> dict[int, set[int]]:
-    """Plates of which the program found corners: numbers of the corners that are picked at all."""
+    """Return the plates that the program found, with the numbers of all picked corners."""
     found: dict[int, set[int]] = {}
     made = picks.of_source("target")
     plates = {plate_of(label) for label, by_us in zip(picks.label, made, strict=True) if by_us}

@@ -1,4 +1,4 @@
-"""Many surveys together: whether sigmas are honest, and which camera's calibration drifts."""
+"""Pooled statistics of many surveys: whether sigmas are realistic, and drifts of calibrations."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from uavgram.model.batch import Drift, Fit, Pooled, SeenParameter, SurveyRow
 LEAST_FREEDOM = 1.0
 _YEAR_S = 365.25 * 86400.0
 _SHARED_CHANCE = 0.01
-"""Of one false alarm among all tests on drift of a batch, by Bonferroni's bound."""
+"""Probability of one false alarm among all tests on drift of a batch, by Bonferroni's bound."""
 _LEARNT = 0.9
 _DRIFT_SURVEYS = 3
-"""Two surveys always lie on a line."""
+"""Least number of surveys for a drift, as two are always on a line."""
 
 
 def pooled_fits(rows: Sequence[SurveyRow]) -> tuple[Pooled, ...]:
-    """Pool errors over sigmas of all surveys, then camera by camera and drone by drone.
+    """Pool errors over sigmas of all surveys, then by camera and by drone.
 
     A sum of squared errors over their covariance is a chi-square of as many degrees of freedom as
     numbers are compared, where the sigmas are right; so is the sum over independent surveys.
@@ -31,7 +31,7 @@ def pooled_fits(rows: Sequence[SurveyRow]) -> tuple[Pooled, ...]:
     Parameters
     ----------
     rows
-        The surveys; those that gave nothing say nothing.
+        The surveys; those without results have no effect.
     """
     found = [*_pooled("all", "", rows)]
     for of in ("camera", "drone"):
@@ -67,7 +67,7 @@ def _pooled(of: str, name: str, rows: Sequence[SurveyRow]) -> Iterable[Pooled]:
 
 
 def camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
-    """What the surveys of each camera say of its parameters against the file, and over time.
+    """Compare the parameters of each camera from its surveys with the file, and over time.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
     for row in rows:
         for seen in row.seen:
             if _tells(seen):
-                # another file is another calibration, though it may have the same name
+                # another file is another calibration, even with the same name
                 key = (row.camera, seen.name, seen.stated, seen.stated_sigma)
                 cameras.setdefault(key, []).append((_seconds(row.taken_utc), seen))
     several = {key: found for key, found in cameras.items() if len(found) > 1}
@@ -88,19 +88,19 @@ def camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
 
 
 def _tells(seen: SeenParameter) -> bool:
-    """Whether a survey determines a parameter; its file must leave it free."""
+    """Return whether a survey determines a parameter that its file leaves free."""
     return 0.0 < seen.sigma < _LEARNT * seen.stated_sigma
 
 
 def _drift(
     camera: str, name: str, found: Sequence[tuple[float, SeenParameter]], limit: float
 ) -> Drift:
-    """Offset and slope by weighted least squares, from what surveys say without the file.
+    """Estimate offset and slope by weighted least squares, from the surveys without the file.
 
     An adjustment moves a parameter from its prior by a shift whose covariance, with itself and with
     the prior's error, is the loss of variance, prior minus adjusted (the Kalman update). So the
-    shift times prior over loss is an estimate that the prior's error does not touch, of variance
-    prior x adjusted / loss, whatever the parameter's correlations with others.
+    shift times prior over loss is an estimate independent of the prior's error, of variance prior x
+    adjusted / loss, for any correlations with other parameters.
     """
     stated = np.array([one.stated for _, one in found])
     prior = np.array([one.stated_sigma for _, one in found]) ** -2.0
@@ -109,7 +109,7 @@ def _drift(
     shift = np.array([one.value for _, one in found]) - stated
     own = shift * total / weight  # of the survey alone, minus the file
     offset = float(np.sum(weight * own) / np.sum(weight))
-    # Errors of the other parameters reach all surveys alike: no mean makes their share smaller.
+    # Errors of the other parameters are common to all surveys: a mean does not reduce them.
     common = float(np.sum(np.sqrt(weight)) / np.sum(weight))
     offset_sigma = math.hypot(common, found[0][1].stated_sigma)
     slope, slope_sigma = _slope(np.array([time for time, _ in found]) / _YEAR_S, own, weight)
@@ -127,7 +127,7 @@ def _drift(
 
 
 def _slope(years: np.ndarray, own: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
-    """Slope and its sigma; NaN of too few surveys, or of one moment."""
+    """Estimate the slope and its sigma; NaN for too few surveys, or a single moment."""
     timed = np.isfinite(years)
     if timed.sum() < _DRIFT_SURVEYS:
         return math.nan, math.nan

@@ -1,4 +1,4 @@
-"""How finely a tape was read: lengths that are all multiples of a decimetre were rounded to it."""
+"""Reading step of a tape: lengths that are all multiples of a decimetre were rounded to it."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ COARSE_M = (0.1, 0.05)
 """Steps to which people round [m]."""
 
 PRIOR_ODDS = 0.1
-"""Odds that somebody rounds to one of these steps, and states a smaller uncertainty."""
+"""Odds that a person rounds to one of these steps, and states a smaller uncertainty."""
 
 SURE_ODDS = 20.0
-"""Odds from which on lengths count as rounded."""
+"""Odds above which lengths count as rounded."""
 
 ROUNDING_M = 1e-6
-"""Within which a number is a multiple of a step [m]."""
+"""Largest difference of a number from a multiple of a step [m]."""
 
 
 def reading_step(length_m: Floats) -> float:
@@ -38,7 +38,7 @@ def reading_step(length_m: Floats) -> float:
     Returns
     -------
     step
-        In metres; 0 where nothing shows that they were rounded.
+        In metres; 0 without evidence for rounding.
 
     Notes
     -----
@@ -55,7 +55,7 @@ def reading_step(length_m: Floats) -> float:
 
 
 def with_reading_step(lines: KnownLines) -> tuple[KnownLines, tuple[Message, ...]]:
-    """Widen the sigmas of lengths that were rounded more coarsely than their sigmas state.
+    """Enlarge the sigmas of lengths that were rounded more coarsely than their sigmas state.
 
     Parameters
     ----------
@@ -65,8 +65,8 @@ def with_reading_step(lines: KnownLines) -> tuple[KnownLines, tuple[Message, ...
     Returns
     -------
     lines, messages
-        With the standard deviation of a rounding, step / sqrt(12), where it exceeds the stated
-        one; and a remark if it does.
+        Lengths with the standard deviation of a rounding, step / sqrt(12), where it exceeds the
+        stated one; and a remark if it does.
     """
     rounding_m = reading_step(lines.length_m) / np.sqrt(12.0)
     is_finer = lines.sigma_m < rounding_m

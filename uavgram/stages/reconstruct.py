@@ -1,4 +1,4 @@
-"""Reconstruct: ground points with their covariances, ellipses and geographic coordinates."""
+"""Reconstruct ground points with their covariances, ellipses and geographic coordinates."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from uavgram.model.survey.survey import Survey, World
 
 
 def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = ()) -> PointResults:
-    """Ground points of an adjusted survey, in the order of their labels.
+    """Reconstruct the ground points of an adjusted survey, in the order of their labels.
 
     Parameters
     ----------
     adjustment
         The adjusted survey.
     world
-        Where the local world lies; points get latitude and longitude where it is tied to the
+        Location of the local world; points get latitude and longitude where it is tied to the
         earth.
     found
-        Names of labels whose heights are unknowns though nobody said so.
+        Names of labels whose heights are unknowns without a statement.
     """
     survey = adjustment.survey
     position, covariance = adjustment.points()
@@ -58,7 +58,7 @@ def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = (
 
 
 def _frames_of_points(survey: Survey) -> tuple[tuple[str, ...], ...]:
-    """(K,) frames in which each point was picked, and then those in which it was matched."""
+    """Return the frames (K,) in which each point was picked, then those in which it was matched."""
     matches = survey.matches
     matched = survey.pick_label[matches.pick][matches.point]
     frames: tuple[dict[int, None], ...] = tuple({} for _ in survey.label)
@@ -71,7 +71,7 @@ def _frames_of_points(survey: Survey) -> tuple[tuple[str, ...], ...]:
 
 
 def _height_sources(survey: Survey, found: Collection[str]) -> tuple[HeightSource, ...]:
-    """(K,) where the height of each point is from."""
+    """Return the source (K,) of the height of each point."""
     named = np.isin(survey.label, list(found))
     sources: list[HeightSource] = ["ground", "stated", "free", "found"]
     cases = np.select([named, survey.is_free, survey.off_ground], [3, 2, 1])

@@ -1,4 +1,4 @@
-"""What would put things right, by name: of a mend by index, and of single observations."""
+"""Corrections by name, from corrections by index (`Mend`) and for single observations."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from uavgram.model.survey.survey import Survey
 
 
 def with_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]) -> Message:
-    """A message with what would put right what it tells of.
+    """Add possible corrections to a message.
 
     Parameters
     ----------
     message
-        Of a cause.
+        Message on a cause.
     survey
-        All observations as they were written.
+        All observations as stated.
     mends
-        Of the cause, and of what else could be the cause; None where only a person can.
+        Corrections of the cause, and of its alternatives; None where only a person can correct it.
     """
     found = read_first([None if one is None else remedy_of(survey, one) for one in mends])
     rivals = tuple(one for one in found[1:] if one is not None)
@@ -31,7 +31,7 @@ def with_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]
 
 
 def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
-    """The same remedies, but what was measured is read again before it is removed."""
+    """Insert before each removal of a length the advice to read it again."""
     found: list[Remedy | None] = []
     for one in remedies:
         if one is not None and one.action == "remove-length":
@@ -48,14 +48,14 @@ def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
 
 
 def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
-    """A mend by name; None where it changes nothing that was written.
+    """Describe a correction by name; None where it changes no stated value.
 
     Parameters
     ----------
     survey
-        All observations as they were written.
+        All observations as stated.
     mend
-        By index into it.
+        Correction, by index into it.
     """
     parts = (
         _labels(survey, mend),
@@ -69,7 +69,7 @@ def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
     known = [one for one in parts if one is not None]
     if not known:
         return None
-    # What takes no part is taken out before others take its label.
+    # Remove picks before others take their labels.
     order = sorted(known, key=lambda one: one.action != "unpick")
     every = (change for one in order for change in one.corrections)
     words = [known[0].words, *(one.words[0].lower() + one.words[1:] for one in known[1:])]
@@ -77,7 +77,7 @@ def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
 
 
 def freed(labels: Sequence[str]) -> Remedy | None:
-    """Points whose heights are to be found; None without any."""
+    """Return a correction that frees heights of points; None without any."""
     if not labels:
         return None
     what = f"the height of {labels[0]}" if len(labels) == 1 else f"these {len(labels)} heights"
@@ -89,14 +89,14 @@ def freed(labels: Sequence[str]) -> Remedy | None:
 
 
 def to_tape(start: str, end: str, length_m: float) -> Remedy:
-    """A length that would check what nothing checks.
+    """Return a length to be taped as a check.
 
     Parameters
     ----------
     start, end
         Its labels.
     length_m
-        About how long it is.
+        Its approximate length.
     """
     ends = Correction(action="tape", ends=(start, end), length_m=length_m)
     words = f"Tape from {start} to {end}, about {length_m:.1f} m"
@@ -133,7 +133,7 @@ def _labels(survey: Survey, mend: Mend) -> Remedy | None:
 
 
 def _everywhere(survey: Survey, label_of_pick: Mapping[int, int]) -> tuple[str, str] | None:
-    """Two labels of which every pick gets the other one; None where it is not so."""
+    """Return two labels that are exchanged at all of their picks; otherwise None."""
     pairs = {(int(survey.pick_label[pick]), right) for pick, right in label_of_pick.items()}
     if len(pairs) != 2 or {(b, a) for a, b in pairs} != pairs:
         return None
@@ -146,16 +146,16 @@ def _everywhere(survey: Survey, label_of_pick: Mapping[int, int]) -> tuple[str, 
 
 
 def _swaps(frame: str, right: Mapping[str, str]) -> Iterator[Correction]:
-    """Exchanges, one after another, after which each pick of a photo has its label.
+    """Yield exchanges, one after another, after which each pick of a photo has its label.
 
     Parameters
     ----------
     frame
         The photo.
     right
-        Label of a pick -> the one that it should have.
+        Label of a pick -> its correct label.
     """
-    now = dict(right)  # what stands under a label -> where it belongs
+    now = dict(right)  # present label of a pick -> its correct label
     for label in right:
         while label in now and now[label] != label:
             there = now[label]
@@ -200,14 +200,14 @@ def _lengths(survey: Survey, mend: Mend) -> Remedy | None:
 
 
 def _unit(survey: Survey, length_m: Mapping[int, float]) -> str:
-    """Unit in which lengths were read that should be in metres; empty where it is another slip."""
+    """Return the unit of lengths that should be in metres; empty for another slip."""
     ratios = {float(survey.length_m[k]) / value for k, value in length_m.items()}
     alike = (words for size, words in UNITS if all(isclose(one, size) for one in ratios))
     return next(alike, "")
 
 
 def _is_exchange(survey: Survey, length_m: Mapping[int, float]) -> bool:
-    """Whether lengths should read what others of them read."""
+    """Return whether lengths exchange their readings."""
     return sorted(length_m.values()) == sorted(float(survey.length_m[k]) for k in length_m)
 
 
@@ -224,7 +224,7 @@ def _ends(survey: Survey, mend: Mend) -> Remedy | None:
 
 
 def _heights(survey: Survey, mend: Mend) -> Remedy | None:
-    """Heights to be freed, and those that people freed and that lie on the ground."""
+    """Return heights to be freed, and free heights to be put back on the ground."""
     up = freed([survey.label[k] for k, free in mend.free.items() if free])
     down = [survey.label[k] for k, free in mend.free.items() if not free and survey.is_free[k]]
     if not down:
@@ -237,7 +237,7 @@ def _heights(survey: Survey, mend: Mend) -> Remedy | None:
 
 
 def _pick(survey: Survey, pick: int) -> tuple[str, str]:
-    """Photo and label of a pick, as it was written."""
+    """Return photo and label of a pick, as stated."""
     return survey.frame_id[survey.pick_frame[pick]], survey.label[survey.pick_label[pick]]
 
 

@@ -1,4 +1,4 @@
-"""The same piece of ground in several photos."""
+"""Find the same piece of ground in several photos."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
 STEP_PX = 8.0
-"""By which the scale between two photos is found."""
+"""Pixel step for the scale between two photos."""
 
 
 def same_ground(
@@ -20,14 +20,14 @@ def same_ground(
     photo: int,
     pixel_px: tuple[float, float],
 ) -> tuple[Floats, Floats]:
-    """Where the ground under a pixel of one photo lies in all photos.
+    """Project the ground under a pixel of one photo to all photos.
 
     Parameters
     ----------
     calibration
-        Of the camera.
+        Calibration of the camera.
     poses
-        (F,) of the photos.
+        (F,) poses of the photos.
     plane
         Height [m] and slopes (3,) of the ground, and the pivot (2,) of the slopes [m].
     photo
@@ -40,7 +40,7 @@ def same_ground(
     pixel_px : (F, 2)
         Perhaps outside the photo; NaN where it does not see the ground.
     scale : (F,)
-        How many pixels of that photo are one of the first there.
+        Number of pixels of each photo for one pixel of the first.
     """
     near = np.array(pixel_px) + STEP_PX * np.array([[0, 0], [1, 0], [0, 1]])
     lens = calibration.parameters

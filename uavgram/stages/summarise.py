@@ -1,4 +1,4 @@
-"""Summarise: the adjusted survey as the tables of a result."""
+"""Summarise the adjusted survey in the tables of a result."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DECIMALS = 4
 
 
 def summarise_orientation(adjustment: Adjustment) -> OrientationCorrelation:
-    """Correlations of each adjusted pose with the lens, the first area's plane, and the readout."""
+    """Correlate each adjusted pose with the lens, the first area's plane, and the readout."""
     survey = adjustment.survey
     joint = adjustment.sight_covariance(np.arange(adjustment.problem.layout.frames))
     sigma = np.sqrt(np.diagonal(joint, axis1=1, axis2=2))
@@ -41,15 +41,15 @@ def summarise_orientation(adjustment: Adjustment) -> OrientationCorrelation:
 
 
 class Tied(NamedTuple):
-    """What ties the photos.
+    """Tie points of the photos.
 
     Attributes
     ----------
     ties, rms_px
-        (F,) tie points that each photo shows, and the root mean square of their residuals in each
+        (F,) number of tie points in each photo, and the root mean square of their residuals in each
         coordinate; NaN where it shows none.
     together
-        All of them; None where none takes part.
+        Summary of all; None where none takes part.
     """
 
     ties: Ints
@@ -58,7 +58,7 @@ class Tied(NamedTuple):
 
 
 def summarise_ties(adjustment: Adjustment, frame_id: Sequence[str]) -> Tied:
-    """Tie points of an adjusted survey.
+    """Summarise the tie points of an adjusted survey.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def summarise_ties(adjustment: Adjustment, frame_id: Sequence[str]) -> Tied:
 
 
 def tie_cloud(adjustment: Adjustment, frame_id: Sequence[str]) -> TieCloud | None:
-    """Tie points to look at; None where none takes part.
+    """Return tie points for display; None where none takes part.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def tie_cloud(adjustment: Adjustment, frame_id: Sequence[str]) -> TieCloud | Non
 
 
 def _rows(adjustment: Adjustment, frame_id: Sequence[str]) -> Ints:
-    """Where each frame of the adjustment stands among all frames."""
+    """Return the row of each frame of the adjustment among all frames."""
     row = {name: i for i, name in enumerate(frame_id)}
     return np.array([row[name] for name in adjustment.survey.frame_id], dtype=np.int64)
 
@@ -111,14 +111,14 @@ DEGREES = 180.0 / np.pi
 
 
 def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedResult:
-    """Shared unknowns with their standard deviations, angles in degrees.
+    """Summarise shared unknowns with their standard deviations, angles in degrees.
 
     Parameters
     ----------
     adjustment
         The adjusted survey.
     clock_offset_s
-        Camera clock minus UTC as it was assumed; the clock correction is added to it.
+        Assumed camera clock minus UTC; the clock correction is added to it.
     """
     layout, state = adjustment.problem.layout, adjustment.state
     basis = adjustment.problem.intrinsic_basis
@@ -126,7 +126,7 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
     intrinsic_sigma = np.sqrt(np.einsum("ij,jk,ik->i", basis, intrinsic, basis))
     part = _telemetry_parts(adjustment)
     if isinstance(adjustment.survey.track, PhotoExposures):
-        for name in ("clock", "clock_drift"):  # no clock moves them: its prior came back as it was
+        for name in ("clock", "clock_drift"):  # independent of a clock: its prior is unchanged
             part.pop(name)
     rolling = adjustment.survey.rolling
     by_photos = rolling is not None and rolling.by_photos  # then no time: see RollingShutter
@@ -146,7 +146,7 @@ def summarise_shared(adjustment: Adjustment, clock_offset_s: float) -> SharedRes
 
 
 def summarise_areas(adjustment: Adjustment) -> tuple[AreaPlane, ...]:
-    """The plane of every area, the first one first; sigmas are 0 where it is the gauge."""
+    """Return the plane of every area, the first one first; sigmas are 0 where it is the gauge."""
     layout, state = adjustment.problem.layout, adjustment.state
     sigma = np.zeros(len(state.plane))
     unknown = slice(len(sigma) - layout.plane, None)
@@ -189,14 +189,14 @@ def _tape_scales(adjustment: Adjustment) -> dict[str, Estimate]:
 
 
 def _sigmas(adjustment: Adjustment, first: int, count: int) -> Floats:
-    """(count,) standard deviations of neighbouring shared unknowns."""
+    """Return standard deviations (count,) of neighbouring shared unknowns."""
     if not count:
         return np.zeros(0)
     return np.sqrt(np.diag(adjustment.shared(first, count)))
 
 
 def _changed(estimate: Estimate | None, factor: float = 1.0, shift: float = 0.0) -> Estimate | None:
-    """An estimate in another unit, or from another zero."""
+    """Convert an estimate to another unit, or to another zero."""
     if estimate is None:
         return None
     return Estimate(value=factor * estimate.value + shift, sigma=factor * estimate.sigma)
@@ -210,7 +210,7 @@ def summarise_frames(
     refined: Refined,
     picked: Mapping[str, str],
 ) -> FrameResults:
-    """Status and poses of every frame of the project.
+    """Collect status and poses of every frame of the project.
 
     Parameters
     ----------
@@ -223,8 +223,8 @@ def summarise_frames(
     refined
         The adjusted survey.
     picked
-        Frame name to the reason why its picks were left out (empty where they were not), for
-        every frame with picks.
+        Frame name to the reason why its picks were left out (empty where they were not), for every
+        frame with picks.
     """
     adjustment = refined.adjustment
     adjusted = Poses(
@@ -257,7 +257,7 @@ def summarise_frames(
 
 
 def _sweep(frame_id: tuple[str, ...], adjustment: Adjustment) -> Floats:
-    """(F, 6) of all frames, 0 for those that are not adjusted."""
+    """Return the sweep (F, 6) of all frames, 0 for those that are not adjusted."""
     row = {name: i for i, name in enumerate(frame_id)}
     sweep = np.zeros((len(frame_id), 6))
     sweep[[row[name] for name in adjustment.survey.frame_id]] = adjustment.sweep()
@@ -285,7 +285,7 @@ def _status(
 
 
 def _table(frame_id: tuple[str, ...], poses: Poses | None) -> PoseTable:
-    """Poses in the order of the frames, NaN where a frame has none."""
+    """Return poses in the order of the frames, NaN where a frame has none."""
     count = len(frame_id)
     center, rotation = np.full((count, 3), np.nan), np.full((count, 3, 3), np.nan)
     covariance = np.full((count, 6, 6), np.nan)
@@ -302,7 +302,7 @@ def summarise_solution(
     groups: tuple[GroupFactor, ...],
     alternative_values: tuple[tuple[float, ...], ...],
 ) -> SolutionSummary:
-    """Degrees of freedom, variance factor, convergence, and what else the lengths allow.
+    """Summarise degrees of freedom, variance factor, convergence, and alternative solutions.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From plates in photos to picks: the rows that are added, and what is to be said of the rest."""
+"""Convert plates in photos to picks: new rows, and messages on the others."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from uavgram.model.survey.observations import LeftOut, Picks, SeenPlate
 from uavgram.model.target_families import CORNERS, corner_label, plate_label
 
 _CENTER_TOO = 2.0**0.5
-"""By so much the sigmas of a plate are widened where its centre is picked beside its corners: the
-centre says nothing that the corners do not, and four corners and a centre as good as their mean
-would count twice."""
+"""Factor of the sigmas of a plate where its centre is picked beside its corners: the centre adds no
+information to the corners, and four corners and a centre as good as their mean would count
+twice."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Picks of a project with those of its plates, and what is to be said."""
+    """Picks of a project with those of its plates, and messages."""
 
     picks: Picks
     plates: int
@@ -28,23 +28,23 @@ class Rows:
 
 
 def without_targets(picks: Picks) -> Picks:
-    """The picks that the program did not make from targets."""
+    """Return the picks that the program did not make from targets."""
     return chosen(picks, ~picks.of_source("target"))
 
 
 def with_targets(
     picks: Picks, seen: Mapping[str, Sequence[SeenPlate]], centers: Mapping[int, str]
 ) -> Rows:
-    """Replace the picks of targets by those of the plates that were found now.
+    """Replace the picks of targets by those of newly found plates.
 
     Parameters
     ----------
     picks
-        Of the project.
+        Picks of the project.
     seen
         Plates by photo.
     centers
-        Label of the centre of those plates whose centre is asked for.
+        Label of the centre of each plate whose centre is requested.
     """
     kept = without_targets(picks)
     taken = set(zip(kept.image, kept.label, strict=True))
@@ -62,18 +62,18 @@ def with_targets(
 def asked_centers(
     plates: Collection[int], named: Collection[str], known: Collection[str], picks: Picks
 ) -> dict[int, str]:
-    """Labels of the plates' centres that the project names.
+    """Return labels of the plates' centres that the project names.
 
     Parameters
     ----------
     plates
         Ids that were found.
     named
-        Labels that lengths, measurements and known things name.
+        Labels in lengths, measurements and known things.
     known
-        Labels with known coordinates: of them a bare number is the plate's too.
+        Labels with known coordinates: among them a bare number also means a plate.
     picks
-        A number that a person picked is no plate's.
+        Picks; a number that a person picked does not mean a plate.
     """
     hand = set(without_targets(picks).label)
     found = {}
@@ -88,7 +88,7 @@ def asked_centers(
 
 @dataclass(frozen=True)
 class TargetRow:
-    """A pick of a target."""
+    """Pick of a target."""
 
     image: str
     label: str
@@ -101,12 +101,12 @@ class TargetRow:
 def rows_of(
     seen: Mapping[str, Sequence[SeenPlate]], centers: Mapping[int, str]
 ) -> Iterator[TargetRow]:
-    """Picks of the plates that were found, wherever a person picked.
+    """Yield picks of the plates that were found, including those that a person picked.
 
     Parameters
     ----------
     seen, centers
-        As of `with_targets`.
+        As for `with_targets`.
     """
     for image, plates in seen.items():
         for plate in plates:
@@ -131,23 +131,23 @@ def _rows(image: str, plate: SeenPlate, center: str | None) -> Iterator[TargetRo
 def target_row(
     image: str, label: str, place: tuple[float, float], sigma_px: float, score: float
 ) -> TargetRow:
-    """A row with no more digits than mean something.
+    """Make a row with the significant digits only.
 
     Parameters
     ----------
     image, label
-        The photo, and what is picked in it.
+        The photo, and the label of the pick.
     place
         (u, v) [px].
     sigma_px, score
-        Of the place; and how sure it is, 0 to 1.
+        Sigma of the place; and its certainty, 0 to 1.
     """
     u, v = (round(one, 4) for one in place)
     return TargetRow(image, label, u, v, max(round(sigma_px, 4), 1e-4), round(score, 4))
 
 
 def chosen(picks: Picks, rows: Bools) -> Picks:
-    """Some of the picks."""
+    """Select picks."""
     index = np.flatnonzero(rows).tolist()
 
     def some(texts: tuple[str, ...]) -> tuple[str, ...]:
@@ -170,7 +170,7 @@ def chosen(picks: Picks, rows: Bools) -> Picks:
 
 
 def with_rows(kept: Picks, rows: Sequence[TargetRow]) -> Picks:
-    """Picks, and rows of targets behind them."""
+    """Append rows of targets to picks."""
     n, m = len(kept.image), len(rows)
     nothing = np.full(m, np.nan)
     return Picks(

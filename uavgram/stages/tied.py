@@ -1,4 +1,4 @@
-"""What the program found in photos, by index: chains of matches, and tie points."""
+"""Chains of matches, and tie points, by index."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings, TiePicks
 
 SAME_PX = 0.01
-"""How far from the pick that it was found from a match may say that this was."""
+"""Largest distance between a pick and the place from which a match was found."""
 
 
 def matches_of(
     picks: Picks, sigma_px: Floats, pick_index: Ints, frame_at: Mapping[str, int]
 ) -> tuple[Sightings, list[Message]]:
-    """The chains of matches of a survey.
+    """Build the chains of matches of a survey.
 
     Parameters
     ----------
@@ -28,17 +28,18 @@ def matches_of(
     sigma_px
         (P,) their sigmas, the default filled in.
     pick_index
-        (P,) into the survey's picks; -1 for matches and for what takes no part.
+        (P,) into the survey's picks; -1 for matches and for picks that take no part.
     frame_at
         Index of each frame that takes part.
 
     Returns
     -------
     matches
-        One chain for each pick from which anything was found.
+        One chain for each pick with matches.
     messages
-        On matches whose pick is no longer where it was.
+        Messages on matches whose pick was moved or deleted.
     """
+    # Assign each match to the pick at the place from which it was found.
     found = np.flatnonzero(picks.of_source("match"))
     if not len(found):
         return NO_SIGHTINGS, []
@@ -53,6 +54,7 @@ def matches_of(
             stale.append(i)
         elif pick_index[origin] >= 0 and picks.image[i] in frame_at:
             chains.setdefault(origin, []).append(i)
+    # Each chain begins with its pick, whose sigma is the noise of the photo around it.
     rows = [(origin, i) for origin, own in chains.items() for i in (origin, *own)]
     pick = np.array([i for _, i in rows], dtype=np.int64)
     place = {origin: k for k, origin in enumerate(chains)}
@@ -87,12 +89,12 @@ def _stale(picks: Picks, i: int) -> Message:
 
 
 def ties_of(ties: TiePicks, frame_at: Mapping[str, int]) -> Sightings:
-    """The tie points that two frames or more show.
+    """Return the tie points in two frames or more.
 
     Parameters
     ----------
     ties
-        By name.
+        Tie points by name.
     frame_at
         Index of each frame that takes part.
     """

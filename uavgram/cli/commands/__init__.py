@@ -1,1 +1,1 @@
-"""The commands of `uavgram`, one file each: arguments -> one call of the pipeline."""
+"""Commands of `uavgram`, one file each: arguments -> one call of the pipeline."""

@@ -1,4 +1,4 @@
-"""`uavgram batch`."""
+"""Command `uavgram batch`."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ Minutes = Annotated[float, Parameter(validator=validators.Number(gt=0))]
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Scheduler:
-    """Another machine's workers.
+    """Workers of other machines.
 
     Parameters
     ----------
     scheduler
         Address of a Dask scheduler (tcp://host:8786, tls://host:8786): its workers measure. They
-        see the same folders under the same names. A scheduler executes what it is sent: let only
-        those speak to it who may run programs on its workers.
+        need the same folders under the same names. A scheduler executes everything that it is sent:
+        give access only to those who may run programs on its workers.
     tls_ca_file
         Certificate (PEM) of the authority that the scheduler's is checked against.
     tls_cert
@@ -57,29 +57,29 @@ def batch(
 ) -> int:
     """Measure many surveys, and put all of them into one table.
 
-    Each survey's results go where its project says. What is unchanged since it was measured is not
-    measured again; so after Ctrl+C the same command goes on.
+    Each survey's results go to the folder in its project. An unchanged survey is not measured
+    again; so after Ctrl+C the same command continues.
 
     Parameters
     ----------
     projects
-        Project files, folders in which every project.yaml is meant, patterns in quotes
+        Project files, folders (with every project.yaml in them), patterns in quotes
         ('2026/**/project.yaml'), and text files that list these line by line.
     output
         Folder of batch.html, batch.csv and batch.parquet.
     workers
         Surveys measured at a time on this machine; by default one for each core.
     memory_mb
-        Most memory of each of them; by default its share of the machine's. A cluster's workers
-        have bounds of their own (dask worker --nthreads 1 --memory-limit 8GB).
+        Memory limit of each of them; by default its share of the machine's. A cluster's workers
+        have limits of their own (dask worker --nthreads 1 --memory-limit 8GB).
     most_minutes
-        Longest that one survey may take; then it is given up, and the others go on.
+        Time limit of one survey; after it the survey is given up, and the others continue.
     pdf
         Write each report as report.pdf too, on this paper.
     scheduler
-        Another machine's workers.
+        Workers of other machines.
     verbose
-        Say what is being done.
+        Show the progress of the work.
     """
     from uavgram.pipeline.batch.run import CSV, PAGE, PARQUET, Means, run_batch
     from uavgram.pipeline.batch.survey import Asked

@@ -1,4 +1,4 @@
-"""`uavgram calibrate`."""
+"""Command `uavgram calibrate`."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def calibrate(  # noqa: PLR0913  (one for each option)
     output
         Folder of the results; by default `calibration`.
     name
-        Of the camera; by default the one in EXIF.
+        Name of the camera; by default the one in EXIF.
     model
         Lens model.
     coefficients
@@ -55,7 +55,7 @@ def calibrate(  # noqa: PLR0913  (one for each option)
     fix_aspect
         Pixels are square: fx = fy.
     fix_principal_point
-        Hold it in the middle of the image.
+        Fix it in the middle of the image.
     bow
         Estimate the shape of a board that is not flat.
     prior
@@ -63,7 +63,7 @@ def calibrate(  # noqa: PLR0913  (one for each option)
     outliers
         Report corners and photos that do not fit, or remove them one at a time.
     significance
-        Probability of suspecting anything in photos without outliers.
+        Probability of a false suspicion in photos without outliers.
     """
     from uavgram.model.camera.board import CalibrationOptions
     from uavgram.pipeline.cameras.calibrate import FOLDER
@@ -87,7 +87,7 @@ def calibrate(  # noqa: PLR0913  (one for each option)
 
 
 def _count(model: Model, coefficients: Coefficients) -> int:
-    """Number of distortion coefficients, 0 for a choice; one that the model has."""
+    """Return the number of distortion coefficients, 0 for automatic; check it for the model."""
     if coefficients == "auto":
         return 0
     count = int(coefficients)

@@ -1,4 +1,4 @@
-"""`uavgram camera`."""
+"""Command `uavgram camera`."""
 
 from __future__ import annotations
 
@@ -50,24 +50,24 @@ def camera(
     ----------
     file
         camera.yaml, a calibration of OpenCV, cameras.txt of COLMAP, cameras.json of OpenDroneMap,
-        or a photo (what its tags say of its camera).
+        or a photo (its tags).
     name
-        Which camera, where the file holds several.
+        Name of the camera, where the file holds several.
     crop
         LEFT,TOP,WIDTHxHEIGHT: the camera of photos that are this part of the whole ones.
     size
         WIDTHxHEIGHT: the camera of photos that were resized to this; after cropping.
     compare
-        Another camera of the same image size: what it projects elsewhere.
+        Another camera of the same image size: differences of its projections.
     distance
-        Compare at this distance, where the cameras may also stand apart; by default at infinity.
+        Compare at this distance, where the cameras may also be apart; by default at infinity.
     to
         Convert for uavgram, opencv or colmap; without --output to the terminal.
     output
         File to write.
     json
-        Print a JSON object instead of text: of the camera, or of what the other one projects
-        elsewhere.
+        Print a JSON object instead of text: of the camera, or of the differences of the other one's
+        projections.
     """
     from uavgram.cli.as_json import camera_object
     from uavgram.pipeline.cameras.read import camera_in, read_camera, write_camera

@@ -1,4 +1,4 @@
-"""`uavgram check`."""
+"""Command `uavgram check`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`uavgram demo`."""
+"""Command `uavgram demo`."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ def demo(
     scenario
         Another survey than the built-in one, such as an edited configs/demo.yaml.
     seed
-        Of the random errors; by default always the same survey.
+        Seed of the random errors; by default always the same survey.
     verbose
-        Say what is being done.
+        Show the progress of the work.
     """
     from uavgram.synthetic.scenario import Scenario
     from uavgram.synthetic.scenario_file import read_world
@@ -55,7 +55,7 @@ def show_survey(
     output
         Folder of the survey.
     survey, calibration
-        What is simulated, and its camera where that is from a file.
+        Simulated survey, and its camera if it is from a file.
     verbose
         Whether every message is shown.
     """

@@ -1,4 +1,4 @@
-"""`uavgram explain`."""
+"""Command `uavgram explain`."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def explain(code: str | None = None, /, *, markdown: Flag = False) -> int:
     Parameters
     ----------
     code
-        Behind the message, such as pick-suspect. Without it, all codes are listed.
+        Code behind the message, such as pick-suspect. Without it, all codes are listed.
     markdown
         Print all entries as a page in Markdown.
     """

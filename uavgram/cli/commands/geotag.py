@@ -1,4 +1,4 @@
-"""`uavgram geotag`."""
+"""Command `uavgram geotag`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def geotag(
     poses: Literal["seed", "refined"] = "refined",
     exif: bool = False,
 ) -> int:
-    """Hand the photos' poses over: geo.txt (OpenDroneMap), pix4d.csv, and tagged copies.
+    """Export the photos' poses: geo.txt (OpenDroneMap), pix4d.csv, and tagged copies.
 
     Parameters
     ----------
@@ -27,10 +27,9 @@ def geotag(
     output
         Folder of the files; by default `geotag` in the project's output folder.
     poses
-        As adjusted (refined), or as the log or the photos have them (seed).
+        As adjusted (refined), or by the log or the photos (seed).
     exif
-        Also write copies of the photos with the pose in EXIF and XMP; the originals stay as they
-        are.
+        Also write copies of the photos with the pose in EXIF and XMP; the originals are unchanged.
     """
     from uavgram.pipeline.geotag import geotag as write_tags
     from uavgram.views.terminal import geotag_lines

@@ -1,4 +1,4 @@
-"""`uavgram log`."""
+"""Command `uavgram log`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def show_log(
     json: Json = False,
     plot: Path | None = None,
 ) -> int:
-    """Say what is in a flight log: span, vehicle, boots, messages, clock, camera events.
+    """Summarise a flight log: span, vehicle, boots, messages, clock, camera events.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""`uavgram new`."""
+"""Command `uavgram new`."""
 
 from __future__ import annotations
 
@@ -24,20 +24,20 @@ def new(
     camera: Path | None = None,
     poses: Path | None = None,
 ) -> int:
-    """Write a project.yaml for a folder of photos, and say what is still missing.
+    """Write a project.yaml for a folder of photos, and list missing inputs.
 
-    Finds the photos, the flight log, the camera file (or what the photos say of theirs; or, where
-    they say nothing, an ordinary drone camera with very wide errors), poses in the photos, tables
-    that are there, and a gcp_list.txt. Says what it passed over. Never writes over a file.
+    Finds the photos, the flight log, the camera file (or the camera by the tags of the photos; or,
+    without tags, an ordinary drone camera with very wide errors), poses in the photos, existing
+    tables, and a gcp_list.txt. Lists unused files. Never overwrites a file.
 
     Parameters
     ----------
     folder
-        It, or folders in it, holds the photos; by default the present one.
+        Folder with the photos, in it or in its subfolders; by default the present one.
     images
-        Which photos to take, as a pattern relative to the folder, where it holds several kinds.
+        Photos to take, as a pattern relative to the folder, where it holds several kinds.
     log, camera, poses
-        Which file to take, relative to the folder, where it holds several.
+        File to take, relative to the folder, where it holds several.
     """
     from uavgram.pipeline.new import Choices, new_project
     from uavgram.views.terminal import message_lines

@@ -1,4 +1,4 @@
-"""`uavgram pick`."""
+"""Command `uavgram pick`."""
 
 from __future__ import annotations
 
@@ -34,17 +34,17 @@ def pick(
     Parameters
     ----------
     project
-        The project file, or a folder with or without a project; by default the present folder,
-        where it holds a project or photos.
+        The project file, or a folder with or without a project; by default the present folder, if
+        it holds a project or photos.
     sample
-        Make a small survey to play with (photos, flight log and camera, nothing picked) in the
-        folder that is named, by default uavgram-sample, and open it; once made, go on with it.
+        Make a small survey for practice (photos, flight log and camera, nothing picked) in the
+        named folder, by default uavgram-sample, and open it; an existing one is continued.
     port
-        Of the page, on this machine only; 0: any free one.
+        Port of the page, on this machine only; 0: any free one.
     browser
         Open the page in the browser.
     verbose
-        Say what is being done.
+        Show the progress of the work.
     """
     import os
 
@@ -64,14 +64,14 @@ def pick(
 
 
 def _has_none(folder: Path) -> bool:
-    """Whether it is a folder without a project, to be set up on the page."""
+    """Return whether it is a folder without a project, to be set up on the page."""
     from uavgram.config.project import PROJECT_FILE
 
     return folder.is_dir() and not (folder / PROJECT_FILE).exists()
 
 
 def _present() -> Path | None:
-    """The present folder, where it holds a project or photos."""
+    """Return the present folder, if it holds a project or photos."""
     from uavgram.io.browse import look_into
 
     own = look_into(Path.cwd())
@@ -79,7 +79,7 @@ def _present() -> Path | None:
 
 
 def _sample(folder: Path | None) -> Path:
-    """The project of the sample, which is made where it is not there yet."""
+    """Return the project of the sample, which is made if it does not exist yet."""
     from uavgram.synthetic.accident_scene import TAPED
     from uavgram.synthetic.demo import SAMPLE, make_sample
 
@@ -89,7 +89,7 @@ def _sample(folder: Path | None) -> Path:
 
 
 def _led_to_running(project: Path, *, browser: bool) -> bool:
-    """Give a fresh address of the page that has the project open; whether there is one."""
+    """Give a fresh address of the page that has the project open; return whether there is one."""
     from uavgram.picking.web.running import fresh_address
 
     fresh = fresh_address(project)

@@ -1,4 +1,4 @@
-"""`uavgram picks`: taken over from other programs, and found in other photos."""
+"""Commands `uavgram picks`: import from other programs, and search in other photos."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ def import_(
     files
         LabelMe .json files (points and circles), or one gcp_list.txt.
     output
-        The picks.csv to write; one that holds more than a header is never written over.
+        The picks.csv to write; one that holds more than a header is never overwritten.
     control
         Also write the coordinates of a gcp_list.txt to this control.csv.
     control_sigma_m
         Standard deviation of those coordinates, which the file does not hold.
     control_sigma_up_m
-        That of the heights, where it is another; heights of 0 are believed only with it.
+        Standard deviation of the heights, where it differs; heights of 0 are used only with it.
     sigma_columns
         The cells behind each label are its sigmas in metres: horizontal, and vertical where that
-        is another.
+        differs.
     check
         Labels, joined by commas, of points that only judge the result: they go to a check.csv.
     check_file
@@ -94,11 +94,11 @@ def match(
     undo: Flag = False,
     verbose: Verbose = False,
 ) -> int:
-    """Find what you picked in all other photos, and add it to picks.csv (source `match`).
+    """Find your picks in all other photos, and add them to picks.csv (source `match`).
 
-    What you picked yourself is never changed. What was found earlier, and what you accepted on the
-    picking page, stays too, but for what fits no longer or whose pick you moved: that is looked for
-    again. To begin anew, take all of it out first (`--undo`).
+    Your own picks are never changed. Earlier finds, and those that you accepted on the picking
+    page, stay too, except those that no longer fit or whose pick you moved: these are searched
+    again. For a new start, remove all of them first (`--undo`).
 
     Parameters
     ----------
@@ -109,11 +109,11 @@ def match(
     photos
         Only in these photos (their files' names), joined by commas.
     dry_run
-        Say what would be found, and write nothing.
+        Show the finds, and write nothing.
     undo
-        Take all matches out of picks.csv again, and look for none.
+        Remove all matches from picks.csv, without a search.
     verbose
-        Say what is being done.
+        Show the progress of the work.
     """
     from uavgram.pipeline.match.asked import Asked
     from uavgram.pipeline.match.run import match_picks, undo_matches

@@ -1,4 +1,4 @@
-"""`uavgram picks ties`."""
+"""Command `uavgram picks ties`."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from uavgram.cli.terminal import progress, say, tell_as
 def ties(project: Path = Path(), /, *, dry_run: Flag = False, undo: Flag = False) -> int:
     """Find points that several photos show, without a click, and write them to ties.csv.
 
-    They tie the photos to each other. Rows that the program made before are replaced, those of
-    others stay.
+    They tie the photos to each other. Earlier rows by the program are replaced, those from other
+    sources stay.
 
     Parameters
     ----------
     project
         The project file, or the folder of a project.yaml; by default the present folder.
     dry_run
-        Say what would be written, and write nothing.
+        Show the finds, and write nothing.
     undo
-        Take all tie points that the program found out of the table again.
+        Remove all tie points that the program found from the table.
     """
     from uavgram.pipeline.picks_ties import take_ties_back, write_ties
     from uavgram.views.terminal import message_lines

@@ -1,4 +1,4 @@
-"""`uavgram plan`."""
+"""Command `uavgram plan`."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from uavgram.errors import UavgramError
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class TakenAlong:
-    """What is taken to the field.
+    """Documents for the field.
 
     Parameters
     ----------
     pdf
         Write the sheet for the field as PDF too, on this paper.
     units
-        Of the sheet: metres, or feet and inches.
+        Units of the sheet: metres, or feet and inches.
     autopilot
-        Whose commands the mission files are written in.
+        Autopilot whose commands are used in the mission files.
     heights
-        What their heights count from: the place of take-off, or the autopilot's own terrain data.
+        Reference of their heights: the place of take-off, or the autopilot's own terrain data.
     """
 
     pdf: Literal["a4", "letter"] | None = None
@@ -46,21 +46,21 @@ def plan(
     along: TakenAlong | None = None,
     verbose: Verbose = False,
 ) -> int:
-    """Plan a flight: where to photograph from, which lines to tape, and how exact it will be.
+    """Plan a flight: positions of the photos, lines to tape, and the expected accuracy.
 
     Parameters
     ----------
     scenario
         A scenario with a section `plan:`, such as an edited configs/plan.yaml.
     from_
-        Instead a project that was flown: which line more would have helped it most, and what each
-        of its lines was worth.
+        Instead a project that was flown: the additional line that would have helped it most, and
+        the benefit of each of its lines.
     output
-        Folder of the plan: a page to take along, mission files, the plan for maps.
+        Folder of the plan: a page for the field, mission files, the plan for maps.
     along
-        What is taken to the field.
+        Documents for the field.
     verbose
-        Say what is being done.
+        Show the progress of the work.
     """
     from uavgram.model.naming import SHORT_FORMS
     from uavgram.synthetic.plan.run import PlanOutputs, write_outputs

@@ -1,4 +1,4 @@
-"""`uavgram rectify`."""
+"""Command `uavgram rectify`."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def rectify(
 ) -> int:
     """Make a metric top view of the ground: GeoTIFF, a PNG with a scale bar, a map of the sigma.
 
-    What stands above the ground leans in it: measure such things with points of their own.
+    Objects above the ground lean in it: measure such objects with points of their own.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""`uavgram run`."""
+"""Command `uavgram run`."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ Samples = Annotated[
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Printed:
-    """What is made for printing.
+    """Documents for printing.
 
     Parameters
     ----------
     pdf
         Write the report as report.pdf too, on this paper: for archives (PDF/A-3b) and for printing.
     plan
-        Draw a plan to scale on the ground as the photos show it: plan.pdf on this paper, plan.png
-        and plan.tif.
+        Draw a plan to scale on the ground in the photos: plan.pdf on this paper, plan.png and
+        plan.tif.
     plan_scale
-        Of that plan, on as many sheets as it takes: 100 is 1:100; by default one sheet.
+        Scale of that plan, on as many sheets as necessary: 100 is 1:100; by default one sheet.
     """
 
     pdf: Literal["a4", "letter"] | None = None
@@ -50,7 +50,7 @@ class ForPrograms:
     json
         Print a JSON object (verdict, measurements, checks, messages) instead of text.
     fail_on
-        Exit with status 3 where the verdict is this or worse; the results are written all the same.
+        Exit with status 3 where the verdict is this or worse; the results are still written.
     """
 
     json: Json = False
@@ -80,19 +80,19 @@ def run(
     output
         Folder of the outputs; by default the one that the project names.
     monte_carlo
-        Repeat the adjustment N times with everything drawn anew, and compare the sigmas.
+        Repeat the adjustment N times with all observations drawn anew, and compare the sigmas.
     seed
-        Of those draws.
+        Seed of those draws.
     rows
-        Most measurements that the table shows, least certain first; 0: all of them.
+        Largest number of measurements in the table, least certain first; 0: all of them.
     view
         Open the review in the Rerun viewer afterwards.
     printed
-        What is made for printing.
+        Documents for printing.
     programs
         Options for other programs that start this one.
     verbose
-        Say what is being done.
+        Show the progress of the work.
     """
     from uavgram.cli.as_json import run_object
     from uavgram.cli.commands.view import show
@@ -119,7 +119,7 @@ def run(
     else:
         say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
         say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
-        say("", verdict_sentence(result))  # last, so that nobody has to scroll back for it
+        say("", verdict_sentence(result))  # last, so that it is visible without scrolling
     if view:
         show(folder / "recording.rrd", web=False)
     fails = {"red": ("red",), "amber": ("red", "amber"), None: ()}[wanted.fail_on]

@@ -1,4 +1,4 @@
-"""`uavgram shortcut`."""
+"""Command `uavgram shortcut`."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from uavgram.cli.terminal import say
 def shortcut(*, folder: Path | None = None) -> int:
     """Put an icon on the desktop that opens the page, as `uavgram` alone does.
 
-    On Windows a folder that is dropped on the icon is opened too. On Linux it is put into the menu
-    of programs as well; GNOME shows that alone.
+    On Windows a folder that is dropped on the icon is opened too. On Linux the icon is also put
+    into the menu of programs; GNOME shows only that.
 
     Parameters
     ----------
     folder
-        Where the icon is put, in place of the desktop.
+        Folder of the icon, instead of the desktop.
     """
     import os
     import sys

@@ -1,4 +1,4 @@
-"""`uavgram simulate`."""
+"""Command `uavgram simulate`."""
 
 from __future__ import annotations
 
@@ -33,30 +33,30 @@ def simulate(
     seed: Seed | None = None,
     verbose: Verbose = False,
 ) -> int:
-    """Repeat a survey with known truth many times: how large its errors really are.
+    """Repeat a survey with known truth many times, to find the real size of its errors.
 
     Parameters
     ----------
     scenario
-        The survey: an edited configs/demo.yaml. With --from what to add to the real survey, if
-        anything: name, seed, lines (name, start, end) between picked points, tape_m.
+        The survey: an edited configs/demo.yaml. With --from optional additions to the real survey:
+        name, seed, lines (name, start, end) between picked points, tape_m.
     from_
         Project of a real survey: its adjusted poses and points are the truth of the repetitions.
     repetitions
-        How many surveys are drawn, each run as a real one.
+        Number of surveys that are drawn, each run as a real one.
     compare
-        Also with nothing amiss, and with each thing alone that the scenario has amiss.
+        Also without the errors of the scenario, and with each of them alone.
     as_stated
-        Draw each thing from what the scenario's project states of it, in place of the scenario's
-        own errors: whether the ± is right where the world is as it is told.
+        Draw each error from the statements of the scenario's project, instead of the scenario's own
+        errors: a test whether the ± is right where the statements are.
     photos
         Instead write the scenario once, as a folder with photos and flight log, and run that.
     output
         Folder of the results, or of that survey.
     seed
-        Of the draws, in place of the scenario's.
+        Seed of the draws, instead of the scenario's.
     verbose
-        Say what is being done.
+        Show the progress of the work.
     """
     from uavgram.synthetic.resurvey import read_project_world
     from uavgram.synthetic.scenario_file import read_world
@@ -87,7 +87,7 @@ def simulate(
 
 
 def _show(source: Path, world: World, asked: Asked, output: Path) -> int:
-    """Repeat, write and tell."""
+    """Repeat the survey, write the results, and show them."""
     from uavgram.synthetic.simulate import simulate_many, write_outputs
     from uavgram.views.simulation.text import simulation_lines
 

@@ -1,4 +1,4 @@
-"""`uavgram study`."""
+"""Command `uavgram study`."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def study(
     output: Path = Path("uavgram-study"),
     verbose: Verbose = False,
 ) -> int:
-    """Study which error matters most, where, and where not: predicted and simulated.
+    """Study which errors matter most, where, and where not: predicted and simulated.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def study(
     output
         Folder of the page, the figures and the numbers.
     verbose
-        Say what is being done.
+        Show the progress of the work.
     """
     from uavgram.synthetic.study.run import JSON_FILE, PAGE_FILE, make_studies, study_names
     from uavgram.views.study.words import said

@@ -1,4 +1,4 @@
-"""`uavgram picks targets`, `uavgram targets print`."""
+"""Commands `uavgram picks targets`, `uavgram targets print`."""
 
 from __future__ import annotations
 
@@ -22,21 +22,22 @@ def find(
     dry_run: Flag = False,
     undo: Flag = False,
 ) -> int:
-    """Find the targets that lie in the scene, in all photos, and pick them.
+    """Find the targets in the scene in all photos, and pick them.
 
-    Of coded plates, the corners. The project says what is printed on them, and how large they are:
-    `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`. Of chequers, crosses and discs
-    that you picked in one photo, the centre in the others, where it is sure which one it is. Rows
-    of picks that you made are never changed; those of an earlier search are replaced.
+    For coded plates, the corners are picked. The project states their family and size: `targets:
+    {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`. For chequers, crosses and discs that you
+    picked in one photo, the centre is picked in the others, where the target is identified with
+    certainty. Rows of picks that you made are never changed; those of an earlier search are
+    replaced.
 
     Parameters
     ----------
     project
         The project file, or the folder of a project.yaml; by default the present folder.
     dry_run
-        Say what would be found, write nothing.
+        Show the finds, write nothing.
     undo
-        Take all picks of targets out again.
+        Remove all picks of targets.
     """
     from uavgram.model.naming import counted
     from uavgram.pipeline.targets import find_targets, undo_targets
@@ -82,19 +83,19 @@ def print_(
     """Write a PDF of coded plates at true size, each with a ruler that checks the printer.
 
     A drone finds a plate whose black square is 16 pixels wide or more in its photos. Plates larger
-    than a page go over several, which are cut along their marks and joined.
+    than a page are spread over several, which are cut along their marks and joined.
 
     Parameters
     ----------
     output
         The PDF to write.
     family
-        What to print: aruco-4x4-50, apriltag-36h11, apriltag-25h9, ..., or a ChArUco board
-        such as charuco:6x4:30mm:22mm:DICT_5X5_100.
+        Family to print: aruco-4x4-50, apriltag-36h11, apriltag-25h9, ..., or a ChArUco board such
+        as charuco:6x4:30mm:22mm:DICT_5X5_100.
     plates
         Their numbers, such as 0-3 or 0,2,7.
     side_m
-        Side of the black square in metres; by default as large as a page takes.
+        Side of the black square in metres; by default as large as a page allows.
     paper
         a4, letter, a3, a2, a1 or a0.
     """
@@ -112,7 +113,7 @@ def print_(
 
 
 def _numbers(text: str) -> list[int]:
-    """Numbers as ``0-3`` or ``0,2,7``."""
+    """Return numbers from ``0-3`` or ``0,2,7``."""
     numbers: list[int] = []
     for part in text.split(","):
         match = re.fullmatch(r"\s*(\d{1,4})\s*(?:-\s*(\d{1,4})\s*)?", part)

@@ -1,4 +1,4 @@
-"""`uavgram view`."""
+"""Command `uavgram view`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def view(recording: Path, /, *, web: Flag = False) -> int:
     recording
         A recording.rrd from an output folder.
     web
-        In a browser: serve it to this machine only, and say the address.
+        In a browser: serve it to this machine only, and show the address.
     """
     show(recording, web=web)
     return DONE
@@ -32,5 +32,5 @@ def show(recording: Path, *, web: bool) -> None:
         return
     try:
         serve_viewer(recording, lambda address: say(f"open {address}", "Ctrl-C ends it"))
-    except KeyboardInterrupt:  # the way it is meant to end
+    except KeyboardInterrupt:  # the intended way to end it
         say("")

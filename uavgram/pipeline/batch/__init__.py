@@ -1,1 +1,1 @@
-"""Many surveys at once: found, measured by processes that stay, and told in one table."""
+"""Batch of surveys: found, measured by long-lived processes, and collected in one table."""

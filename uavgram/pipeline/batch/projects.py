@@ -1,4 +1,4 @@
-"""Which projects a batch measures: folders, patterns, files, and lists of them."""
+"""Find the projects of a batch: by folders, patterns, files, and lists of them."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _PROJECTS = (".yaml", ".yml")
 
 
 def find_projects(wanted: Iterable[str | Path]) -> tuple[Path, ...]:
-    """Project files in the order given, each once.
+    """Find project files in the given order, each once.
 
     Parameters
     ----------
     wanted
-        Project files; folders, in which every project.yaml is meant, however deep; patterns with
-        ``*`` and ``**``; and list files, with one of these on each line, relative to the list, and
-        ``#`` before remarks.
+        Project files; folders, which stand for every project.yaml in them at any depth; patterns
+        with ``*`` and ``**``; and list files, with one of these on each line, relative to the list,
+        and ``#`` before remarks.
 
     Raises
     ------
     InputError
-        Something named does not exist, or a pattern matches nothing.
+        A named file or folder does not exist, or a pattern matches nothing.
     UavgramError
         There is no project at all.
     """
@@ -66,7 +66,7 @@ def _meant(path: Path) -> Iterator[Path]:
 
 
 def _listed(path: Path) -> Iterator[Path]:
-    """Of a list file; a wrong line is told with its number."""
+    """Yield the projects of a list file; report a wrong line with its number."""
     lines = read_text(path, "so it is no list of projects").splitlines()
     for number, line in enumerate(lines, start=1):
         name = line.partition("#")[0].strip()

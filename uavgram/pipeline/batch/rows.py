@@ -1,4 +1,4 @@
-"""The row of one survey in the batch's table, taken from its result."""
+"""Row of one survey in the batch's table, taken from its result."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ POOLED_GROUPS = ("pixels", "lengths", "telemetry")
 
 
 def row_of(result: Result, project: str, output: str, seconds: float) -> SurveyRow:
-    """What the table says of a survey that was measured.
+    """Return the table row of a measured survey.
 
     Parameters
     ----------
     result
-        What its run computed.
+        Result of its run.
     project
         Its project file.
     output
         Folder of its results.
     seconds
-        Of computing time that it took.
+        Computing time.
     """
     origin = result.world.origin
     nowhere = (math.nan, math.nan)
@@ -81,7 +81,7 @@ def _largest(*values: Floats) -> float:
 
 
 def _drone(photos: tuple[str, ...]) -> str:
-    """Make, model and serial number in the first photo; empty where it says none."""
+    """Return make, model and serial number in the first photo; empty where not stated."""
     try:
         tags = read_camera_tags(photos[0])
     except InputError:

@@ -1,4 +1,4 @@
-"""Run a batch: find the surveys, measure what is new, and write one table of all."""
+"""Run a batch: find the surveys, measure new ones, and write one table of all."""
 
 from __future__ import annotations
 
@@ -37,21 +37,21 @@ log = logging.getLogger(__name__)
 
 CSV, PARQUET, PAGE = "batch.csv", "batch.parquet", "batch.html"
 _MEMORY_SHARE = 0.8
-"""Of the machine's memory, that all workers may take together."""
+"""Share of the machine's memory for all workers together."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Means:
-    """What a batch is run with.
+    """Resources of a batch.
 
     Attributes
     ----------
     workers
         Processes on this machine; None: one for each core.
     memory_mb
-        Most that one of them may take; None: its share of the machine's memory.
+        Memory limit of each; None: its share of the machine's memory.
     most_minutes
-        Longest that one survey may take.
+        Time limit of one survey.
     cluster
         Run on these workers instead.
     """
@@ -64,7 +64,7 @@ class Means:
 
 @dataclass(frozen=True)
 class Step:
-    """A survey ended: its row, how many have, of how many, and the seconds that the rest takes."""
+    """End of a survey: its row, the number of ended ones, the total, and the remaining seconds."""
 
     row: SurveyRow
     ended: int
@@ -84,13 +84,13 @@ def run_batch(
     Parameters
     ----------
     wanted
-        As `find_projects` takes them.
+        As for `find_projects`.
     output
-        Folder of the table, the page, and of what the batch knows of earlier ones.
+        Folder of the table, the page, and the records of earlier surveys.
     asked
-        What is made of each survey beside what its project says.
+        Requests for each survey beside its project file.
     means
-        What it is run with.
+        Resources.
     tell
         Called when a survey ends.
 
@@ -113,7 +113,7 @@ def run_batch(
                 _keep(output / STATE, record)
             _tell(tell, row, rows, begun)
         rows |= {outcome.row.project: outcome.row for outcome in clashes.values()}
-    finally:  # at Ctrl+C too: the table then says which ones wait
+    finally:  # at Ctrl+C too: the table then lists the waiting ones
         batch = _batch(tuple(rows.values()), time.monotonic() - begun)
         write_batch(batch, output, projects)
     return batch
@@ -142,7 +142,7 @@ def _ended(tasks: Sequence[Task], means: Means) -> Iterator[Ended[Outcome]]:
 
 
 def _memory_bytes(workers: int) -> int | None:
-    """A worker's share of the machine's memory; None where the system does not say."""
+    """Return a worker's share of the machine's memory; None where the system does not state it."""
     try:
         total = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
@@ -151,13 +151,13 @@ def _memory_bytes(workers: int) -> int | None:
 
 
 def _clashes(tasks: Sequence[Task]) -> dict[str, Outcome]:
-    """Surveys that would write over each other's results, each with why it is not run."""
+    """Find surveys that would overwrite each other's results, with the reason."""
     first: dict[Path, str] = {}
     found: dict[str, Outcome] = {}
     for task in tasks:
         try:
             folder = Path(load_project(Path(task.project)).output).resolve()
-        except UavgramError:  # told when it is run
+        except UavgramError:  # reported when it is run
             continue
         other = first.setdefault(folder, task.project)
         if other != task.project:
@@ -184,14 +184,14 @@ def _tell(
     if tell is None:
         return
     ended = [one for one in rows.values() if one.status != "waiting"]
-    # what was unchanged took no time, and says nothing of what is left
+    # unchanged surveys took no time: leave them out of the estimate
     slow = sum(one.status != "unchanged" for one in ended)
     each = (time.monotonic() - begun) / max(slow, 1)
     tell(Step(row, len(ended), len(rows), each * (len(rows) - len(ended))))
 
 
 def _keep(path: Path, record: SurveyRecord) -> None:
-    """Remember a survey; a full disk costs only that it is measured again next time."""
+    """Record a survey; after a failure it is only measured again next time."""
     try:
         append_record(path, record)
     except OSError as fault:
@@ -220,9 +220,9 @@ def write_batch(batch: Batch, folder: Path, inputs: Sequence[str]) -> None:
     Parameters
     ----------
     batch
-        What came out.
+        The batch.
     folder
-        Where to.
+        Output folder.
     inputs
         Files that no output may replace.
 

@@ -1,4 +1,4 @@
-"""One survey of a batch, in a worker: measured, or found unchanged, or why neither."""
+"""Measure one survey of a batch in a worker, unless it is unchanged; report a failure."""
 
 from __future__ import annotations
 
@@ -31,31 +31,32 @@ from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.versions import stamp
 
 LEFT = ".uavgram-measured.jsonl"
-"""In the output folder, until the batch has heard of it: the record of what a worker made."""
+"""File in the output folder with the record of a worker's result, until the batch has received
+it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Asked:
-    """What a batch makes of each survey, beside what its project says: paper of a report.pdf."""
+    """Requests of a batch for each survey, beside its project file: paper of a report.pdf."""
 
     pdf: Paper | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
-    """One survey to measure.
+    """Survey to measure.
 
     Attributes
     ----------
     project
         Its project file.
     asked
-        What is made of it.
+        Requests.
     before
-        What is known of it from before, if anything.
+        Record of an earlier run, if any.
     results
-        Size and time of its results.json when it was given to a worker of a cluster, which may
-        begin late, when another one is done; None: that cannot be.
+        Size and time of its results.json when the survey was given to a worker of a cluster, which
+        may begin late, when another one has finished it; None: impossible.
     """
 
     project: str
@@ -66,19 +67,19 @@ class Task:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """Its row; the record is None where it has to be measured again next time."""
+    """Outcome of a survey: its row, and its record; None if it must be measured again next time."""
 
     row: SurveyRow
     record: SurveyRecord | None
 
 
 def measure_survey(task: Task) -> Outcome:
-    """Measure a survey, unless nothing changed since it was measured; no problem of it is raised.
+    """Measure a survey, unless it is unchanged since the last run; report its problems in the row.
 
     Parameters
     ----------
     task
-        Which.
+        The survey.
 
     Raises
     ------
@@ -106,22 +107,22 @@ def measure_survey(task: Task) -> Outcome:
 
 
 def failed(task: Task, why: str) -> Outcome:
-    """The outcome of a survey that gave nothing, and why."""
+    """Return the outcome of a survey without results, with the reason."""
     row = SurveyRow(name=name_of(task.project), project=task.project, status="failed", message=why)
     return Outcome(row=row, record=None)
 
 
 def with_results(task: Task) -> Task:
-    """A survey as it is given to a worker of a cluster now."""
+    """Add the present state of the results, before a survey is given to a worker of a cluster."""
     try:
         output = load_project(Path(task.project)).output
-    except UavgramError:  # told when it is measured
+    except UavgramError:  # reported when it is measured
         return task
     return replace(task, results=stat_of(Path(output) / LAST))
 
 
 def name_of(project: str) -> str:
-    """What a survey is called in the table where its project cannot be read."""
+    """Return the name of a survey in the table where its project cannot be read."""
     path = Path(project)
     return path.absolute().parent.name if path.stem == "project" else path.stem
 
@@ -151,13 +152,13 @@ def _measured(task: Task) -> Outcome:
         results=state_of(Path(project.output) / LAST),
     )
     if task.results is not None:
-        with suppress(OSError):  # then it is measured again if nobody hears of it
+        with suppress(OSError):  # then it is measured again if the record is lost
             append_record(Path(project.output) / LEFT, record)
     return Outcome(row=row, record=record)
 
 
 def _left_behind(task: Task, project: Project) -> SurveyRecord | None:
-    """What a worker made that was cut off before it could tell, if that still holds."""
+    """Return the result of a worker interrupted before its report, if it is still valid."""
     path = Path(project.output) / LEFT
     found = read_records(path).get(task.project)
     with suppress(OSError):
@@ -166,13 +167,13 @@ def _left_behind(task: Task, project: Project) -> SurveyRecord | None:
 
 
 def was_told(outcome: Outcome) -> None:
-    """A worker of a cluster has told what it made: it need not be found any more."""
+    """Remove the record of a result that a worker of a cluster has reported."""
     with suppress(OSError):
         (Path(outcome.row.output) / LEFT).unlink(missing_ok=True)
 
 
 def _claimed(project: Project) -> AbstractContextManager[Callable[[], None] | None]:
-    """A claim to its output folder; none to one that is refused, as it holds the photos."""
+    """Claim the output folder; no claim to one that will be refused, as it holds the photos."""
     output = Path(project.output).resolve()
     if any(Path(one).resolve().parent == output for one in find_photos(project.images)):
         return nullcontext()
@@ -186,7 +187,7 @@ def _inputs(path: Path, project: Project) -> list[str]:
 
 
 def _is_unchanged(task: Task, before: SurveyRecord, project: Project) -> bool:
-    """Whether a run would give what stands there already."""
+    """Return whether a run would give the existing results."""
     if (before.version, before.asked) != (stamp()["version"], repr(task.asked)):
         return False
     if {one.path for one in before.inputs} != set(_inputs(Path(task.project), project)):
@@ -203,7 +204,7 @@ def _stats(paths: list[str]) -> dict[str, tuple[int, int]]:
 def _states(
     result: Result, folder: Path, before: dict[str, tuple[int, int]]
 ) -> tuple[FileState, ...] | None:
-    """What the run read, as its provenance has it; None where something changed meanwhile."""
+    """Return the files read by the run, from its provenance; None where one changed meanwhile."""
     states = []
     for one in result.provenance.inputs:
         path = str(folder / one.path)

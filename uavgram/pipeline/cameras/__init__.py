@@ -1,1 +1,1 @@
-"""A camera from a file, from what photos say of it, or from photos of a calibration board."""
+"""Cameras from a file, from the tags of photos, or from photos of a calibration board."""

@@ -1,4 +1,4 @@
-"""Calibrate a camera from photos of a board: those named, or a folder near a project."""
+"""Calibrate a camera from photos of a board: named ones, or a folder near a project."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ PriorChoice = Literal["none", "exif"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Calibrated:
-    """What was found, and the files it was written to."""
+    """Result of a calibration, and its files."""
 
     account: CalibrationAccount
     folder: Path
@@ -80,7 +80,7 @@ class Calibrated:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """The photos, by unique names, and what was seen in them."""
+    """Photos by unique names, and the boards found in them."""
 
     files: CalibrationFiles
     names: tuple[str, ...]
@@ -110,12 +110,12 @@ def calibrate(
     output
         Folder for the results.
     options
-        What to estimate, and how; its `prior` is set by the next parameter.
+        Parameters to estimate, and method; its `prior` is set by the next parameter.
     prior
-        ``exif``: what EXIF and the table of drone cameras say of focal length and principal point
-        takes part in the estimate.
+        ``exif``: focal length and principal point by EXIF and the table of drone cameras take part
+        in the estimate.
     name
-        Of the camera; by default the one in EXIF.
+        Name of the camera; by default the one in EXIF.
     progress
         Shows long loops.
 
@@ -144,12 +144,12 @@ def calibrate(
 
 
 def _assumed(tags: CameraTags, *, is_needed: bool) -> Calibration | None:
-    """What tags and table say of the camera; None where that is nothing.
+    """Return the camera by tags and table; None where it is unknown.
 
     Raises
     ------
     InputError
-        Nothing is known, and it is needed.
+        It is unknown, but needed.
     """
     try:
         return assume_camera(tags, drone_cameras())[0]
@@ -168,7 +168,7 @@ def _with_focal_length(files: CalibrationFiles, assumed: Calibration | None) -> 
 
 
 def _look(files: CalibrationFiles, board: Board, progress: Progress) -> _Seen:
-    """Look for the board in all photos, side by side; each is decoded once."""
+    """Detect the board in all photos, in parallel; each is decoded once."""
     names = _unique_names(files.path)
     previews: dict[str, Preview] = {}
 
@@ -184,7 +184,7 @@ def _look(files: CalibrationFiles, board: Board, progress: Progress) -> _Seen:
 
 
 def _unique_names(paths: Sequence[str]) -> tuple[str, ...]:
-    """Names of the files, with so much of their folders as tells them apart."""
+    """Return unique names of the files, with as much of their folders as necessary."""
     names = tuple(Path(path).name for path in paths)
     if len(set(names)) == len(names):
         return names
@@ -266,7 +266,7 @@ def _option_values(options: CalibrationOptions) -> dict[str, OptionValue]:
 def _write(
     account: CalibrationAccount, seen: _Seen, folder: Path, progress: Progress
 ) -> tuple[str, ...]:
-    """Write all files; their names, the camera first."""
+    """Write all files; return their names, the camera first."""
     result, provenance = account.result, account.provenance
     camera = result.calibration
     pictures = _pictures(result, seen)
@@ -290,7 +290,7 @@ def _write(
 def _write_recording(
     account: CalibrationAccount, previews: Mapping[str, Preview], path: Path
 ) -> None:
-    # The viewer's library takes half a second and 30 MB, also of those who only may calibrate.
+    # The viewer's library takes half a second and 30 MB to load.
     from uavgram.views.calibration.recording.write import (  # noqa: PLC0415
         write_calibration_recording,
     )
@@ -299,7 +299,7 @@ def _write_recording(
 
 
 def _pictures(result: CalibrationResult, seen: _Seen) -> dict[str, bytes]:
-    """Every photo with what was found in it; residuals of those that took part."""
+    """Draw the detected board in every photo, with residuals where it took part."""
     rows = rows_by_photo(result)
     factor = residual_factor(result)
     pictures = {}
@@ -333,7 +333,7 @@ _NUMBERED = re.compile(rf"{FOLDER}(?:-(\d+))?")
 
 
 def board_folders(project: Path) -> tuple[PhotoFolder, ...]:
-    """Folders near a project that hold enough photos for a calibration."""
+    """Return folders near a project with enough photos for a calibration."""
     return folders_with_photos(project.absolute().parent, LEAST_PHOTOS)
 
 
@@ -351,9 +351,9 @@ def calibrate_folder(
     project
         The project file.
     folder
-        Holds the photos of the board.
+        Folder with the photos of the board.
     board, options, progress
-        As of `uavgram.pipeline.cameras.calibrate.calibrate`.
+        As for `uavgram.pipeline.cameras.calibrate.calibrate`.
 
     Raises
     ------
@@ -366,7 +366,7 @@ def calibrate_folder(
 
 
 def use_camera(project: Path, camera: Path) -> None:
-    """Name another camera file in a project; everything else in it stays as it is.
+    """Set another camera file in a project; the rest of the file is unchanged.
 
     Raises
     ------
@@ -374,7 +374,7 @@ def use_camera(project: Path, camera: Path) -> None:
         The file does not name its camera in a line of its own, or it cannot be written.
     """
     try:
-        before = project.read_bytes().decode()  # as it is: line ends stay
+        before = project.read_bytes().decode()  # unchanged line ends
     except OSError as fault:
         raise InputError(project, f"cannot be read: {fault.strerror}") from fault
     beside = project.absolute().parent
@@ -391,7 +391,7 @@ def use_camera(project: Path, camera: Path) -> None:
 
 
 def _free_folder(beside: Path) -> Path:
-    """A folder that is not there yet: earlier calibrations are never written over."""
+    """Return a new folder: earlier calibrations are never overwritten."""
     numbers = [0]
     for path in beside.iterdir():
         match = _NUMBERED.fullmatch(path.name)

@@ -1,4 +1,4 @@
-"""Cameras from files of any program, by name, from photos, and back into files."""
+"""Read cameras from files of any program, by name, or from photos; write camera files."""
 
 from __future__ import annotations
 
@@ -33,12 +33,12 @@ from uavgram.stages.camera import WAY_OUT, assume_camera, find_camera
 
 
 def camera_of_drone(name: str) -> Calibration | None:
-    """The calibration to assume of a drone's main camera; None where nobody knows it.
+    """Return the assumed calibration of a drone's main camera; None where it is unknown.
 
     Parameters
     ----------
     name
-        Of the drone (``DJI Mavic 2 Pro``) or of its camera (``L1D-20c``), as the table has them.
+        Name of the drone (``DJI Mavic 2 Pro``) or of its camera (``L1D-20c``), as in the table.
     """
     known = [
         camera
@@ -51,7 +51,7 @@ def camera_of_drone(name: str) -> Calibration | None:
     ]
     if not named:
         return None
-    # The plainest of several, such as a Phantom 4 Pro beside its second version.
+    # The shortest name of several, such as a Phantom 4 Pro beside its second version.
     camera = min(named, key=lambda one: len(one.comment))
     tags = CameraTags(
         path=name,
@@ -77,18 +77,18 @@ _SAME_FOCAL = 0.005
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraRead:
-    """A camera as read.
+    """Camera as read.
 
     Attributes
     ----------
     path
         The file, or the photo.
     calibration, messages
-        The camera, and what has to be said of it.
+        The camera, and messages on it.
     provenance
-        What the file says of where it comes from; None where it does not.
+        Provenance in the file; None where it has none.
     tags
-        What the photo says of its camera; None where the camera comes from a file.
+        Camera tags of the photo; None where the camera comes from a file.
     """
 
     path: Path
@@ -106,12 +106,12 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
     path
         The file.
     wanted
-        Which camera, where COLMAP's or OpenDroneMap's file holds several.
+        Name of the camera, where COLMAP's or OpenDroneMap's file holds several.
 
     Raises
     ------
     InputError
-        Says what is wrong with the file, or which cameras there are to choose from.
+        The file is wrong, or holds several cameras, which the message lists.
     """
     path = Path(path)
     if path.suffix.lower() in _PHOTOS:
@@ -142,19 +142,19 @@ def _refuse(wanted: str | None, path: Path) -> None:
 def camera_of_photos(
     photos: Photos, *, may_be_unknown: bool = False
 ) -> tuple[Calibration, tuple[Message, ...]]:
-    """Assume the camera of a project's photos from what they say of it.
+    """Assume the camera of a project's photos from their tags.
 
     Parameters
     ----------
     photos
-        Of one camera.
+        Photos of one camera.
     may_be_unknown
-        Whether an ordinary drone camera is assumed where they do not say enough.
+        Whether an ordinary drone camera is assumed where the tags are insufficient.
 
     Raises
     ------
     InputError
-        The photos come from several cameras or zoom settings, or nothing can be assumed of theirs.
+        The photos come from several cameras or zoom settings, or theirs cannot be assumed.
     """
     tags = read_all_camera_tags(photos.path)
     first = tags[0]
@@ -170,9 +170,9 @@ def camera_of_photos(
 
 
 def _difference(first: CameraTags, other: CameraTags) -> str:
-    """What keeps two photos from sharing a camera, as a sentence up to the first one's name.
+    """Describe why two photos cannot share a camera, up to the first one's name.
 
-    Empty where nothing does.
+    Empty if they can.
     """
     if (other.width_px, other.height_px) != (first.width_px, first.height_px):
         sizes = f"{first.width_px} x {first.height_px} px of"
@@ -191,16 +191,16 @@ def _difference(first: CameraTags, other: CameraTags) -> str:
 def camera_in(
     camera: CameraRead, form: CameraFormat, options: Mapping[str, OptionValue] = NO_OPTIONS
 ) -> str:
-    """Text of a camera file for one program.
+    """Return the text of a camera file for one program.
 
     Parameters
     ----------
     camera
-        Its `path` is the file that it was made of.
+        The camera; its `path` is the source file.
     form
-        Whose format.
+        Format of the program.
     options
-        What was done to it since, for its provenance.
+        Changes since, for its provenance.
     """
     if form == "colmap":
         return colmap_text(camera.calibration)
@@ -225,9 +225,9 @@ def write_camera(
     camera
         The camera.
     form
-        Whose format.
+        Format of the program.
     options
-        What was done to it since.
+        Changes since.
 
     Raises
     ------
@@ -238,7 +238,7 @@ def write_camera(
 
 
 def focal_on_sensor_mm(camera: CameraRead) -> float | None:
-    """Focal length on the sensor, where the table of drone cameras knows it; else None.
+    """Return the focal length on the sensor by the table of drone cameras; None where unknown.
 
     For photos of the sensor's whole width.
     """
@@ -259,7 +259,7 @@ def focal_on_sensor_mm(camera: CameraRead) -> float | None:
 
 
 def _converted(camera: CameraRead, options: Mapping[str, OptionValue]) -> CameraProvenance:
-    """Provenance of a camera that this program converts: what its source says stays."""
+    """Return the provenance of a converted camera, with that of its source."""
     made, inputs = stamp(), (digest_file(camera.path),)
     base = CameraProvenance(**made, source="converted", inputs=inputs, options=options)
     earlier, tags = camera.provenance, camera.tags

@@ -1,1 +1,1 @@
-"""Work on many items at once: by processes of this machine that stay, or by a cluster's workers."""
+"""Parallel work on many items: by long-lived local processes, or by the workers of a cluster."""

@@ -1,7 +1,7 @@
-"""Work by a cluster: a Dask scheduler and its workers, started by others.
+"""Work on a cluster: a Dask scheduler and its workers, started by others.
 
-Dask gives the work of a worker that died, or was not heard of for as long as its scheduler waits
-(`distributed.scheduler.worker-ttl`, five minutes), to another one, and tries again what failed.
+Dask reassigns the work of a worker that died, or did not report for as long as its scheduler waits
+(`distributed.scheduler.worker-ttl`, five minutes), and retries failed work.
 """
 
 from __future__ import annotations
@@ -26,17 +26,18 @@ Made = TypeVar("Made")
 
 _PATIENCE_S = 15
 _ALONE_S = 300.0
-"""Without any worker: time to start one."""
+"""Time without any worker [s]: enough to start one."""
 _LOOK_S = 1.0
 _TOLD_S = 5.0
-"""For word that an item takes too long to come to who asked for it, before its process ends."""
+"""Time [s] for the message that an item takes too long to arrive, before its process ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Cluster:
-    """Where the scheduler listens (``tls://host:8786``), and files for TLS (PEM) if it wants them.
+    """Address of the scheduler (``tls://host:8786``), and files for TLS (PEM) if it needs them.
 
-    Who may speak to a scheduler may run any program on its workers: it executes what it is sent.
+    A client of a scheduler can run any program on its workers: it executes everything that it is
+    sent.
     """
 
     address: str
@@ -52,25 +53,25 @@ def on_cluster(
     seconds: float | None = None,
     fresh: Callable[[Item], Item] = lambda item: item,
 ) -> Iterator[Ended[Made]]:
-    """What is made of each item, as soon as it is, like `in_workers`; paths mean the same there.
+    """Yield the result of each item as soon as it is ready, like `in_workers`; with shared paths.
 
     Parameters
     ----------
     work
-        A function at the top of a module, which the workers have too.
+        A function at the top of a module that the workers have too.
     items
         Pickled to the workers.
     cluster
-        Whose workers.
+        The cluster.
     seconds
-        Most that an item may take: the process of its worker ends then (a nanny starts another).
+        Time limit of an item: then the process of its worker ends (a nanny starts another).
     fresh
-        Makes of an item what is sent.
+        Prepares an item before it is sent.
 
     Raises
     ------
     UavgramError
-        Dask is not installed, or the scheduler does not answer, has lost all workers, or went away.
+        Dask is not installed, or the scheduler does not answer, has lost all workers, or stopped.
     """
     try:
         import distributed  # noqa: PLC0415 (an extra)
@@ -99,7 +100,7 @@ def _ended(
     items: Sequence[Item],
     seconds: float | None,
 ) -> Iterator[Ended[Made]]:
-    """Outcomes until nothing is left to do."""
+    """Yield outcomes until all items are done."""
     import distributed  # noqa: PLC0415
 
     topic = f"uavgram-{client.id}"
@@ -136,7 +137,7 @@ def _ended(
             else:
                 try:
                     yield Ended(number, future.result(timeout=_PATIENCE_S), tries)
-                except TimeoutError:  # lost on its way: it is made again
+                except TimeoutError:  # lost in transit: it is computed again
                     continue
             del waiting[future]
         with contextlib.suppress(OSError, TimeoutError):
@@ -153,7 +154,7 @@ _BEGUN, _LATE = "begun", "late"
 
 
 def _why(fault: BaseException) -> str:
-    """Why nothing was made of an item."""
+    """Describe the reason of a failed item."""
     import distributed  # noqa: PLC0415
 
     if isinstance(fault, UavgramError):
@@ -173,7 +174,7 @@ def _why(fault: BaseException) -> str:
 def _alone(
     work: Callable[[Item], Made], item: Item, seconds: float | None, name: tuple[str, int]
 ) -> Made:
-    """In a worker, which is one of as many as there are cores."""
+    """Run an item in a worker, which is one of as many as there are cores."""
     import distributed  # noqa: PLC0415
 
     use_one_core()
@@ -197,11 +198,11 @@ def _alone(
 
 
 _KILL = getattr(signal, "SIGKILL", signal.SIGTERM)
-"""What work in C that never returns cannot put off."""
+"""Signal that also ends work in C that never returns."""
 
 
 def _security(cluster: Cluster) -> Any:  # noqa: ANN401
-    """What Dask's own configuration says, and the files that were named."""
+    """Return the security of Dask's own configuration, or with the given files."""
     import distributed  # noqa: PLC0415
 
     named = {

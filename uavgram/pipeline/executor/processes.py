@@ -1,6 +1,6 @@
-"""Processes that stay: each imports once, takes one item after another, and may die alone.
+"""Long-lived processes: each imports once, takes one item after another, and may die alone.
 
-Each is a pool of Python's own with one process: where one dies, the others lose nothing.
+Each is a pool of Python's own with one process: if one dies, the others are not affected.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ Item = TypeVar("Item")
 Made = TypeVar("Made")
 
 MOST_TRIES = 3
-"""Of an item whose process dies; by then the item is the likelier reason."""
+"""Number of tries of an item whose process dies; after these the item is the likelier reason."""
 
 _ONE_THREAD = dict.fromkeys(
     (
@@ -45,28 +45,29 @@ _ONE_THREAD = dict.fromkeys(
     ),
     "1",
 )
-"""Libraries read these when they are loaded: there are as many workers as cores."""
+"""Environment variables that libraries read when they are loaded: there are as many workers as
+cores."""
 _RECYCLED_AT = 0.5
-"""Of the memory that a worker may take: one that keeps more than this is replaced."""
+"""Share of the memory limit of a worker: one that keeps more than this is replaced."""
 _PATIENCE_S = 5.0
 
 
 @dataclass(frozen=True)
 class Ended(Generic[Made]):
-    """What became of an item.
+    """Outcome of an item.
 
     Attributes
     ----------
     number
-        Of the item.
+        Number of the item.
     value
-        What was made of it; None if nothing was.
+        Its result; None if there is none.
     tries
-        How many workers began it.
+        Number of workers that began it.
     why
-        For people: why there is no value.
+        Reason for a missing value, for people.
     fault
-        What the work itself raised, if it did.
+        Exception that the work itself raised, if any.
     """
 
     number: int
@@ -78,14 +79,14 @@ class Ended(Generic[Made]):
 
 @dataclass(frozen=True, kw_only=True)
 class Bounds:
-    """What one worker may take: memory at any time, and seconds for one item; None: no bound."""
+    """Limits of one worker: memory at any time, and seconds for one item; None: no limit."""
 
     memory_bytes: int | None = None
     seconds: float | None = None
 
 
 class _Worker:
-    """A pool of one process: the number of the item that it is at, since when, and its outcome."""
+    """Pool of one process: the number of its present item, the start time, and the outcome."""
 
     def __init__(self, context: BaseContext, bounds: Bounds) -> None:
         self._seconds = bounds.seconds
@@ -113,7 +114,7 @@ class _Worker:
             self.timer.start()
 
     def take(self, tries: int) -> tuple[Ended[Any] | None, bool]:
-        """What came of the item, None if it is to be tried again; whether the process leaves."""
+        """Return the outcome, None for another try; and whether the process has to leave."""
         future, self.future = cast("Future[Any]", self.future), None
         if self.timer is not None:
             self.timer.cancel()
@@ -137,7 +138,7 @@ class _Worker:
 
 
 _STARTING = threading.Lock()
-"""Held while a process starts, so that it can be told from those of other threads."""
+"""Lock while a process starts, so that it can be distinguished from those of other threads."""
 
 
 def in_workers(
@@ -146,10 +147,10 @@ def in_workers(
     count: int,
     bounds: Bounds | None = None,
 ) -> Iterator[Ended[Made]]:
-    """What is made of each item, as soon as it is; in whatever order that is.
+    """Yield the result of each item as soon as it is ready, in any order.
 
     An item whose process dies is tried again, in another one; one that takes too long is given up,
-    and its process ended. When the caller leaves, at Ctrl+C say, all processes end.
+    and its process ended. When the caller leaves, as at Ctrl+C, all processes end.
 
     Parameters
     ----------
@@ -158,9 +159,9 @@ def in_workers(
     items
         Pickled to the processes.
     count
-        Of processes.
+        Number of processes.
     bounds
-        What each process may take; one that keeps half of its memory between items is replaced.
+        Limits of each process; one that keeps half of its memory between items is replaced.
     """
     bounds = bounds or Bounds()
     tries, waiting = [0] * len(items), deque(range(len(items)))
@@ -194,7 +195,7 @@ def in_workers(
 
 
 def _end_all(workers: Sequence[_Worker]) -> None:
-    """End processes: first so that they can clean up, in the end without asking."""
+    """End processes: first so that they can clean up, finally by force."""
     for worker in workers:
         worker.end()
     for worker in workers:
@@ -205,12 +206,12 @@ def _end_all(workers: Sequence[_Worker]) -> None:
 
 
 def in_words(fault: BaseException) -> str:
-    """What was raised, in words; bugs with their kind."""
+    """Describe an exception in words; bugs with their kind."""
     return str(fault) if isinstance(fault, UavgramError) else f"{type(fault).__name__}: {fault}"
 
 
 def overdue(seconds: float) -> str:
-    """Why an item was given up that took too long."""
+    """Describe why an item was given up that took too long."""
     return (
         f"was given up after {seconds / 60.0:.3g} minutes: where it needs longer, give it more "
         "time (--most-minutes), or run it alone (uavgram run)"
@@ -229,7 +230,7 @@ def _why(tries: int, status: int | None) -> str:
 
 
 def _context(module: str) -> BaseContext:
-    """Processes forked from a clean one that imported a module, where the system has that."""
+    """Return a context that forks processes from a clean one with a module, where available."""
     if sys.platform != "linux":
         return get_context("spawn")
     context = get_context("forkserver")
@@ -239,7 +240,7 @@ def _context(module: str) -> BaseContext:
 
 @contextlib.contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """Processes that are started now read these settings before they load anything."""
+    """Set one thread for processes that are started now, before they load anything."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(_ONE_THREAD)
     try:
@@ -254,14 +255,14 @@ def _one_thread_each() -> Iterator[None]:
 
 @contextlib.contextmanager
 def _kept_from_ctrl_c() -> Iterator[None]:
-    """Processes that are started now never get Ctrl+C, which is for who started them.
+    """Block Ctrl+C in processes that are started now, as it is meant for their parent.
 
-    Not even while they load what they need, when they could not ignore it yet.
+    Also while they load modules, when they could not ignore it yet.
     """
     if sys.platform == "win32":
         yield
         return
-    resource_tracker.ensure_running()  # when it starts, it lets through what is kept back here
+    resource_tracker.ensure_running()  # its start would unblock the signal
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
@@ -270,8 +271,8 @@ def _kept_from_ctrl_c() -> Iterator[None]:
 
 
 def _begin(memory_bytes: int | None) -> None:  # pragma: no cover (in another process)
-    """Make a process ready; Ctrl+C is for who started it, and it ends with that."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it is not kept back already
+    """Prepare a process; Ctrl+C is for its parent, with which it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it is not blocked already
     threading.Thread(target=_end_with_parent, daemon=True).start()
     use_one_core()
     load_little()
@@ -289,23 +290,23 @@ def _end_with_parent() -> None:  # pragma: no cover (in another process)
 def _made(
     work: Callable[[Any], Any], memory_bytes: int | None, item: object
 ) -> tuple[Any, Exception | None, bool]:  # pragma: no cover (in another process)
-    """What was made of an item or raised, and whether the process keeps too much memory."""
+    """Return the result or exception of an item, and whether the process keeps too much memory."""
     made, fault = None, None
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # half-written folders are removed
     try:
         made = work(item)
-    except Exception as raised:  # noqa: BLE001 (whoever asked for it hears of it)
+    except Exception as raised:  # noqa: BLE001 (the caller gets it)
         fault = _sendable(raised)
-    finally:  # an answer that is cut short would never end; who waits for work is told to leave
+    finally:  # an interrupted answer would block the parent
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
     return made, fault, memory_bytes is not None and _kept_bytes() > _RECYCLED_AT * memory_bytes
 
 
 def _sendable(fault: Exception) -> Exception:  # pragma: no cover (in another process)
-    """What was raised, or its text where it cannot be sent."""
+    """Return the exception, or its text where it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(fault))  # noqa: S301  (of our own making)
-    except Exception:  # noqa: BLE001  (whatever its class does when it is put together again)
+    except Exception:  # noqa: BLE001  (a class may fail in any way)
         return (
             UavgramError(str(fault))
             if isinstance(fault, UavgramError)
@@ -315,7 +316,7 @@ def _sendable(fault: Exception) -> Exception:  # pragma: no cover (in another pr
 
 
 def _bound(memory_bytes: int | None) -> None:
-    """Let the system refuse memory beyond the bound: one survey fails, not the machine."""
+    """Limit the memory by the system: one survey fails, not the machine."""
     if memory_bytes is None or sys.platform != "linux":
         return
     _, hard = resource.getrlimit(resource.RLIMIT_DATA)
@@ -324,7 +325,7 @@ def _bound(memory_bytes: int | None) -> None:
 
 
 def _kept_bytes() -> int:
-    """Memory that this process holds now; 0 where the system does not say."""
+    """Return the memory that this process holds now; 0 where the system does not state it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as stream:  # noqa: PTH123
             resident, shared = map(int, stream.read().split()[1:3])

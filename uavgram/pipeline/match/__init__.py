@@ -1,1 +1,1 @@
-"""Picked points found in the other photos: `uavgram picks match`."""
+"""Find picked points in the other photos: `uavgram picks match`."""

@@ -1,7 +1,7 @@
-"""The adjustment with what was found so far, quick enough to be made after every round.
+"""Adjustment with the finds so far, fast enough for every round.
 
-What people picked and measured is adjusted in full once, with the search for blunders and causes.
-What that left out stays out; afterwards only poses and points are adjusted anew.
+The picks and measurements by people are adjusted in full once, with the search for blunders and
+causes. Observations left out there stay out; afterwards only poses and points are readjusted.
 """
 
 from __future__ import annotations
@@ -29,57 +29,59 @@ from uavgram.stages.refine.off_ground.heights import with_free
 from uavgram.stages.refine.sound_ties import with_sound_ties
 
 UNEVEN_M = 0.1
-"""Roughness of ground of which nobody said that it is rougher: crown, gutter and kerb of a road."""
+"""Least roughness of ground without a larger statement [m]: crown, gutter and kerb of a road."""
 
 RAISED_M = 0.8, 1.0
-"""Height of a point of which nothing is known, and its sigma, while one photo alone shows it: from
+"""Height of a point without any information, and its sigma [m], while only one photo shows it: from
 the ground to the roof of a van."""
 
 LEAST_HEIGHT_M = 0.25
-"""Of a point off the ground, below which what was found is taken for the ground behind its edge."""
+"""Least height of a point off the ground [m]: below, the find is taken for the ground behind its
+edge."""
 
 ENOUGH = 3
-"""Photos that must agree on a height of which nothing is known: any two agree on one."""
+"""Photos that must agree on an unknown height: any two agree on one."""
 
 BESIDE = "what looks like it is the ground beside it"
 ALONE = "its height is not known, and too few photos show it to be sure"
 
 TRIED_AGAIN = (LeftOutCause.UNDETERMINED, LeftOutCause.NOT_JOINED)
-"""Why picks were left out that what is found may bring back."""
+"""Causes of left-out picks that finds may bring back."""
 
 
 WRONG = 25.0
-"""Squared sigmas from which a match is wrong: chi-square of two degrees of freedom is beyond it in
-one of 270,000."""
+"""Squared sigmas above which a match is wrong: chi-square with two degrees of freedom exceeds it
+with a probability of 1 in 270,000."""
 
 WRONG_RAISED = 9.2
-"""The same of points off the ground, whose sigma is wide: beyond it in one of a hundred."""
+"""Squared sigmas for points off the ground, whose sigma is wide: exceeded with a probability of 1
+in a hundred."""
 
 MOST_ROUNDS = 8
-"""Rounds in which such matches are left out."""
+"""Largest number of rounds in which such matches are left out."""
 
 SPREAD = 2.0
-"""Factor of the matches' sigmas from which on one of them may have spread its error over all."""
+"""Factor of the matches' sigmas above which one of them may have spread its error over all."""
 
 BETTER = 0.8
-"""To this share the square of that factor must fall without a find that spread its error."""
+"""Share to which the square of that factor must fall without a find that spread its error."""
 
 
 class _Tried(NamedTuple):
-    """An adjustment with some finds.
+    """Adjustment with some finds.
 
     Attributes
     ----------
     adjustment
-        Without those that stand out.
+        Adjustment without outliers among them.
     kept
         The others.
     factor
-        By which their sigmas are too small, as their residuals show it.
+        Factor by which their sigmas are too small, estimated from their residuals.
     worst
-        The one that fits worst, where that is a large factor.
+        The find of largest misfit, where that factor is large.
     out
-        Numbers of all picks that stand out, earlier matches among them.
+        Numbers of all picks that are outliers, earlier matches among them.
     """
 
     adjustment: Adjustment
@@ -91,16 +93,16 @@ class _Tried(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """A project whose own picks are adjusted.
+    """Project whose own picks are adjusted.
 
     Attributes
     ----------
     inputs, posed
-        As read, with the matches that stay; and where the photos were taken.
+        As read, with the matches that stay; and poses of the photos.
     keep
         (P,) picks of the survey that take part.
     refined
-        The adjustment of what people picked and measured.
+        Adjustment of the picks and measurements by people.
     """
 
     inputs: Inputs
@@ -109,7 +111,7 @@ class Base:
     refined: Refined
 
     def sources(self, adjustment: Adjustment) -> list[int]:
-        """Numbers of the project's picks by hand that take part in an adjustment."""
+        """Return numbers of the project's picks by hand that take part in an adjustment."""
         survey, picks = adjustment.survey, self.inputs.picks
         pairs = zip(survey.pick_frame.tolist(), survey.pick_label.tolist(), strict=True)
         there = {(survey.frame_id[frame], survey.label[label]) for frame, label in pairs}
@@ -117,7 +119,7 @@ class Base:
         return [i for i in by_hand if (picks.image[i], picks.label[i]) in there]
 
     def without_unfit(self, asked: Bools) -> tuple[Base, Bools]:
-        """Without those of some earlier matches (P,) that fit no longer, and which these are."""
+        """Remove those of some earlier matches (P,) that no longer fit; also return their mask."""
         unfit = np.zeros(len(asked), dtype=np.bool_)
         if asked.any():
             unfit[list(self._tried({}).out)] = True
@@ -126,22 +128,22 @@ class Base:
         return replace(self, inputs=replace(self.inputs, picks=picks)), unfit
 
     def with_free(self, labels: Collection[str]) -> Base:
-        """With the heights of some labels unknown."""
+        """Free the heights of some labels."""
         picks = self.inputs.picks
         free = picks.is_free | np.isin(picks.label, list(labels))
         return replace(self, inputs=replace(self.inputs, picks=replace(picks, is_free=free)))
 
     def of_unknown_height(self, survey: Survey) -> Bools:
-        """(K,) labels of a survey off the ground, anywhere, which one photo alone shows."""
+        """Mark labels (K,) off the ground of unknown height, which only one photo shows."""
         picks = self.inputs.picks
         free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
         return np.isin(survey.label, sorted(free)) & (_photos_of_labels(survey) < 2)
 
     def adjusted(self, found: Mapping[Pair, Found]) -> tuple[Adjustment, dict[Pair, str]]:
-        """The adjustment with what was found, and what of that it contradicts, with the reason.
+        """Adjust with the finds; also return the contradicted finds, with the reason.
 
-        A find that is far off spreads its error over few others, so that none stands out of them:
-        what makes all others fit much better is contradicted too.
+        A find with a large error spreads it over few others, so that none is an outlier: a find
+        without which all others fit much better is contradicted too.
         """
         tried = self._tried(found)
         while tried.factor > SPREAD and tried.worst is not None:
@@ -154,9 +156,10 @@ class Base:
         return tried.adjustment, wrong | self._unsure(tried)
 
     def _unsure(self, tried: _Tried) -> dict[Pair, str]:
-        """Finds of points of unknown height that are the ground behind an edge, or may be.
+        """Return finds of points of unknown height that are, or may be, the ground behind an edge.
 
-        Two photos agree on a height whatever they show; only a third one says that it is one thing.
+        Any two photos agree on some height; only a third one confirms that it is one
+        object.
         """
         picks, survey = self.inputs.picks, tried.adjustment.survey
         free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
@@ -171,13 +174,13 @@ class Base:
         }
 
     def _tried(self, found: Mapping[Pair, Found]) -> _Tried:
-        """Adjusted with some finds, but for those that stand out."""
+        """Adjust with some finds, without outliers."""
         picks = with_found(self.inputs.picks, found)
         survey = assembled_survey(replace(self.inputs, picks=picks), self.posed).survey
         sound = with_sound_ties(self._prepared(survey))
         out = set(sound.matches_left_out)
         survey, adjustment = sound.survey, self._best(sound.survey)
-        for _ in range(MOST_ROUNDS):  # the ground, and heights that are known, have a say now
+        for _ in range(MOST_ROUNDS):  # now the ground and known heights take part
             wrong = _standing_out(adjustment, picks)
             if not wrong:
                 break
@@ -191,13 +194,13 @@ class Base:
         return _Tried(adjustment, frozenset(found) - gone_pairs, factor, worst, frozenset(out))
 
     def _best(self, survey: Survey) -> Adjustment:
-        """The best adjustment without what the full one left out."""
+        """Return the best adjustment without the observations left out of the full one."""
         refined = self.refined
         taking = Participants(survey, self.keep, refined.line_removed, {}, refined.known_removed)
         return best_minima(taking).adjustment
 
     def _prepared(self, survey: Survey) -> Survey:
-        """With first poses and heights of the full adjustment, and ground that may be uneven."""
+        """Set first poses and heights of the full adjustment, and ground that may be uneven."""
         refined = self.refined
         survey = with_free(survey, sorted(refined.off_ground))
         rough = tuple(
@@ -206,7 +209,7 @@ class Base:
         )
         alone = survey.is_free & (_photos_of_labels(survey) < 2)
         height, sigma = RAISED_M
-        if survey.telemetry is None:  # a few matches would not place frames again that ties place
+        if survey.telemetry is None:  # keep poses by ties
             survey = replace(survey, candidate_poses=refined.adjustment.survey.candidate_poses)
         return replace(
             survey,
@@ -218,12 +221,12 @@ class Base:
 
 
 def begun(inputs: Inputs, posed: Posed) -> Base:
-    """Adjust what people picked and measured.
+    """Adjust the picks and measurements by people.
 
     Raises
     ------
     GeometryError
-        That determines nothing yet; says what is missing.
+        They do not determine the survey yet; the message names the missing ones.
     """
     survey = assembled_survey(replace(inputs, picks=_made_by_people(inputs.picks)), posed).survey
     refined, _ = refined_survey(survey, inputs.project.solve)
@@ -239,24 +242,24 @@ def _made_by_people(picks: Picks) -> Picks:
 
 
 def _photos_of_labels(survey: Survey) -> Ints:
-    """(K,) number of photos that each label is seen in, matches included."""
+    """Count the photos (K,) of each label, matches included."""
     return np.bincount(seen_labels(survey)[1], minlength=len(survey.label))
 
 
 def _is_found(survey: Survey, picks: Picks) -> Bools:
-    """(N,) which sightings of chains are matches, and not the picked pixels they begin from."""
+    """Mark sightings (N,) of chains that are matches, not the picked pixels of their beginning."""
     return np.asarray(picks.of_source("match")[survey.matches.row])
 
 
 def _misfits(adjustment: Adjustment, picks: Picks) -> Floats:
-    """(N,) squared sigmas by which matches do not fit; -1 of picked pixels."""
+    """Compute squared misfits (N,) of matches in sigmas; -1 for picked pixels."""
     survey = adjustment.survey
     fall = falls_without(adjustment.minimum.blocks["matches"], adjustment.covariance)
     return np.where(_is_found(survey, picks), fall, -1.0)
 
 
 def _worst(adjustment: Adjustment, picks: Picks) -> Pair | None:
-    """The match that fits worst."""
+    """Return the match of largest misfit."""
     sightings = adjustment.survey.matches
     if not sightings.points:
         return None
@@ -265,7 +268,7 @@ def _worst(adjustment: Adjustment, picks: Picks) -> Pair | None:
 
 
 def _standing_out(adjustment: Adjustment, picks: Picks) -> set[int]:
-    """Rows of picks: of matches that do not fit, the worst of each photo and of each chain."""
+    """Return rows of picks: matches that do not fit, the worst of each photo and of each chain."""
     sightings = adjustment.survey.matches
     if not sightings.points:
         return set()

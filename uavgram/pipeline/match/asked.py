@@ -1,4 +1,4 @@
-"""What of a project is asked for, checked against what it has."""
+"""Requested labels and photos of a project, and their checks."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from uavgram.stages.match import Pair
 
 @dataclass(frozen=True)
 class Asked:
-    """What of a project is asked for: labels and photos by name; none named: all."""
+    """Requested labels and photos by name; without names: all."""
 
     labels: tuple[str, ...] = ()
     photos: tuple[str, ...] = ()
 
     def has(self, pair: Pair) -> bool:
-        """Whether a label in a photo is asked for."""
+        """Return whether a label in a photo is requested."""
         image, label = pair
         return (not self.photos or image in self.photos) and (
             not self.labels or label in self.labels
@@ -32,18 +32,18 @@ class Asked:
 
 
 def earlier(picks: Picks, asked: Asked) -> Bools:
-    """(P,) the matches that there are of what is asked for."""
+    """Mark existing matches (P,) among the requested ones."""
     pairs = zip(picks.image, picks.label, strict=True)
     again = np.array([asked.has(pair) for pair in pairs], dtype=np.bool_)
     return picks.of_source("match") & again
 
 
 MISSED = 1.0 / 30.0, 5.0 / 6.0
-"""Share of the photos that do not show a label where it would be on the ground: of points on it,
-and of corners of cars and walls. Measured on rendered streets."""
+"""Share of the photos that do not show a label at its place on the ground: for points on it, and
+for corners of cars and walls. Measured on rendered streets."""
 
 EVEN_ODDS = 1.0
-"""Odds that a label without a height is on the ground, where nobody knows what it is."""
+"""Odds that a label without a height is on the ground, without further information."""
 
 
 def may_be_raised(
@@ -51,17 +51,17 @@ def may_be_raised(
 ) -> set[str]:
     """Find labels without a height that are more likely off the ground than on it.
 
-    Bayes' rule on how many photos show a label where it would be on the ground, and how many do
+    Bayes' rule with the numbers of photos that show a label at its place on the ground, and that do
     not.
 
     Parameters
     ----------
     picks
-        All that there are; the first of a label shows it wherever it is.
+        All picks; the first of a label shows it wherever it is.
     found, missed
-        What else is shown where it would be on the ground, and what was looked for in vain.
+        Finds at the place on the ground, and unsuccessful searches there.
     odds
-        That a label is on the ground, before any other photo is looked at.
+        Odds that a label is on the ground, before any other photo is searched.
     """
     shown = Counter([*picks.label, *(label for _, label in found)])
     not_there = Counter(without_height(picks, missed))
@@ -81,7 +81,7 @@ def without_height(picks: Picks, pairs: Iterable[Pair]) -> list[str]:
 
 
 def still_founded(picks: Picks) -> Bools:
-    """(P,) matches whose pick lies where they were found from."""
+    """Mark matches (P,) whose pick is where they were found from."""
     made = picks.of_source("match")
     clicks = picks.clicks
     holds = np.zeros(len(made), dtype=np.bool_)
@@ -93,7 +93,7 @@ def still_founded(picks: Picks) -> Bools:
 
 
 def check_asked(inputs: Inputs, asked: Asked) -> None:
-    """Refuse labels that nobody picked, and photos that the project does not have."""
+    """Refuse labels without a pick, and photos that the project does not have."""
     by_hand = labels_by_hand(inputs.picks)
     _check_names(inputs, asked, by_hand)
     if not by_hand:
@@ -109,7 +109,7 @@ def check_asked(inputs: Inputs, asked: Asked) -> None:
 
 
 def check_undone(inputs: Inputs, asked: Asked) -> None:
-    """Refuse labels and photos that no match names."""
+    """Refuse labels and photos without a match."""
     _check_names(inputs, asked, tuple(dict.fromkeys(inputs.picks.label)))
 
 
@@ -117,7 +117,7 @@ _MOST_NAMED = 8
 
 
 def _check_names(inputs: Inputs, asked: Asked, labels: tuple[str, ...]) -> None:
-    """Refuse labels that are none of these, and photos that the project does not have."""
+    """Refuse labels not among these, and photos that the project does not have."""
     for label in asked.labels:
         if label not in labels:
             hint = near_miss(label, labels) or f"picked are {listed(labels, _MOST_NAMED)}"
@@ -130,6 +130,6 @@ def _check_names(inputs: Inputs, asked: Asked, labels: tuple[str, ...]) -> None:
 
 
 def labels_by_hand(picks: Picks) -> tuple[str, ...]:
-    """Labels that a person picked anywhere."""
+    """Return labels with a pick by a person."""
     by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
     return tuple(dict.fromkeys(picks.label[i] for i in by_hand))

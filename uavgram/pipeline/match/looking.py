@@ -1,4 +1,4 @@
-"""Places looked for in the photos themselves, on all cores."""
+"""Search for places in the photos, on all cores."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 
 MOST_BYTES = 1_000_000_000
-"""Of decoded photos kept: fifty of 20 megapixels."""
+"""Memory for decoded photos [bytes]: fifty of 20 megapixels."""
 
 Photos = LruCache[str, Image]
-"""Grey photos by name, decoded once while they stay."""
+"""Grey photos by name, decoded once while they are kept."""
 
 
 class Task(NamedTuple):
-    """Places of one photo that are sought in another; `rows` says which they are."""
+    """Places of one photo that are sought in another; `rows` are their numbers."""
 
     source: str
     target: str
@@ -34,17 +34,17 @@ class Task(NamedTuple):
 
 
 def grey_photos(paths: Mapping[str, str]) -> Photos:
-    """Photos by name that are decoded when they are asked for, in the orientation as stored."""
+    """Return photos by name that are decoded on demand, in the stored orientation."""
     return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MOST_BYTES)
 
 
 def tasks(source: Sequence[str], target: Sequence[str], sought: Sought) -> list[Task]:
-    """Places (n,) put together by photos, neighbours in the list sharing a photo.
+    """Group places (n,) by photos, so that neighbours in the list share a photo.
 
     Parameters
     ----------
     source, target
-        (n,) photo of the pick, and photo to look in.
+        (n,) photo of the pick, and photo to search.
     sought
         The places.
     """
@@ -58,7 +58,7 @@ def tasks(source: Sequence[str], target: Sequence[str], sought: Sought) -> list[
 
 
 def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent) -> Matched:
-    """What is found of some places, in their order.
+    """Search for places, and return the finds in their order.
 
     Parameters
     ----------
@@ -91,7 +91,7 @@ def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = 
 
 
 def reason(refused: int) -> str:
-    """Why a place was not found, in words."""
+    """Describe why a place was not found."""
     return REASON[Refused(refused)]
 
 

@@ -1,4 +1,4 @@
-"""Points off the ground that one photo alone shows so far: found along their lines of sight."""
+"""Find points off the ground that only one photo shows so far, along their lines of sight."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match import Candidates, Found, Missed, Pair, pick_sigmas, radii
 
 HEIGHTS_M = -0.5, LEAST_HEIGHT_M, 10.0
-"""Above the ground: looked at from, up to which a find would be the ground beside an edge, and up
-to the ridge of a house."""
+"""Heights above the ground [m]: lower limit of the search, upper limit of finds that count as the
+ground beside an edge, and upper limit of the search, the ridge of a house."""
 
 BELOW_CAMERA = 0.5
-"""Share of the camera's height up to which things are looked for."""
+"""Share of the camera's height up to which objects are searched."""
 
 STEP_PX = 1.0
-"""Between places of a line, in the photo that shows them farthest apart."""
+"""Distance of places on a line [px], in the photo in which it is largest."""
 
 MOST_PLACES = 1500
-"""Of one line: photos far apart, of a high thing."""
+"""Largest number of places on one line: for distant photos, and a high object."""
 
 ASIDE_PX = 1.0
-"""Sigma across the line of sight, of a photo whose pose is too poor to see along it."""
+"""Sigma across the line of sight [px] above which a photo's pose is too poor to search along it."""
 
 _STEPS = 3  # from a height above level ground to one above ground that slopes
 _ABOUT_PX = 3.0  # of the source, by which photos are compared
@@ -44,18 +44,18 @@ def look_up(
     rows: Ints,
     progress: Progress = silent,
 ) -> dict[Pair, Found | Missed]:
-    """What is found of some places, each pick in all photos together.
+    """Search for places, each pick in all photos together.
 
     Parameters
     ----------
     photos
         Grey, by name.
     picks
-        Of the project.
+        Picks of the project.
     adjustment, candidates
-        What predicted the places, and all of them.
+        The adjustment that predicted the places, and all of them.
     rows
-        Those to look at.
+        Places to search for.
     progress
         Shows long loops.
     """
@@ -77,12 +77,12 @@ def look_up(
 def _of_pick(
     photos: Photos, picks: Picks, adjustment: Adjustment, candidates: Candidates, rows: Ints
 ) -> dict[Pair, Found | Missed]:
-    """What is found of one pick.
+    """Search for the places of one pick.
 
     Parameters
     ----------
     photos, picks, adjustment, candidates
-        As of `look_up`.
+        As for `look_up`.
     rows
         Its places, in adjusted photos.
     """
@@ -110,7 +110,7 @@ def _of_pick(
 def line_of_sight(
     adjustment: Adjustment, of: tuple[int, int], others: Ints, pixel_px: Floats
 ) -> Line:
-    """A picked pixel's line of sight as other photos show it.
+    """Project a picked pixel's line of sight to other photos.
 
     Parameters
     ----------
@@ -126,6 +126,7 @@ def line_of_sight(
     frame, label = of
     center, ray = _sight(adjustment, frame, pixel_px)
     from_m, raised_m, to_m = HEIGHTS_M
+    # Heights with a step of about STEP_PX in the photo that shows them farthest apart.
     ground = _at_heights(adjustment, label, (center, ray), [0.0])
     to_m = min(to_m, BELOW_CAMERA * float(center[2] - ground[0, 2]))
     ends = _pixels(adjustment, others, _at_heights(adjustment, label, (center, ray), [0.0, to_m]))
@@ -133,6 +134,7 @@ def line_of_sight(
     long_px = float(np.nan_to_num(long).max()) * (to_m - from_m) / to_m
     height = np.linspace(from_m, to_m, min(int(long_px / STEP_PX) + 8, MOST_PLACES))
     place = _at_heights(adjustment, label, (center, ray), height)
+    # Affine map by differences: the line of sight of a neighbouring pixel at the same height.
     columns = []
     for step in _ABOUT_PX * np.eye(2):
         both = []
@@ -150,7 +152,7 @@ def line_of_sight(
 
 
 def _sight(adjustment: Adjustment, frame: int, pixel_px: Floats) -> tuple[Floats, Floats]:
-    """Where a pixel's line of sight begins, and its direction, (3,) each."""
+    """Return origin and direction (3,) of a pixel's line of sight."""
     state, lens = adjustment.state, adjustment.problem.intrinsics(adjustment.state)
     pose = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
     return sight_lines(adjustment.survey.calibration, lens, pose, pixel_px)
@@ -159,16 +161,16 @@ def _sight(adjustment: Adjustment, frame: int, pixel_px: Floats) -> tuple[Floats
 def _at_heights(
     adjustment: Adjustment, label: int, sight: tuple[Floats, Floats], height_m: Floats | list[float]
 ) -> Floats:
-    """(k, 3) places of a line of sight at heights (k,) above the ground.
+    """Return places (k, 3) on a line of sight at heights (k,) above the ground.
 
     Parameters
     ----------
     adjustment
         The adjusted survey.
     label
-        Whose area's ground it is.
+        Label in the area of the ground.
     sight
-        Where the line begins, and its direction.
+        Origin of the line, and its direction.
     height_m
         The heights.
     """
@@ -184,7 +186,7 @@ def _at_heights(
 
 
 def _pixels(adjustment: Adjustment, frames: Ints, world_m: Floats) -> Floats:
-    """(k, t, 2) pixels of places (k, 3) in frames (t,); NaN behind a camera."""
+    """Project places (k, 3) to frames (t,): pixels (k, t, 2), NaN behind a camera."""
     state, sweep = adjustment.state, adjustment.sweep()
     poses = RowPoses(state.center[frames], state.rotation[frames], sweep[frames])
     every = np.broadcast_to(world_m[:, None], (len(world_m), len(frames), 3))

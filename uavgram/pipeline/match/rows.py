@@ -1,4 +1,4 @@
-"""Finds as rows of picks.csv, and the rows that they take the place of."""
+"""Finds as rows of picks.csv, and removal of the rows that they replace."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from uavgram.stages.match import Found, Pair
 
 
 def with_found(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None = None) -> Picks:
-    """Picks with what was found behind them.
+    """Append finds to picks.
 
     Parameters
     ----------
     picks
-        All that there are.
+        All picks.
     found
         By photo and label, each from one of these picks.
     keep
-        (P,) which of them stay; left out, all do.
+        (P,) picks that stay; by default all.
     """
     every = np.ones(len(picks.image), np.bool_) if keep is None else keep
     rows: list[int] = np.flatnonzero(every).tolist()

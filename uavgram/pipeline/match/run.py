@@ -1,4 +1,4 @@
-"""Find a project's picks in its other photos, and write what was found into picks.csv."""
+"""Find a project's picks in its other photos, and write the finds into picks.csv."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ from uavgram.stages.match import Matches, Pair, turned_rad
 
 @dataclass(frozen=True)
 class Undone:
-    """How many matches were taken out of which table."""
+    """Number of matches removed from a table."""
 
     path: Path
     removed: int
@@ -48,10 +48,10 @@ def match_picks(
     dry_run: bool = False,
     progress: Progress = silent,
 ) -> Matches:
-    """Look for what people picked in all other photos.
+    """Search for the picks by people in all other photos.
 
-    What people picked stays as it is. So do matches that there are, whoever accepted them: but
-    for those whose pick was moved, or that fit no longer, in whose place others are looked for.
+    Picks by people are unchanged. So are existing matches, including accepted ones, except those
+    whose pick was moved, or that no longer fit; these are searched again.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def match_picks(
     Raises
     ------
     UavgramError
-        A problem that the user can solve. The table is as it was.
+        A problem that the user can solve. The table is unchanged.
     """
     asked = asked or Asked()
     inputs = read_inputs(Path(project))
@@ -98,17 +98,17 @@ def match_picks(
 def undo_matches(
     project: str | os.PathLike[str], asked: Asked | None = None, *, dry_run: bool = False
 ) -> Undone:
-    """Take matches out of a project's picks.
+    """Remove matches from a project's picks.
 
     Parameters
     ----------
     project, asked, dry_run
-        As of `match_picks`.
+        As for `match_picks`.
 
     Raises
     ------
     UavgramError
-        A problem that the user can solve. The table is as it was.
+        A problem that the user can solve. The table is unchanged.
     """
     asked = asked or Asked()
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
@@ -127,7 +127,7 @@ def _sought(inputs: Inputs, asked: Asked) -> tuple[str, ...]:
 
 
 def _begun(inputs: Inputs, stays: Bools) -> Base:
-    """The project without the matches that are replaced, what people picked adjusted."""
+    """Return the project without replaced matches, with the picks by people adjusted."""
     try:
         picks = with_found(inputs.picks, {}, keep=stays)
         return begun(replace(inputs, picks=picks), pose_frames(inputs))
@@ -139,7 +139,7 @@ def _begun(inputs: Inputs, stays: Bools) -> Base:
 
 
 def _wanted(base: Base, asked: Asked) -> Callable[[Pair], bool]:
-    """Whether a label is to be looked for in a photo: it is asked for, and there is no pick yet."""
+    """Return a test whether a label is sought in a photo: requested, and without a pick there."""
     picks = base.inputs.picks
     there = set(zip(picks.image, picks.label, strict=True))
     copies = duplicates_of(base.inputs).photos

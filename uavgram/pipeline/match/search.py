@@ -1,4 +1,4 @@
-"""Picks looked for in the other photos, round by round, each with the poses of the last."""
+"""Search for picks in the other photos, round by round, each with the poses of the last."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ from uavgram.stages.match import (
 )
 
 MOST_ROUNDS = 11
-"""Rounds of looking and adjusting."""
+"""Largest number of rounds of search and adjustment."""
 
 LINES_BEFORE = 1
-"""Rounds from the end in which lines of sight are looked along, whatever is left on the ground."""
+"""Rounds from the end at which lines of sight are searched, even if ground places remain."""
 
 LEAST_PX = 0.5
-"""Sigma that is added to every prediction: of what no adjustment knows, such as a lens's last
+"""Sigma that is added to every prediction [px], for errors outside the model, such as a remaining
 distortion."""
 
 
 class Search(NamedTuple):
-    """What was found and missed, and the last adjustment with it."""
+    """Finds and misses, and the last adjustment with them."""
 
     record: Record
     adjustment: Adjustment
@@ -57,7 +57,7 @@ def searched(
     progress: Progress = silent,
     on_ground: float = EVEN_ODDS,
 ) -> Search:
-    """Look for picks in all photos until there is nothing left to try.
+    """Search for picks in all photos until there is nothing left to try.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def searched(
     photos
         Grey, by name.
     wanted
-        Whether a label is to be looked for in a photo.
+        Whether to search for a label in a photo.
     progress
         Shows long loops.
     on_ground
@@ -79,11 +79,11 @@ def searched(
         rows, lines = next_places(candidates, asked, record), lines_left(candidates, asked, record)
         missed = record.in_vain.keys() - _silent(candidates, record)
         off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
-        as_ground = [pair for pair in record.found if pair[1] in off]  # its patch errs
+        as_ground = [pair for pair in record.found if pair[1] in off]  # its patch may be wrong
         raised = may_be_raised(base.inputs.picks, record.found, missed, on_ground)
         raised = raised or set(without_height(base.inputs.picks, as_ground))
-        is_over = candidates.is_raised[rows].all()  # with what is on the ground
-        if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines, or not
+        is_over = candidates.is_raised[rows].all()  # for ground points
+        if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines of sight, or not
             base, record = base.with_free(raised), record.without_labels(raised)
             adjustment, record = _agreeing(base, record)
             continue
@@ -91,7 +91,7 @@ def searched(
             looked = _looked(photos, base, candidates, rows, progress)
             looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
             looked = _not_again(candidates, rows, looked, record)
-        elif lines.size:  # the poses are as good as the ground makes them
+        elif lines.size:  # the poses are as good as ground points allow
             looked = look_up(photos, base.inputs.picks, adjustment, candidates, lines, progress)
         else:
             break
@@ -102,15 +102,15 @@ def searched(
 
 
 def _agreeing(base: Base, record: Record) -> tuple[Adjustment, Record]:
-    """The adjustment with what was found, and the record without what it contradicts."""
+    """Return the adjustment with the finds, and the record without contradicted ones."""
     adjustment, wrong = base.adjusted(record.found)
     return adjustment, record.without(wrong)
 
 
 def _silent(candidates: Candidates, record: Record) -> set[Pair]:
-    """What was missed and says nothing of a height: the photo ends, or the point has moved.
+    """Return missed pairs without information on the height: outside the photo, or moved points.
 
-    What moved is beside its line of sight; what is along it may be the point at another height.
+    A moved point is beside its line of sight; a point along it may be at another height.
     """
     silent = {pair for pair, why in record.in_vain.items() if why == REASON[Refused.OUTSIDE]}
     places = candidates.places
@@ -126,7 +126,7 @@ def _silent(candidates: Candidates, record: Record) -> set[Pair]:
 
 
 def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
-    """Where picks made by people should appear."""
+    """Predict the places of picks made by people."""
     survey, project = adjustment.survey, base.inputs.picks
     frame = {name: k for k, name in enumerate(survey.frame_id)}
     label = {name: k for k, name in enumerate(survey.label)}
@@ -153,16 +153,16 @@ def _agreeing_in_photos(
     rows: Ints,
     looked: Mapping[Pair, Found | Missed],
 ) -> dict[Pair, Found | Missed]:
-    """What was found, but for what the other finds in the same photo contradict.
+    """Revoke finds that the other finds in the same photo contradict.
 
     Parameters
     ----------
     adjustment, candidates
-        What predicted the places, and all of them.
+        The adjustment that predicted the places, and all of them.
     rows
-        Those that were looked for.
+        Places that were searched for.
     looked
-        What was found and what was not.
+        Finds and misses.
     """
     by_photo: dict[str, dict[int, Found]] = {}
     for row in rows.tolist():
@@ -186,12 +186,12 @@ def _not_again(
     looked: Mapping[Pair, Found | Missed],
     record: Record,
 ) -> dict[Pair, Found | Missed]:
-    """What was found, but for what was contradicted before and is not where it should be now.
+    """Revoke finds that were contradicted before and are not at their present place.
 
     Parameters
     ----------
     candidates, rows, looked
-        As of `_agreeing_in_photos`.
+        As for `_agreeing_in_photos`.
     record
         The search so far.
     """
@@ -215,14 +215,14 @@ def _flight(base: Base) -> FlightOfPhotos | None:
 
 
 def sought_at(places: Transferred, rows: Ints, source_px: Floats) -> Sought:
-    """Some predicted places as the matching takes them.
+    """Convert predicted places to the input of the matching.
 
     Parameters
     ----------
     places, rows
-        Predicted places, and numbers (m,) of those to look at.
+        Predicted places, and numbers (m,) of those to search for.
     source_px
-        (m, 2) pixels of the picks that are looked for.
+        (m, 2) pixels of the picks.
     """
     return Sought(
         source_px=source_px,
@@ -240,16 +240,16 @@ def _looked(
     rows: Ints,
     progress: Progress,
 ) -> dict[Pair, Found | Missed]:
-    """What is found of some places.
+    """Search for places.
 
     Parameters
     ----------
     photos, base, progress
-        As of `searched`.
+        As for `searched`.
     candidates
         All places.
     rows
-        Which of them to look at.
+        Places to search for.
     """
     places, pick = candidates.places, candidates.pick[rows]
     project = base.inputs.picks

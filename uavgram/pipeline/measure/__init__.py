@@ -1,1 +1,1 @@
-"""The main job: from a project file to its results and output files."""
+"""Main job: from a project file to its results and output files."""

@@ -1,11 +1,11 @@
-"""The order of the stages: read this to know the whole program.
+"""Run the stages in order; this file is an overview of the whole program.
 
 ::
 
-    synchronise -> track -> seed               where the log has each frame (see `pose`), or
-    photo_exposures -> seed                    where the photos themselves say they were taken
+    synchronise -> track -> seed               poses of the frames by the log (see `pose`), or
+    photo_exposures -> seed                    by the photos themselves
     assemble -> refine                         one likelihood
-    reconstruct, measure, judge, summarise     what comes out, and how well it fits
+    reconstruct, measure, judge, summarise     results, and their quality
 """
 
 from __future__ import annotations
@@ -80,14 +80,14 @@ PACKAGES = ("numpy", "scipy", "opencv-python-headless", "pymavlink", "pyproj", "
 
 @dataclass(frozen=True)
 class Sampling:
-    """A Monte Carlo check of the measurements: how many repetitions, and the draws' seed."""
+    """Monte Carlo check of the measurements: number of repetitions, and the seed of the draws."""
 
     count: int
     seed: int = 0
 
 
 class Computed(NamedTuple):
-    """What is stored, and the adjustment behind it with all its joint covariances."""
+    """Stored result, and the adjustment behind it with all its joint covariances."""
 
     result: Result
     refined: Refined
@@ -100,24 +100,24 @@ def compute(
     posed: Posed | None = None,
     curved: bool = True,
 ) -> Computed:
-    """Run every stage on what was read.
+    """Run every stage on the inputs.
 
     Parameters
     ----------
     inputs
         The project.
     sampling
-        A Monte Carlo check of the measurements, where that is asked for.
+        Monte Carlo check of the measurements, if requested.
     posed
-        The frames as `pose_frames` leaves them, which hang on photos and log alone: who changes
-        nothing but picks and lengths need not match them again.
+        The frames from `pose_frames`, which depend on photos and log only: after changes of nothing
+        but picks and lengths they need not be matched again.
     curved
         Whether to check the first-order propagation by its second order, which takes most of the
-        time where much is measured.
+        time with many measurements.
     """
     inputs, rounding_messages = _with_reading_step(inputs)
     duplicates = duplicates_of(inputs)
-    # Not withheld either: what is a reading that was used would be a check of itself.
+    # Not withheld either: a reading that was used would check itself.
     counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
     inputs = replace(inputs, lines=_with_duplicates(inputs.lines, duplicates, adjust=True))
     plates = inputs.project.targets
@@ -199,7 +199,7 @@ def compute(
 
 
 def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
-    """What `compute` adjusts, before it is adjusted."""
+    """Assemble the survey that `compute` adjusts."""
     inputs, _ = _with_reading_step(inputs)
     duplicates = duplicates_of(inputs)
     counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
@@ -211,27 +211,27 @@ def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
 
 
 def _with_reading_step(inputs: Inputs) -> tuple[Inputs, tuple[Message, ...]]:
-    """Widen the sigmas of lengths that were rounded, and remark on it."""
+    """Enlarge the sigmas of lengths that were rounded, and report it."""
     lines, messages = with_reading_step(inputs.lines)
     return replace(inputs, lines=lines), messages
 
 
 def _with_duplicates(lines: KnownLines, duplicates: Duplicates, *, adjust: bool) -> KnownLines:
-    """The lengths, those that are not counted withheld from the adjustment or not."""
+    """Withhold lengths that are not counted from the adjustment, or not."""
     chosen = np.array(lines.adjust)
     chosen[list(duplicates.lines)] = adjust
     return replace(lines, adjust=chosen)
 
 
 def _without_copies(known: KnownThings, duplicates: Duplicates) -> KnownThings:
-    """What is known, those that are not counted withheld from the adjustment."""
+    """Withhold known things that are not counted from the adjustment."""
     chosen = np.array(known.adjust)
     chosen[list(duplicates.known)] = False
     return replace(known, adjust=chosen)
 
 
 def stated_observations(inputs: Inputs, posed: Posed, control: KnownWorldPoints) -> Observations:
-    """Gather what a project's files and its log state, copies included.
+    """Collect the observations that a project's files and its log state, copies included.
 
     Parameters
     ----------
@@ -262,7 +262,7 @@ def stated_observations(inputs: Inputs, posed: Posed, control: KnownWorldPoints)
 def _assembled(
     inputs: Inputs, counted: KnownLines, posed: Posed, duplicates: Duplicates
 ) -> tuple[Assembled, tuple[Message, ...]]:
-    """All that was observed as one survey, and what there is to say of control points."""
+    """Assemble all observations in one survey, with messages on control points."""
     control, messages = known_in_world(inputs, inputs.control, posed.world)
     observed = replace(
         stated_observations(inputs, posed, control),
@@ -274,13 +274,13 @@ def _assembled(
 
 
 def _world(project: Project, world: World, gauge: Literal["world", "plane"]) -> World:
-    """The world of a survey with such a gauge, with the coordinate system of its maps."""
+    """Return the world of a survey with such a gauge, with the coordinate system of its maps."""
     world = replace(world, gauge=gauge, origin=None if gauge == "plane" else world.origin)
     return replace(world, crs=_map_crs(project, world))
 
 
 def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
-    """The adjusted survey; a camera that stands another way in its mount is the first suspect."""
+    """Adjust the survey; a wrongly mounted camera is the first suspect."""
     mount = turned_mount(survey)
     if survey.telemetry is None and survey.gauge == "world":
         # Nothing but known points and lines places the frames: their first poses are from these.
@@ -291,14 +291,14 @@ def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tupl
     try:
         refined, messages = refine(survey, options)
     except GeometryError as why:
-        if mount is not None:  # what is behind it
+        if mount is not None:  # the cause
             raise GeometryError(f"{mount.text} ({why})") from why
         raise
     return refined, (*(() if mount is None else (mount,)), *messages)
 
 
 class _Measured(NamedTuple):
-    """Measurements, what first order leaves out of them, and values under other solutions."""
+    """Measurements, second-order terms, and values under other solutions."""
 
     table: MeasurementResults
     curvature: SecondOrder | None
@@ -330,7 +330,7 @@ def _sampled(
     table: MeasurementResults,
     sampling: Sampling | None,
 ) -> tuple[MonteCarloResults | None, tuple[Message, ...]]:
-    """The Monte Carlo check, where it is asked for."""
+    """Run the Monte Carlo check, if requested."""
     if sampling is None:
         return None, ()
     found, left_out = sample(adjustment, inputs.requests, frames, sampling.count, sampling.seed)
@@ -338,14 +338,14 @@ def _sampled(
 
 
 def _learnt(inputs: Inputs, shared: SharedResult) -> tuple[Message, ...]:
-    """What the survey says of its camera."""
+    """Report the information of the survey on its camera."""
     is_assumed = any(m.code in _GUESSED for m in inputs.messages)
     learnt = learnt_camera(inputs.calibration, shared.intrinsics)
     return what_was_learnt(learnt, is_assumed=is_assumed)
 
 
 def _map_crs(project: Project, world: World) -> str | None:
-    """Coordinate system of maps: the one the project names, else the UTM zone of the origin."""
+    """Return the coordinate system of maps: the project's, or else the UTM zone of the origin."""
     if world.origin is None:
         return None
     if project.crs == "auto":
@@ -354,7 +354,7 @@ def _map_crs(project: Project, world: World) -> str | None:
 
 
 def _unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
-    """Check points of a world in which coordinates mean nothing."""
+    """Report check points of a world without meaningful coordinates."""
     if world.gauge == "world" or not len(inputs.check.label):
         return ()
     text = (
@@ -367,7 +367,7 @@ def _unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
 def _frames(
     inputs: Inputs, posed: Posed, assembled: Assembled, refined: Refined, duplicates: Duplicates
 ) -> FrameResults:
-    """All frames; those with picks with a reason why some were left out, the frame's own first."""
+    """Return all frames; a reason for left-out picks is given, the frame's own first."""
     reasons = {
         image: duplicates.reason(image) for image in (*inputs.picks.image, *duplicates.photos)
     }

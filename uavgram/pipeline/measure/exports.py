@@ -1,4 +1,4 @@
-"""Hand the survey over: files for GIS, CAD and other photogrammetry."""
+"""Export the survey: files for GIS, CAD and other photogrammetry."""
 
 from __future__ import annotations
 
@@ -67,21 +67,21 @@ LOOKS = {
         title="what photos show", colour=hex_colour(REFINED), width_mm=0.2, shown=False
     ),
 }  # fmt: skip
-"""How maps show each layer, as the report's plan does; what comes first lies on top."""
+"""Style of each layer on maps, as in the report's plan; the first is on top."""
 
 
 def exports(result: Result, texture: GroundTexture | None = None) -> Writers:
-    """Name of each file in the output folder, and what writes it.
+    """Return the writer of each file in the output folder, by name.
 
-    What needs a place on earth is left out where nothing gives one; points.geojson and survey.kml
-    then say why they are empty.
+    Files that need a place on earth are left out without one; points.geojson and survey.kml then
+    state why they are empty.
 
     Parameters
     ----------
     result
-        What a run computed.
+        Result of a run.
     texture
-        What the photos show of the ground, where it was put together.
+        Picture of the ground from the photos, if any.
     """
     words = drawing_words(units_of(result))
     features = features_of(result, result.world.crs, words.length_m)
@@ -109,14 +109,14 @@ def exports(result: Result, texture: GroundTexture | None = None) -> Writers:
 
 
 def write_ground(texture: GroundTexture, result: Result, path: Path) -> None:
-    """Write the ground as the recording shows it, for maps.
+    """Write the ground of the recording for maps.
 
     Parameters
     ----------
     texture
         In local metres.
     result
-        Says where these lie on the map.
+        Result, which ties local metres to the map.
     path
         The file.
     """
@@ -130,12 +130,13 @@ def write_ground(texture: GroundTexture, result: Result, path: Path) -> None:
 
 
 def on_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
-    """(n, 2) places on the plane of the ground, on the map; and which map that is.
+    """Transform places (n, 2) on the ground plane to the map, and return its coordinate system.
 
     Parameters
     ----------
     result
-        Says where local metres lie; where nothing does, these are given back, and no map.
+        Result, which ties local metres to the map; without a tie, the places are returned
+        unchanged, and no map.
     local_m
         (n, 2) east, north.
     """
@@ -147,7 +148,7 @@ def on_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
 
 
 def drawing_words(units: Units) -> Words:
-    """How a drawing writes its numbers: in the units of the project, while it stays in metres."""
+    """Return the wording of numbers in a drawing: in the project's units, while it is in metres."""
     one = column(units)
     return Words(
         value=partial(quantity, units=units),
@@ -158,7 +159,7 @@ def drawing_words(units: Units) -> Words:
 
 
 def geotags_of(result: Result) -> GeoTags:
-    """Tags of every photo that has a pose: the adjusted one, else the telemetry's."""
+    """Return tags of every photo with a pose: the adjusted one, or else the telemetry's."""
     rows, poses = shown_poses(result)
     kinds: list[PoseChoice] = ["refined" if result.has_refined[k] else "seed" for k in rows]
     files = photo_files(result.frames)

@@ -1,4 +1,4 @@
-"""Where the ground is below photos that only say where they were taken themselves."""
+"""Height of the ground below photos with only their own positions."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from uavgram.model.flight.log import HeightDatum
 from uavgram.stages.seed.photo_exposures import ABOVE_GROUND_M
 
 ABOVE_GROUND_SIGMA_M = 40.0
-"""Of `ABOVE_GROUND_M`."""
+"""Sigma of `ABOVE_GROUND_M`."""
 
 
 def ground_below(source: str, photos: Photos) -> AssumedOrigin | None:
-    """Assume the ground an ordinary height below the photos; None where no pose can be read.
+    """Assume the ground at a usual distance below the photos; None where no pose can be read.
 
     Parameters
     ----------
     source
-        As `poses` in a project names it.
+        As `poses` in a project.
     photos
         The project's photos.
     """
@@ -44,7 +44,7 @@ def ground_below(source: str, photos: Photos) -> AssumedOrigin | None:
 
 
 def has_place(photos: Photos) -> bool:
-    """Whether any of the photos states a place in EXIF, be it without a height."""
+    """Return whether any of the photos states a place in EXIF, even without a height."""
     try:
         places = [read_exif_place(path) for path in photos.path]
     except InputError:

@@ -1,4 +1,4 @@
-"""Every input of a project, read and checked against the others and the photos."""
+"""Read all inputs of a project, and check them against each other and the photos."""
 
 from __future__ import annotations
 
@@ -55,19 +55,19 @@ ANEW = "or take the tie points out by `uavgram picks ties --undo`, and look for 
 
 
 def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
-    """Refuse the first pick in a photo that is not there, or outside its photo.
+    """Refuse the first pick in a missing photo, or outside its photo.
 
     Parameters
     ----------
     project
-        It names the table.
+        Project, which names the table.
     picks, photos
-        Of the project.
+        Picks and photos of the project.
 
     Raises
     ------
     InputError
-        Names file and line.
+        With file and line.
     """
     for i, why in _misplaced(picks.image, picks.pixel_px, photos):
         what = f"the pick of {picks.label[i]!r}"
@@ -75,19 +75,19 @@ def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
 
 
 def check_ties(path: str, ties: TiePicks, photos: Photos) -> None:
-    """Refuse the first sighting of a tie point in a photo that is not there, or outside its photo.
+    """Refuse the first sighting of a tie point in a missing photo, or outside its photo.
 
     Parameters
     ----------
     path
         The table.
     ties, photos
-        Of the project.
+        Tie points and photos of the project.
 
     Raises
     ------
     InputError
-        Names file and line.
+        With file and line.
     """
     for i, why in _misplaced(ties.image, ties.pixel_px, photos):
         text = f"the sighting of tie point {ties.tie[i]!r} {why}; {ANEW}"
@@ -97,7 +97,7 @@ def check_ties(path: str, ties: TiePicks, photos: Photos) -> None:
 def _misplaced(
     images: Sequence[str], pixel_px: Floats, photos: Photos
 ) -> Iterator[tuple[int, str]]:
-    """The first pixel that lies in no photo of the project, and why."""
+    """Yield the first pixel outside the photos of the project, with the reason."""
     at = {name: k for k, name in enumerate(photos.frame_id)}
     photo = np.array([at.get(image, -1) for image in images], dtype=np.int64)
     size = np.stack([photos.width_px, photos.height_px], axis=1)[photo]
@@ -119,7 +119,7 @@ def _misplaced(
 
 
 def _photo_hint(image: str, photos: Photos) -> str:
-    """Which photo may be meant."""
+    """Suggest the photo that may be meant."""
     if normalize("NFC", image) in (normalize("NFC", name) for name in photos.frame_id):
         return (
             "; a photo's name looks the same, but its accents are stored in another way (as macOS "
@@ -155,7 +155,7 @@ NO_POINTS = KnownPoints(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Inputs:
-    """Everything that a project names, as read.
+    """All inputs that a project names, as read.
 
     `digests` is the chain of custody: every file that was read, the project file first.
     """
@@ -180,7 +180,7 @@ class Inputs:
 
     @property
     def folder(self) -> Path:
-        """Of the project file: what it names is relative to it."""
+        """Folder of the project file, to which its paths are relative."""
         return Path(self.project_path).absolute().parent
 
     @property
@@ -197,8 +197,8 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     path
         The project file, or its folder.
     unfinished
-        Whether it may still lack picks, ties, lengths and measurements: files that are not there
-        then count as empty.
+        Whether it may still lack picks, ties, lengths and measurements: missing files then count as
+        empty.
     unpicked
         Whether the table of picks may be empty.
 
@@ -278,14 +278,14 @@ def named_files(
     lines: str | None,
     measure: str | None,
 ) -> tuple[str, ...]:
-    """The project file and every file but photos that is read for it, the ties' where it exists.
+    """Return the project file and every other file of it but photos; ties only if they exist.
 
     Parameters
     ----------
     path
         The project file.
     project
-        What it says.
+        Its content.
     picks, lines, measure
         Those of its tables that exist.
     """
@@ -308,14 +308,14 @@ def named_files(
 
 
 def ties_path(project: Project, folder: Path) -> Path | None:
-    """The table of tie points that a project in a folder names; None where it names none."""
+    """Return the path of a project's table of tie points; None where it names none."""
     if project.ties is None:
         return None
     return folder / TIES_FILE if project.ties == TIES_FOUND else Path(project.ties)
 
 
 def _control_lines(project: Project, known: KnownThings) -> ControlLines:
-    """Lines of known position; results name them and known things in one list."""
+    """Read lines of known position; results name them and known things in one list."""
     if not project.control_lines:
         return NO_CONTROL_LINES
     lines = read_control_lines(project.control_lines)
@@ -327,12 +327,12 @@ def _control_lines(project: Project, known: KnownThings) -> ControlLines:
 
 
 def _existing(path: Path | None) -> str | None:
-    """A file that may be missing, as tie points may still have to be found."""
+    """Return the path of a file that may be missing, as tie points may still have to be found."""
     return str(path) if path is not None and path.is_file() else None
 
 
 def duplicates_of(inputs: Inputs) -> Duplicates:
-    """What a project holds twice."""
+    """Find the duplicates in a project."""
     digests = dict(zip(inputs.files, (one.sha256 for one in inputs.digests), strict=True))
     pairs = zip(inputs.photos.frame_id, map(Path, inputs.photos.path), strict=True)
     sha256 = {name: digests[path] for name, path in pairs if path in digests}
@@ -345,7 +345,7 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
 
 @lru_cache(maxsize=10_000)
 def _is_same(one: str, other: str) -> bool:
-    """Tell whether two photos are of one camera, as far as they say, and show the same."""
+    """Return whether two photos are of one camera, if stated, and show the same."""
     cameras = [_camera_named(path) for path in (one, other)]
     return (not all(cameras) or cameras[0] == cameras[1]) and shows_the_same(one, other)
 
@@ -356,7 +356,7 @@ def _camera_named(path: str) -> str:
 
 
 def _column_messages(*files: str | None) -> Iterator[Message]:
-    """Name the columns of picks, lengths and measurements that are not read."""
+    """Report columns of picks, lengths and measurements that are not read."""
     columns_of = (
         *(PICKS_COLUMNS, LINES_COLUMNS, MEASURE_COLUMNS, KNOWN_COLUMNS, TIES_COLUMNS),
         CONTROL_LINES_COLUMNS,
@@ -371,7 +371,7 @@ def _column_messages(*files: str | None) -> Iterator[Message]:
 
 
 def log_messages(log: FlightLog) -> tuple[Message, ...]:
-    """What was odd about a log's file, as warnings."""
+    """Report anomalies of a log's file as warnings."""
     name = Path(log.path).name
     return tuple(
         Message("warning", "log-note", f"{name}: {note}", files=(name,)) for note in log.notes
@@ -379,7 +379,7 @@ def log_messages(log: FlightLog) -> tuple[Message, ...]:
 
 
 def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:
-    """Say so where part of the image has no rays: picks there cannot be used."""
+    """Report a part of the image without rays: picks there cannot be used."""
     share = share_without_rays(
         calibration.model, calibration.parameters, calibration.width_px, calibration.height_px
     )
@@ -400,7 +400,7 @@ def _camera(project: Project, photos: Photos) -> tuple[Calibration, tuple[Messag
 
 
 def _readout(project: Project, camera: Calibration, photos: Photos) -> Iterator[Readout]:
-    """The readout time that is published of the camera, where it is needed and not stated."""
+    """Yield the camera's published readout time, where it is needed and not stated."""
     if project.log is None or camera.readout is not None or not photos.path:
         return
     tags = read_camera_tags(photos.path[0])
@@ -419,7 +419,7 @@ def _published(readout: Readout) -> Message:
 
 
 def _poses(project: Project, photos: Photos) -> tuple[PhotoPoses | None, tuple[Message, ...]]:
-    """Poses that the project names; where it names none, nor a log, a hint at those it could."""
+    """Read the poses that the project names; without any, or a log, hint at available ones."""
     if project.poses is not None:
         return read_pose_sources(project.pose_sources, photos, project.world.heights)
     maker = "" if project.log else first_maker(photos)
@@ -447,7 +447,7 @@ def _check_sizes(project: Project, calibration: Calibration, photos: Photos) -> 
 
 
 def _way_to_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> str:
-    """What to do about photos of another size than the camera file's."""
+    """Suggest an action for photos of another size than the camera file's."""
     # One factor for both sides, up to the rounding of both to whole pixels.
     if abs(have[0] * want[1] - have[1] * want[0]) > max(have):
         return "give the camera file of this camera and resolution, or leave these photos out"

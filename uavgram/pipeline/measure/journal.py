@@ -1,4 +1,4 @@
-"""The run's own log: what was done when, and how long it took; written as run.jsonl."""
+"""Log of a run: steps with times and durations; written as run.jsonl."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Journal:
 
     @contextmanager
     def step(self, name: str) -> Iterator[None]:
-        """Time a step; a step that fails leaves no record, as the run leaves no file."""
+        """Time a step; a failed step leaves no record, as the run leaves no file."""
         log.info("%s", name)
         started = time.perf_counter()
         yield
@@ -35,7 +35,7 @@ class Journal:
         self._lines.append({"time_utc": now, "event": event, **fields})
 
     def result(self, result: Result) -> None:
-        """Record what the run had to say."""
+        """Record the solution and the messages of the run."""
         solution = result.solution
         self.note(
             "solution",

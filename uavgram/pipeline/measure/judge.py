@@ -44,7 +44,7 @@ Table = TypeVar("Table")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Judgement:
-    """The parts of a result that say how well everything fits, and what the verdict rests on."""
+    """Parts of a result on the quality of the fit, as the basis of the verdict."""
 
     examined: TestedSurvey
     fit: Fit
@@ -69,14 +69,14 @@ def judge_survey(
     frames: Frames,
     check: KnownWorldPoints,
 ) -> Judgement:
-    """Judge an adjusted survey by everything that is known of it.
+    """Judge an adjusted survey by all available information.
 
     Parameters
     ----------
     inputs, assembled
-        The project, and where its picks and lengths stand in the survey.
+        The project, and the rows of its picks and lengths in the survey.
     refined, measured
-        The adjusted survey and what was measured in it.
+        The adjusted survey and its measurements.
     frames
         Times of the exposures.
     check
@@ -91,7 +91,7 @@ def judge_survey(
     )
     line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
     known, known_messages = judge_known(examined, inputs.known)
-    # Tables are of the result, messages on what its suspects do not explain.
+    # Tables show the result; messages report misfits that its suspects do not explain.
     both = tuple(dict.fromkeys((refined.adjustment, examined.without_suspects)))
     point_checks, unseen_messages = _first_and_last(
         [judge_points(one, check, significance) for one in both]
@@ -139,5 +139,5 @@ def judge_survey(
 def _first_and_last(
     judged: Sequence[tuple[Table, tuple[Message, ...]]],
 ) -> tuple[Table, tuple[Message, ...]]:
-    """The table of the first, and the messages of the last."""
+    """Return the table of the first, and the messages of the last."""
     return judged[0][0], judged[-1][1]

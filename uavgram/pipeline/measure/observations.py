@@ -1,4 +1,4 @@
-"""Observations of a project beside its tables: plates, lines of position, and mends."""
+"""Observations of a project beside its tables: plates, lines of position, and corrections."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from uavgram.stages.plate_sides import SQUARE, own_scale, with_plate_sides
 
 
 def with_mends(inputs: Inputs, assembled: Assembled, causes: Iterable[Cause]) -> Inputs:
-    """Inputs whose tables say what the adjustment took, mends included.
+    """Apply corrections to the tables of the inputs, as the adjustment did.
 
     Parameters
     ----------
     inputs
         The project.
     assembled
-        Where its picks and lengths stand in the survey.
+        Assembled survey, with the rows of its picks and lengths.
     causes
-        Of misfits, those that were mended, in their order.
+        Causes of misfits that were corrected, in their order.
     """
     for cause in causes:
         mend = cause.mend
@@ -84,7 +84,7 @@ def _lines(
 
 
 def plate_outline(targets: TargetOptions) -> Floats:
-    """(4, 2) corners of a plate in metres; of a ChArUco board, its outermost inner corners."""
+    """Return corners (4, 2) of a plate [m]; for a ChArUco board, its outermost inner corners."""
     if targets.side_m is not None:
         return SQUARE * targets.side_m
     from uavgram.config.board_text import parse_board  # noqa: PLC0415 - slow to load
@@ -94,12 +94,12 @@ def plate_outline(targets: TargetOptions) -> Floats:
 
 
 def with_sides(lines: KnownLines, picks: Picks, targets: TargetOptions | None) -> KnownLines:
-    """The known lengths, with those of the plates that were found.
+    """Add the lengths of the plates that were found.
 
     Parameters
     ----------
     lines, picks
-        Of the project.
+        Lengths and picks of the project.
     targets
         Its plates; None: it has none.
     """
@@ -109,14 +109,14 @@ def with_sides(lines: KnownLines, picks: Picks, targets: TargetOptions | None) -
 
 
 def plate_scale(targets: TargetOptions | None) -> tuple[tuple[str, float], ...]:
-    """Name and prior of the scale that all plates have in common."""
+    """Return name and prior of the common scale of all plates."""
     return () if targets is None else own_scale(plate_outline(targets), targets.sigma_m)
 
 
 def with_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[Message, ...]]:
-    """Inputs whose known things are joined by the lines of known position, behind the others.
+    """Append the lines of known position to the known things.
 
-    Where nothing ties the world to the earth, lines with latitude and longitude stay out, with a
+    Where the world is not tied to the earth, lines with latitude and longitude are left out, with a
     message.
     """
     lines = inputs.control_lines
@@ -157,9 +157,10 @@ def with_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[Mes
 
 
 def _ends(lines: ControlLines, world: World) -> KnownPoints:
-    """Starts and ends in turn; unknown heights as that of the origin, which moves nothing in plan.
+    """Return starts and ends in turn; unknown heights are set to that of the origin.
 
-    East and north of a place 100 m higher grow by 1.6e-5 of themselves.
+    This has hardly an effect on the horizontal position: east and north of a place 100 m higher
+    change by a factor of 1.6e-5.
     """
     coordinates = lines.coordinates.reshape(-1, 3).copy()
     origin = 0.0 if lines.kind == "local" or world.origin is None else world.origin[2]

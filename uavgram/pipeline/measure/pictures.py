@@ -19,16 +19,17 @@ from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import shown_ground
 
 MOST_BYTES = 9_000_000
-"""Of all pictures together. As text in report.html they are a third more: it stays below 15 MB."""
+"""Largest size of all pictures together. As text in report.html they are a third larger: it stays
+below 15 MB."""
 
 _ORDER = {"overview": 0, "measurement": 1, "point": 2}
 
 
 class ReportPictures:
-    """What a report shows of the photos: cut out of those that pass by."""
+    """Parts of photos for a report, cut out while the photos are read for another purpose."""
 
     def __init__(self, result: Result) -> None:
-        """Choose what is shown of which photo."""
+        """Choose the parts of each photo."""
         self._result, self._plan = result, picture_plan(result)
         files = photo_files(result.frames)
         self._wanted = {
@@ -40,17 +41,17 @@ class ReportPictures:
         self._room: Pixels | None = None
 
     def wants(self, path: str) -> bool:
-        """Whether any part of a photo is shown."""
+        """Return whether any part of a photo is shown."""
         return path in self._wanted
 
     def cut(self, path: str) -> tuple[Preview, Pixels]:
-        """Cut its parts out of a photo, which is decoded once for all.
+        """Cut the parts out of a photo, which is decoded once for all.
 
-        Of photos that are decoded whole one is in memory at a time, whatever the threads.
+        Only one photo that is decoded as a whole is in memory at a time, for any number of threads.
 
         Returns
         -------
-        What `read_preview` gives of it.
+        As `read_preview`.
 
         Raises
         ------
@@ -65,7 +66,7 @@ class ReportPictures:
         return preview, pixels
 
     def pictures(self) -> Pictures:
-        """All that are shown, once their photos have passed by."""
+        """Return all parts, once their photos have been read."""
         self._room = None
         made = [picture for path in self._wanted for picture in self._made[path]]
         made.sort(key=lambda one: (_ORDER[one.region.subject], one.region.row))
@@ -82,7 +83,7 @@ class ReportPictures:
 
 
 def ground_picture(result: Result, texture: GroundTexture | None) -> GroundPicture | None:
-    """Cut out what lies below the report's plans; None where photos show none of it."""
+    """Cut out the ground below the report's plans; None where photos show none of it."""
     corners = shown_ground(result)
     return None if texture is None or corners is None else cut_ground(texture, *corners)
 
@@ -97,16 +98,17 @@ def _name(result: Result, region: Region) -> str:
 
 
 MOST_RECORDED = 5_000
-"""Photos in a recording: at some 0.3 MB each the viewer needs gigabytes to open more."""
+"""Largest number of photos in a recording: at some 0.3 MB each the viewer needs gigabytes to open
+more."""
 
 
 def carried(count: int) -> range:
-    """Rows of the photos that the recording of so many carries: all, or evenly some of them."""
+    """Return rows of the photos in a recording of so many: all, or a regular selection."""
     return range(0, count, max(1, -(-count // MOST_RECORDED)))
 
 
 def with_thinning_told(result: Result) -> Result:
-    """The result with a note, where its recording carries only some of the photos."""
+    """Add a note where the recording has only some of the photos."""
     count = len(result.frames.frame_id)
     rows = carried(count)
     if len(rows) == count:

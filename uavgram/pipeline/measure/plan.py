@@ -1,4 +1,4 @@
-"""plan.pdf, plan.png, plan.tif: what was surveyed, to scale, on the ground as photos show it."""
+"""Write plan.pdf, plan.png and plan.tif: the survey to scale, on the ground as in the photos."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def write_plan(result: Result, wish: PlanWish, folder: Path) -> None:
     Parameters
     ----------
     result
-        What a run computed.
+        Result of a run.
     wish
         Paper and scale.
     folder
-        Of the files.
+        Output folder.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def write_plan(result: Result, wish: PlanWish, folder: Path) -> None:
 
 
 class _Ground:
-    """What photos show of sheets, all of them in the same light."""
+    """Pictures of the ground of all sheets, with equal brightness."""
 
     def __init__(self, view: View, overview: Plan) -> None:
         self._view = view
@@ -89,7 +89,7 @@ class _Ground:
         self._photos: dict[int, PhotoCache] = {}
 
     def picture(self, plan: Plan, sheet: PlanSheet) -> GroundPicture:
-        """Of one sheet."""
+        """Return the picture of one sheet."""
         raster = _raster(self._view, plan, sheet)
         if plan.scale not in self._photos:
             self._photos = {plan.scale: photos_for(self._view, raster, self._gains)}
@@ -98,13 +98,13 @@ class _Ground:
         return GroundPicture(np.dstack([toned(rgb, self._tone), rgba[..., 3]]), raster)
 
     def notes(self) -> tuple[str, ...]:
-        """What was done to the photos."""
+        """Describe the changes to the photos."""
         told = "The photos' brightness is evened out, to be seen; their files stay as they are."
         return (told,)
 
 
 def _raster(view: View, plan: Plan, sheet: PlanSheet) -> GroundRaster:
-    """The ground of a sheet in local metres; no finer than the photos."""
+    """Return the ground raster of a sheet in local metres, no finer than the photos."""
     finest = float(np.nanmin(photo_pixels_m(view), initial=np.inf))
     pixel = plan.scale * 0.0254 / PICTURE_DPI
     pixel = max(pixel, finest) if math.isfinite(finest) else pixel

@@ -1,4 +1,4 @@
-"""Where each photo was taken, before any adjustment: by the log, by the photos, or unknown."""
+"""Poses of the photos before any adjustment: by the log, by the photos, or unknown."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Posed:
-    """The frames on the log's clock, with seed poses in the local world.
+    """Frames on the log's clock, with seed poses in the local world.
 
-    Without a log or photo poses `telemetry` is None; `pairing` tells which photo is which camera
-    event of the log, where events were used.
+    Without a log or photo poses `telemetry` is None; `pairing` assigns photos to camera events of
+    the log, where events were used.
     """
 
     world: World
@@ -58,7 +58,7 @@ class Posed:
 def pose_frames(inputs: Inputs) -> Posed:
     """Seed the poses from the log or from the photos; without either, only name the world.
 
-    Of photos of one exposure only one is matched and placed; the others are frames of its time.
+    If several photos show one exposure, only one is matched and placed; the others get its time.
 
     Raises
     ------
@@ -88,7 +88,7 @@ def pose_frames(inputs: Inputs) -> Posed:
 
 
 def _of_photos(inputs: Inputs, rows: Sequence[int]) -> Inputs:
-    """The project with some of its photos alone."""
+    """Return the project with some of its photos only."""
     photos = replace(inputs.photos, **rows_of(inputs.photos, np.array(rows)))
     poses = inputs.poses
     placed = poses and poses.rows(np.flatnonzero(np.isin(poses.frame_id, photos.frame_id)))
@@ -139,7 +139,7 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
 
 
 def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
-    """Take the photos' own poses."""
+    """Use the photos' own poses."""
     project = inputs.project
     stated = _stated_origin(inputs, poses.datum)
     source = ", ".join(project.pose_sources)
@@ -154,7 +154,7 @@ def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
             project.telemetry,
             np.array([file_time[name] for name in poses.frame_id]),
         )
-    except UavgramError as fault:  # the stage knows poses; which file they are of is known here
+    except UavgramError as fault:  # add the name of the file
         raise InputError(source, str(fault)) from fault
     frames = _photo_frames(inputs, poses, exposures.frame_id)
     _require_matched(frames, source)
@@ -162,7 +162,7 @@ def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
 
 
 def _at_the_camera(mount: MountOptions) -> tuple[MountOptions, tuple[Message, ...]]:
-    """The mount without its lever arm: what photos state is the place of the camera itself."""
+    """Remove the lever arm of the mount, as photos state the position of the camera itself."""
     if not any(mount.lever_arm_m):
         return mount, ()
     text = (
@@ -198,7 +198,7 @@ def _seeded(
 
 
 def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
-    """Refuse an origin that is no place of this flight; say what the earth's curvature does."""
+    """Refuse an origin far from this flight; report the effect of the earth's curvature."""
     if not isinstance(inputs.project.world.origin, GeodeticOrigin):
         return ()
     apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
@@ -220,7 +220,7 @@ def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
 
 
 def _stated_origin(inputs: Inputs, datum: HeightDatum) -> Place | None:
-    """The project's own origin, its height brought into the poses' datum; None: home."""
+    """Return the project's own origin, its height in the poses' datum; None: home."""
     origin = inputs.project.world.origin
     if not isinstance(origin, GeodeticOrigin):
         return None
@@ -242,12 +242,12 @@ def _synchronise(inputs: Inputs, log: FlightLog) -> Synchronised:
     ties = known if inputs.ties.image else None
     try:
         return synchronise(inputs.photos, log, inputs.project.time, ties)
-    except UavgramError as fault:  # the stage knows instants; which file they are of is known here
+    except UavgramError as fault:  # add the name of the file
         raise InputError(log.path, str(fault)) from fault
 
 
 def _file_time_frames(inputs: Inputs, reason: str) -> Frames:
-    """Frames at the times of their files, none of them matched."""
+    """Return frames at the times of their files, none of them matched."""
     photos, options = inputs.photos, inputs.project.time
     known = 0.0 if options.offset_s == "auto" else options.offset_s
     resolution = np.nan_to_num(photos.file_time_resolution_s, nan=0.0)
@@ -263,7 +263,7 @@ def _file_time_frames(inputs: Inputs, reason: str) -> Frames:
 
 
 def _photo_frames(inputs: Inputs, poses: PhotoPoses, placed: tuple[str, ...]) -> Frames:
-    """Frames that have a pose; their times are the source's own, or else those of the files."""
+    """Return frames with a pose; their times are the source's own, or else those of the files."""
     base = _file_time_frames(inputs, "")
     stated = dict(zip(poses.frame_id, poses.time_utc_s, strict=True))
     own = np.array([stated.get(name, np.nan) for name in base.frame_id])
@@ -278,7 +278,7 @@ def _photo_frames(inputs: Inputs, poses: PhotoPoses, placed: tuple[str, ...]) ->
 
 
 def unposed(inputs: Inputs) -> Posed:
-    """Names and file times of the frames, and a world that only control points can place."""
+    """Return names and file times of the frames, and a world that only control points can place."""
     project = inputs.project
     frames = _file_time_frames(inputs, "no flight log")
     place: Geodetic | None = None
@@ -306,12 +306,12 @@ def unposed(inputs: Inputs) -> Posed:
 
 
 def height_shift(inputs: Inputs, datum: HeightDatum) -> float:
-    """What to add to a height of the input files to have it in the poses' datum [m].
+    """Return the difference from heights in the input files to the poses' datum [m].
 
     Raises
     ------
     UavgramError
-        The datums differ and the log does not say by how much.
+        The datums differ, and the log does not state the difference.
     """
     heights = inputs.project.world.heights
     if heights == datum:
@@ -334,16 +334,16 @@ def height_shift(inputs: Inputs, datum: HeightDatum) -> float:
 def known_in_world(
     inputs: Inputs, points: KnownPoints, world: World
 ) -> tuple[KnownWorldPoints, tuple[Message, ...]]:
-    """Known points in the local world; none, with a message, where nothing places them.
+    """Transform known points to the local world; none, with a message, without a tie to the earth.
 
     Parameters
     ----------
     inputs
-        The project, which says what its heights are above.
+        The project, which states the datum of its heights.
     points
         With local or geodetic coordinates.
     world
-        Where the local world lies.
+        Location of the local world.
 
     Raises
     ------
@@ -367,7 +367,7 @@ def known_in_world(
 
 
 def _check_places(inputs: Inputs, points: KnownPoints, origin: Geodetic) -> None:
-    """Refuse coordinates that are exchanged, or all of another place, as `known_in_world` says."""
+    """Refuse exchanged coordinates, or those of another place, as in `known_in_world`."""
     latitude, longitude, _ = points.coordinates.T
     place, crs = origin[:2], inputs.project.crs
     turned = {

@@ -1,4 +1,4 @@
-"""Run a project: read, compute, and write every output, complete or not at all."""
+"""Run a project: read, compute, and write all outputs or none."""
 
 from __future__ import annotations
 
@@ -69,13 +69,13 @@ def run(
     progress
         Shows long loops.
     sampling
-        A Monte Carlo check of the measurements.
+        Monte Carlo check of the measurements.
     pdf
         Paper of a report.pdf; None: there is none.
     plan
         Paper and scale of plan.pdf and plan.png; None: there is none.
     hold
-        Raises where somebody else may write the outputs by now, as `staged_output` has it.
+        Raises where another process may write the outputs by now, as for `staged_output`.
 
     Returns
     -------
@@ -151,9 +151,9 @@ def write_pdf(result: Result, path: Path, paper: Paper) -> None:
     Parameters
     ----------
     result
-        What a run computed.
+        Result of a run.
     path
-        The report to write; the annex is beside it, as of `annex_of`.
+        The report to write; the annex is beside it, as by `annex_of`.
     paper
         Their size.
 
@@ -176,15 +176,15 @@ def write_review(
     ties: TieCloud | None = None,
     parts: ReportPictures | None = None,
 ) -> GroundTexture | None:
-    """Write the recording of a result, with its photos and the ground that they show.
+    """Write the recording of a result, with its photos and the ground in them.
 
-    Of very many photos it carries some, while all show the ground (see `thinned`). They pass
-    through one by one: what is in memory does not grow with their number.
+    With very many photos it contains a selection (see `carried`), while all show the ground. They
+    are processed one by one: the used memory does not grow with their number.
 
     Parameters
     ----------
     result
-        What a run computed.
+        Result of a run.
     path
         The recording to write.
     progress
@@ -192,7 +192,7 @@ def write_review(
     ties
         Tie points, where there are any.
     parts
-        What the report shows of photos that pass by.
+        Parts of the photos for the report.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""Tie points of a project: found in its photos, by what is known of their poses."""
+"""Tie points of a project: found in its photos, with prior poses."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tied:
-    """Tie points that were found in a project's photos, and what there is to say of them."""
+    """Tie points that were found in a project's photos, with remarks."""
 
     found: Found
     photos: Sequence[str]
 
     @property
     def ties(self) -> TiePicks:
-        """The sightings."""
+        """Sightings of tie points."""
         return self.found.ties
 
     def messages(self, file: str) -> tuple[Message, ...]:
-        """Remarks; `file` is the table that they are kept in."""
+        """Return remarks; `file` is the table of the tie points."""
         return tuple(remarks(self.ties, self.photos, file))
 
 
 def pose_before_ties(inputs: Inputs) -> Posed:
-    """First poses of the photos; none where it is the ties that will tell the camera's clock."""
+    """Return first poses of the photos; none where ties will determine the camera's clock."""
     time, log = inputs.project.time, inputs.log
     by_clock = time.source != "events" and inputs.photos.time_source != "none"
     if log is not None and by_clock and time.offset_s == "auto" and not has_events(log):
@@ -82,7 +82,7 @@ def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:
 
 
 def are_missing(inputs: Inputs) -> bool:
-    """Whether a project asks for tie points that are still to be found."""
+    """Return whether a project requests tie points that are still to be found."""
     path = ties_path(inputs.project, inputs.folder)
     return inputs.project.ties == TIES_FOUND and path is not None and not path.is_file()
 
@@ -90,7 +90,7 @@ def are_missing(inputs: Inputs) -> bool:
 def with_ties_found(
     inputs: Inputs, posed: Posed, *, write: bool, progress: Progress = silent
 ) -> Inputs:
-    """The project with tie points that are found now.
+    """Find tie points, and add them to the project.
 
     Parameters
     ----------

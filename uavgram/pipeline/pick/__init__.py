@@ -1,1 +1,1 @@
-"""The adjustment repeated while somebody picks, and where other photos show a point."""
+"""Repeated adjustment during picking, and predicted places of points in other photos."""

@@ -1,8 +1,8 @@
-"""The adjustment again and again, while picks and lengths change: nothing is read twice.
+"""Repeated adjustment while picks and lengths change, without reading inputs twice.
 
-What hangs on photos and log alone (times, matching, seed poses) is computed once. `adjust` then
-runs every stage in memory; `linearised` says within milliseconds where the last adjustment would
-move to when picks move or readings change, to first order, with its sigmas as they were.
+The parts that depend on photos and log only (times, matching, seed poses) are computed once.
+`adjust` then runs every stage in memory; `linearised` returns within milliseconds the first-order
+update of the last adjustment when picks move or readings change, with its sigmas unchanged.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NOTHING_PICKED = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observed:
-    """What the adjustment is to take this time."""
+    """Observations of one adjustment."""
 
     picks: Picks
     lines: KnownLines
@@ -53,12 +53,12 @@ class Observed:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Adjusted:
-    """A full adjustment and what it says beside the result.
+    """Full adjustment, with additional results.
 
     Attributes
     ----------
     observed
-        What it took.
+        Its observations.
     computed
         Result and adjustment.
     predicted
@@ -68,7 +68,7 @@ class Adjusted:
     advice
         The length to tape next.
     seconds
-        How long the adjustment took.
+        Duration of the adjustment.
     """
 
     observed: Observed
@@ -86,18 +86,18 @@ class Adjusted:
 
     @property
     def adjustment(self) -> Adjustment:
-        """The adjusted survey."""
+        """Adjusted survey."""
         return self.computed.refined.adjustment
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Linearised:
-    """First-order answer to observations that moved a little; sigmas are those of `base`.
+    """First-order update for observations that changed a little; sigmas are those of `base`.
 
     Attributes
     ----------
     base
-        The adjustment it starts from.
+        The adjustment from which it starts.
     value
         (M,) measurements, in the order of the result's.
     length_m
@@ -117,12 +117,12 @@ class Linearised:
 
 
 class LiveSurvey:
-    """A project that is being picked.
+    """Project during picking.
 
     Parameters
     ----------
     inputs
-        As read; its picks, lengths and measurements are where the session starts.
+        As read, with the initial picks, lengths and measurements of the session.
     """
 
     @with_one_blas_thread
@@ -132,7 +132,7 @@ class LiveSurvey:
         self.unposed_because = ""
         try:
             self.posed = pose_frames(inputs)
-        except UavgramError as why:  # the page opens all the same, and says so
+        except UavgramError as why:  # the page opens anyway, and reports it
             self.unposed_because = str(why)
 
     @classmethod
@@ -142,7 +142,7 @@ class LiveSurvey:
         Raises
         ------
         UavgramError
-            Something else is wrong with it.
+            The project has another problem.
         """
         return cls(read_inputs(project, unfinished=True))
 
@@ -153,7 +153,7 @@ class LiveSurvey:
         Raises
         ------
         UavgramError
-            Nothing can be adjusted yet; says in words what is missing.
+            Nothing can be adjusted yet; the message names the missing inputs.
         """
         if self.posed is None:
             raise UavgramError(self.unposed_because)
@@ -180,7 +180,7 @@ class LiveSurvey:
 
     @with_one_blas_thread
     def linearised(self, base: Adjusted, observed: Observed) -> Linearised | None:
-        """First-order change of the last adjustment; None where more than numbers changed."""
+        """Update the last adjustment to first order; None if more than numbers changed."""
         if self.posed is None or not _alike(base.observed, observed):
             return None
         survey, picks = base.adjustment.survey, observed.picks
@@ -208,11 +208,11 @@ class LiveSurvey:
         )
 
     def _lines(self, observed: Observed) -> KnownLines:
-        """All known lengths: those of the plates too."""
+        """Return all known lengths, including those of the plates."""
         return with_sides(observed.lines, observed.picks, self.inputs.project.targets)
 
     def flight(self) -> FlightOfPhotos | None:
-        """Of all photos with telemetry; None without."""
+        """Return the flight of all photos with telemetry; None without."""
         telemetry = None if self.posed is None else self.posed.telemetry
         if telemetry is None:
             return None
@@ -220,7 +220,7 @@ class LiveSurvey:
 
 
 def _alike(before: Observed, now: Observed) -> bool:
-    """Whether nothing but pixels and readings differ."""
+    """Return whether only pixels and readings differ."""
     a, b, la, lb = before.picks, now.picks, before.lines, now.lines
     return (
         (a.image, a.label, a.area, a.source) == (b.image, b.label, b.area, b.source)
@@ -237,10 +237,10 @@ def _alike(before: Observed, now: Observed) -> bool:
 
 
 def _project_lines(adjustment: Adjustment, lines: KnownLines) -> list[int] | None:
-    """Which of all known lengths each length of the adjustment is; None where one is none of them.
+    """Find each length of the adjustment among all known lengths; None where one is missing.
 
-    What stands out has a larger sigma in the adjustment than was stated; what was mended has
-    another reading, or other ends.
+    An outlier has a larger sigma in the adjustment than stated; a corrected length has another
+    reading, or other ends.
     """
     survey, found = adjustment.survey, []
     free: dict[tuple[str, str, float], list[int]] = {}
@@ -258,7 +258,7 @@ def _project_lines(adjustment: Adjustment, lines: KnownLines) -> list[int] | Non
 
 
 def _lengths(adjustment: Adjustment, lines: KnownLines, state: State) -> Floats:
-    """(L,) what tapes should read between adjusted points; NaN where one is not adjusted."""
+    """Predict the readings of tapes (L,) between adjusted points; NaN where one is not adjusted."""
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     seen = np.flatnonzero((start >= 0) & (end >= 0))
     found = np.full(len(lines.name), np.nan)

@@ -1,4 +1,4 @@
-"""Where places should appear in photos, by the best poses that are known: before anybody picks."""
+"""Predicted places in photos by the best known poses, before they are picked."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class KnownPlaces:
 
 
 class ExpectedPlace(NamedTuple):
-    """Where one label should appear: the pixel (2,) and its covariance (2, 2) [px^2]."""
+    """Predicted place of one label: the pixel (2,) and its covariance (2, 2) [px^2]."""
 
     pixel_px: Floats
     covariance_px2: Floats
@@ -41,13 +41,12 @@ NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
 
 @with_one_blas_thread
 def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
-    """Pixels of control and check points, and of what was planned, in the photos that show them.
+    """Predict pixels of control, check and planned points in the photos that show them.
 
     Parameters
     ----------
     survey, last
-        The project, and its last adjustment: its poses, where a photo has one, are better than
-        the telemetry's.
+        The project, and its last adjustment, whose poses are better than the telemetry's.
     """
     posed, best = survey.posed, _best_poses(survey, last)
     if posed is None or posed.telemetry is None or best is None:
@@ -75,7 +74,7 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
 def expected_place(
     survey: LiveSurvey, last: Adjusted | None, image: str, label: str
 ) -> ExpectedPlace | None:
-    """Where a photo should show a label that is not picked in it; None where nothing says.
+    """Predict the place of a label that is not picked in a photo; None where it is unknown.
 
     Parameters
     ----------
@@ -99,7 +98,7 @@ def expected_place(
 def same_ground(
     survey: LiveSurvey, last: Adjusted | None, image: str, pixel_px: tuple[float, float]
 ) -> dict[str, tuple[float, float, float]]:
-    """Where the ground under a pixel lies in the other photos.
+    """Project the ground under a pixel to the other photos.
 
     Parameters
     ----------
@@ -111,8 +110,8 @@ def same_ground(
     Returns
     -------
     dict
-        By photo name: u, v [px] (perhaps outside the photo), and how many pixels of that photo
-        are one of `image` there. Nothing where no pose is known.
+        By photo name: u, v [px] (perhaps outside the photo), and the number of its pixels for one
+        pixel of `image` there. Empty where no pose is known.
     """
     best = _best_poses(survey, last)
     if best is None or image not in best[0].frame_id:
@@ -133,9 +132,9 @@ def same_ground(
 
 
 def _best_poses(survey: LiveSurvey, last: Adjusted | None) -> tuple[Poses, Floats] | None:
-    """Of each photo the adjusted pose, else the telemetry's, and its sweep (see `RowPoses`).
+    """Return each photo's adjusted pose, or else the telemetry's, and its sweep (see `RowPoses`).
 
-    None where there is neither.
+    Return None without either.
     """
     if last is not None:
         rows, poses = shown_poses(last.result)

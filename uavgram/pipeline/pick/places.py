@@ -1,4 +1,4 @@
-"""Places where other photos and planned lines should show what is picked."""
+"""Predicted places of picks in other photos, and of planned lines."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ from uavgram.stages.products.mission import planned_origin
 from uavgram.stages.refine.more_picks import MorePicks, with_more_picks
 
 LAID_SIGMA_M = 0.5
-"""Who lays something by paces and sight is off by so much: half a step, a standard deviation."""
+"""Standard deviation of an object laid by paces and sight [m]: half a step."""
 
 
 def planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
-    """Ends of the plan's lines and middles of its plates; none without a plan or a place on earth.
+    """Return ends of the plan's lines and middles of its plates; none without a place on earth.
 
-    On the project's ground, whatever height the plan took it to have: a plan is made at home.
+    They are on the project's ground, regardless of the height in the plan, which was made
+    beforehand.
 
     Parameters
     ----------
     inputs
         The project.
     world
-        Where its local world lies.
+        Location of its local world.
     """
     planned = inputs.planned
     if planned is None or world.origin is None:
@@ -61,7 +62,7 @@ def planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
 
 @dataclass(frozen=True, eq=False)
 class Places:
-    """n places of other photos that should show what was picked.
+    """Set of n predicted places of picks in other photos.
 
     Attributes
     ----------
@@ -72,11 +73,11 @@ class Places:
     radius_px
         (n,) half lengths of the regions that hold 99.9 %.
     is_raised
-        (n,) whether the point stands off the ground.
+        (n,) whether the point is off the ground.
     row, predicted
-        (n,) which of the predictions each is, and all of these.
+        (n,) row of each among the predictions, and all of these.
     adjustment
-        What predicted them.
+        The adjustment that predicted them.
     """
 
     pick: Ints
@@ -93,25 +94,25 @@ class Places:
 
     @property
     def affine(self) -> Floats:
-        """(n, 2, 2) d pixel there / d pixel of the pick."""
+        """Affine maps (n, 2, 2): d pixel there / d pixel of the pick."""
         return self.predicted.affine[self.row]
 
     def holds(self, row: int, pixel_px: tuple[float, float]) -> bool:
-        """Whether a pixel lies where a place is expected."""
+        """Return whether a pixel is within the region of a place."""
         at = self.row[row]
         off = np.array(pixel_px) - self.predicted.pixel_px[at]
         covariance = self.predicted.covariance_px2[at] + LEAST_PX**2 * np.eye(2)
         return bool(off @ np.linalg.solve(covariance, off) <= REGION)
 
     def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
-        """(m,) which finds in one photo the others there contradict.
+        """Mark finds (m,) in one photo that the others there contradict.
 
         Parameters
         ----------
         rows
             (m,) places in that photo.
         pixel_px, sigma_px
-            (m, 2), (m,) what was found there, and the matching's sigma.
+            (m, 2), (m,) finds there, and the matching's sigma.
         """
         at = self.row[rows]
         joint = self.predicted.joint_covariance(self.adjustment, at)
@@ -119,7 +120,7 @@ class Places:
         return contradicted(off, joint, np.hypot(sigma_px, LEAST_PX))
 
     def sought(self, picks: Picks, rows: Ints) -> Sought:
-        """Some of them as the matching takes them."""
+        """Convert places to the input of the matching."""
         return sought_at(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
 
 
@@ -127,27 +128,27 @@ class Places:
 def places_in_other_photos(
     survey: LiveSurvey, last: Adjusted, picks: Picks, labels: Collection[str] | None = None
 ) -> Places | None:
-    """Every label in every photo that should show it, from the pick that looks most like it there.
+    """Predict every label in every photo that should show it, from the most similar pick.
 
-    Also of picks that came after the last adjustment, in photos that take part in it.
+    Also from picks that are newer than the last adjustment, in photos that take part in it.
 
     Parameters
     ----------
     survey, last
         The project, and its last adjustment.
     picks
-        As they are now. Matches are none to look for others from.
+        Present picks. Matches are not used as sources.
     labels
-        Which are asked for; None: all.
+        Requested labels; None: all.
 
     Returns
     -------
     places
-        None where that cannot be told yet.
+        None where they cannot be predicted yet.
     """
     try:
         adjustment = _up_to_date(survey, last, picks)
-    except (SingularError, ValueError, UavgramError):  # the next full adjustment will tell
+    except (SingularError, ValueError, UavgramError):  # wait for the next full adjustment
         return None
     frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     label = {name: k for k, name in enumerate(adjustment.survey.label)}
@@ -172,16 +173,16 @@ def places_in_other_photos(
 
 
 def _most_alike(adjustment: Adjustment, found: Transferred, pick: Ints, picks: Picks) -> Places:
-    """Of each label in each photo the place by the pick that looks most like it there.
+    """Select for each label in each photo the place by the most similar pick.
 
     Parameters
     ----------
     adjustment, found
-        What predicted the places, and all of them.
+        The adjustment that predicted the places, and all of them.
     pick
         Number of the pick of each.
     picks
-        As they are now.
+        Present picks.
     """
     best: dict[tuple[str, str], int] = {}
     for row in np.argsort(stretches(found.affine), kind="stable").tolist():
@@ -195,7 +196,7 @@ def _most_alike(adjustment: Adjustment, found: Transferred, pick: Ints, picks: P
 
 
 def _up_to_date(survey: LiveSurvey, last: Adjusted, picks: Picks) -> Adjustment:
-    """The last adjustment with picks that came, or moved, since."""
+    """Update the last adjustment with new or moved picks."""
     adjustment, before = last.adjustment, last.observed.picks
     was = {
         key: tuple(place)

@@ -1,4 +1,4 @@
-"""The points of a measurement seen from the side: stations along it, heights, and sigmas."""
+"""Side view of a measurement's points: stations along it, heights, and sigmas."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from uavgram.stages.measure import profiles
 
 @with_one_blas_thread
 def side_view(adjusted: Adjusted, name: str) -> ProfileResults | None:
-    """A measurement's adjusted points, in order along it.
+    """Return a measurement's adjusted points, in order along it.
 
-    A profile is seen across its own line; anything else across the line from its first point to
-    the one furthest from that, seen from above.
+    A profile is viewed across its own line; other measurements across the line from the first point
+    to the one furthest from it, seen from above.
 
     Parameters
     ----------
     adjusted
         A full adjustment.
     name
-        Of the measurement.
+        Name of the measurement.
 
     Returns
     -------
     points
-        None where it was not asked for then, or fewer than two of its points are adjusted.
+        None where it was not requested then, or fewer than two of its points are adjusted.
     """
     request = next((one for one in adjusted.observed.requests if one.name == name), None)
     if request is None:

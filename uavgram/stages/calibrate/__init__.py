@@ -1,3 +1,3 @@
-"""Photos of a board to a camera with its covariance."""
+"""Stage: calibrate a camera from photos of a board, with its covariance."""
 
 from uavgram.stages.calibrate.calibrate import calibrate

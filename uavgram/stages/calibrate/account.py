@@ -1,4 +1,4 @@
-"""A calibration made ready for readers: what it means for lengths, and all that is to be said."""
+"""Account of a calibration: its effect on lengths, and messages."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from uavgram.model.message import Message
 from uavgram.model.naming import figures
 
 POSES_DEG = (0.0, 45.0)
-"""Of the optical axis from straight down: a map, and an overview from the side."""
+"""Angles of the optical axis from straight down: a map, and an oblique overview."""
 
 
 def unexplained_error(result: CalibrationResult) -> float:
-    """What the corners that fit have in common beside their own noise, per coordinate [px]."""
+    """Estimate the common error of fitting corners beside their own noise, per coordinate [px]."""
     corners, quality = result.corners, result.quality
     fits = np.array([status == "used" for status in corners.status])
     fits &= np.array([status == "used" for status in result.photos.status])[corners.photo]
@@ -33,7 +33,7 @@ def unexplained_error(result: CalibrationResult) -> float:
 
 
 def with_common_error(observations: BoardObservations, error_px: float) -> BoardObservations:
-    """The same corners with a common error added to each sigma, in quadrature."""
+    """Add a common error to the sigma of each corner, in quadrature."""
     photos = tuple(
         replace(photo, sigma_px=np.hypot(photo.sigma_px, error_px)) for photo in observations.photos
     )
@@ -41,7 +41,7 @@ def with_common_error(observations: BoardObservations, error_px: float) -> Board
 
 
 def common_error_message(error_px: float) -> tuple[Message, ...]:
-    """Say what was added to the corners' sigmas."""
+    """Report the addition to the corners' sigmas."""
     if not error_px:
         return ()
     text = (
@@ -54,7 +54,7 @@ def common_error_message(error_px: float) -> tuple[Message, ...]:
 
 
 def lens_effects(result: CalibrationResult) -> tuple[LensEffect, ...]:
-    """What the camera's errors do to lengths on the ground, at `POSES_DEG`."""
+    """Compute the effects of the camera's errors on lengths on the ground, at `POSES_DEG`."""
     effects = []
     for tilt in POSES_DEG:
         lengths: LengthUncertainty | None

@@ -17,19 +17,20 @@ from uavgram.model.camera.board import BoardObservations, BoardPhoto, Calibratio
 from uavgram.model.camera.calibration import Calibration
 
 FEWEST_CORNERS = 6
-"""Corners of a photo: four determine its homography, the others say something of the camera."""
+"""Least number of corners of a photo: four determine its homography, the others constrain the
+camera."""
 
 FEWEST_PHOTOS = 3
-"""A plane gives two conditions on the camera (Zhang 2000, sec. 2.4)."""
+"""Least number of photos: a plane gives two conditions on the camera (Zhang 2000, sec. 2.4)."""
 
 SAME_PX = 1e-6
-"""Corners this close are those of the same picture: noise alone moves them by more."""
+"""Largest distance of corners of the same picture [px]: noise alone is larger."""
 
 
 def usable_photos(
     observations: BoardObservations,
 ) -> tuple[BoardObservations, tuple[tuple[BoardPhoto, str], ...]]:
-    """Leave out photos that say nothing, with the reason for each.
+    """Leave out photos without information, with the reason for each.
 
     Raises
     ------
@@ -72,31 +73,32 @@ def _is_same(first: BoardPhoto, second: BoardPhoto) -> bool:
 
 
 PHOTO_FACTOR_SIGNIFICANCE = 0.01
-"""Of the test whether photos disagree more than their corners' noise explains."""
+"""Significance level of the test whether photos disagree more than their corners' noise
+explains."""
 
 LeftOut = tuple[tuple[BoardPhoto, str], ...]
 
 
 @dataclass(frozen=True, eq=False)
 class AssessedCalibration:
-    """An adjusted calibration.
+    """Adjusted calibration.
 
     Attributes
     ----------
     observations
         The M usable photos.
     options
-        The number of coefficients decided.
+        Options with the chosen number of coefficients.
     first
-        (M, n) corners with the sigmas they came with.
+        (M, n) corners with their original sigmas.
     snooped
         Adjustment and outliers, of all usable photos.
     fit
-        The same without removed photos.
+        Adjustment without removed photos.
     held
         Prediction of the photos of `fit`.
     effect
-        How photos disagree.
+        Disagreement between photos.
     """
 
     observations: BoardObservations
@@ -109,17 +111,17 @@ class AssessedCalibration:
 
     @property
     def removed(self) -> Bools:
-        """(M,) photos that were taken out."""
+        """Mask (M,) of removed photos."""
         return self.snooped.bad_photo & (self.options.outliers == "remove")
 
     @property
     def removed_corner(self) -> Bools:
-        """(M, n) corners that were taken out of photos that stay."""
+        """Mask (M, n) of removed corners of remaining photos."""
         return self.snooped.bad_corner & (self.options.outliers == "remove")
 
     @property
     def factor(self) -> float:
-        """Of the corners' variances: 1, or how much more the photos disagree."""
+        """Factor of the corners' variances: 1, or the larger disagreement between photos."""
         if self.effect.probability > PHOTO_FACTOR_SIGNIFICANCE:
             return 1.0
         return self.effect.factor
@@ -137,7 +139,7 @@ class AssessedCalibration:
         return float(np.sqrt(np.mean(weight[weight > 0] ** -2.0)))
 
     def camera(self, name: str) -> Calibration:
-        """Return the camera that was estimated, with its covariance."""
+        """Return the estimated camera with its covariance."""
         width, height = self.size_px
         p = len(self.fit.state.parameters)
         return Calibration(
@@ -163,9 +165,9 @@ def judge(
     observations
         Corners found in M photos.
     options
-        What was asked for.
+        Requested options.
     first
-        (M, n) corners with the sigmas they came with.
+        (M, n) corners with their original sigmas.
     snooped
         Adjustment and outliers.
     """

@@ -1,4 +1,4 @@
-"""From corners of a board in photos to a camera that says how well it is known."""
+"""Calibrate a camera, with its covariance, from corners of a board in photos."""
 
 from __future__ import annotations
 
@@ -32,15 +32,15 @@ def calibrate(
     observations
         Corners found, of one camera.
     options
-        What to estimate, and how.
+        Parameters to estimate, and method.
     name
-        Of the camera.
+        Name of the camera.
 
     Raises
     ------
     GeometryError
-        The photos do not determine the camera, and the message says what is missing; or they are
-        of two cameras, and it says which are of which.
+        The photos do not determine the camera, and the message names the missing ones; or they are
+        of two cameras, and it names the photos of each.
     """
     observations, left_out = usable_photos(observations)
     corners = pad(observations, options.bow)
@@ -71,7 +71,7 @@ def calibrate(
 def _estimate(
     observations: BoardObservations, options: CalibrationOptions, corners: Corners
 ) -> tuple[AssessedCalibration, tuple[ModelScore, ...]]:
-    """Adjust with the number of coefficients asked for, or with the best one."""
+    """Adjust with the requested number of coefficients, or with the best one."""
     if not options.coefficients:
         return choose_and_estimate(observations, options, corners)
     photo = observations.photos[0]

@@ -1,6 +1,6 @@
-"""The number of distortion coefficients: the best that the photos determine.
+"""Choose the number of distortion coefficients: the best one that the photos determine.
 
-By photos left out, and by information criteria.
+The criteria are predictions of left-out photos (cross-validation), and information criteria.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ USUAL: dict[LensModel, int] = {"brown": 5, "fisheye": 4}
 
 
 def start_staged(options: CalibrationOptions, corners: Corners, size_px: tuple[int, int]) -> State:
-    """First values for all that the options ask for: a plain lens and a flat board first.
+    """Compute first values for the requested options, with a plain lens and a flat board first.
 
     Rational lenses and bent boards have minima of their own far from the truth.
 
     Parameters
     ----------
     options
-        What was asked for.
+        Requested options.
     corners
         (M, n) corners of all photos.
     size_px
@@ -61,14 +61,14 @@ def start_staged(options: CalibrationOptions, corners: Corners, size_px: tuple[i
 
 
 def extended(state: State, options: CalibrationOptions, corners: Corners) -> State:
-    """A state with the parameters and the bow that the options ask for: new ones are zero.
+    """Extend a state to the requested parameters and bow, with zeros.
 
     Parameters
     ----------
     state
-        With any number of coefficients.
+        State with any number of coefficients.
     options
-        What was asked for.
+        Requested options.
     corners
         (M, n) corners of all photos.
     """
@@ -76,7 +76,7 @@ def extended(state: State, options: CalibrationOptions, corners: Corners) -> Sta
     shared = min(len(parameters), len(state.parameters))
     parameters[:shared] = state.parameters[:shared]
     held = np.abs(lens_of(options).basis).sum(axis=1) == 0
-    held[:4] = False  # a principal point that is held stays where it is
+    held[:4] = False  # a fixed principal point is unchanged
     parameters[held] = 0.0
     count = corners.bow.shape[2]
     bow = state.bow_m if len(state.bow_m) == count else np.zeros(count)
@@ -85,17 +85,17 @@ def extended(state: State, options: CalibrationOptions, corners: Corners) -> Sta
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """One number of coefficients.
+    """Lens model with a certain number of coefficients.
 
     Attributes
     ----------
     coefficients
-        Of distortion.
+        Number of distortion coefficients.
     fit, held
-        Its adjustment, and how it predicts photos left out; None where the photos leave some of
-        it undetermined.
+        Its adjustment, and its prediction of left-out photos; None where the photos do not
+        determine it.
     dropped
-        Why it cannot be chosen; empty where it can.
+        Reason why it cannot be chosen; empty where it can.
     """
 
     coefficients: int
@@ -104,7 +104,7 @@ class Candidate:
     dropped: str = ""
 
     def score(self, sigma_px: float, *, is_chosen: bool) -> ModelScore:
-        """Figures of this model; `sigma_px` is what a whitened residual of 1 means in pixels."""
+        """Return figures of this model; `sigma_px` converts a whitened residual to pixels."""
         aic, bic = (None, None) if self.fit is None else information_criteria(self.fit)
         known = self.held is not None and np.isfinite(self.held.factor)
         return ModelScore(
@@ -120,16 +120,16 @@ class Candidate:
 
 
 def candidates(options: CalibrationOptions, corners: Corners, state: State) -> list[Candidate]:
-    """Adjust every number of coefficients, the simplest first, and predict photos left out.
+    """Adjust every number of coefficients, the simplest first, and predict left-out photos.
 
     Parameters
     ----------
     options
-        All but the number of coefficients.
+        All options but the number of coefficients.
     corners
-        Without outliers.
+        Corners without outliers.
     state
-        With any number of coefficients.
+        State with any number of coefficients.
     """
     found = []
     for coefficients in MODELS[options.model]:
@@ -143,14 +143,14 @@ def candidates(options: CalibrationOptions, corners: Corners, state: State) -> l
 
 
 def choose(found: list[Candidate]) -> Candidate | None:
-    """The fewest coefficients that predict photos left out as well as any; None: none is left."""
+    """Return the fewest coefficients with an equally good prediction; None without a candidate."""
     left = [(one, one.held) for one in found if one.held is not None and not one.dropped]
     return left[simplest_good([held for _, held in left])][0] if left else None
 
 
 LARGEST_COST = 0.01
-"""Share of a usual length that the lens alone may cost: ordinary calibrations are at 0.0002 to
-0.002, rational lenses whose coefficients trade places at 0.01 to 9."""
+"""Largest relative sigma of a usual length due to the lens: ordinary calibrations have 0.0002 to
+0.002, rational lenses with interchangeable coefficients 0.01 to 9."""
 
 
 def choose_and_estimate(
@@ -163,9 +163,9 @@ def choose_and_estimate(
     observations
         Corners found in M photos.
     options
-        What was asked for.
+        Requested options.
     corners
-        The same, padded to one size (M, n).
+        The corners, padded to one size (M, n).
 
     Raises
     ------
@@ -194,14 +194,14 @@ def choose_and_estimate(
         best = choose(found)
     if not estimated:
         raise UndeterminedError(found[0].dropped)
-    # Where none is good the simplest has the fewest unknowns; the verdict says what it is worth.
+    # Where none is good, take the simplest, with the fewest unknowns; the verdict rates it.
     chosen = min(estimated) if best is None else best.coefficients
     scores = (one.score(sigma_px, is_chosen=one.coefficients == chosen) for one in found)
     return estimated[chosen], tuple(scores)
 
 
 def _cleaned(options: CalibrationOptions, corners: Corners, size_px: tuple[int, int]) -> Snooped:
-    """Take outliers out with the usual number of coefficients, or with as many as there can be."""
+    """Remove outliers with the usual number of coefficients, or with as many as are determined."""
     usual = USUAL[options.model]
     *first, last = (usual, *(n for n in reversed(MODELS[options.model]) if n < usual))
 
@@ -216,7 +216,7 @@ def _cleaned(options: CalibrationOptions, corners: Corners, size_px: tuple[int, 
 
 
 def _why_not(judged: AssessedCalibration) -> str:
-    """Why a lens is no choice though it fits; empty where it is one."""
+    """Return the reason against a lens that fits; empty without one."""
     if not judged.fit.converged:
         return "its adjustment did not come to rest"
     try:

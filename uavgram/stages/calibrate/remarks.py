@@ -1,4 +1,4 @@
-"""Remarks on a calibration: what a person should know of it and of its photos, and do."""
+"""Remarks on a calibration and its photos: properties and recommended actions."""
 
 from __future__ import annotations
 
@@ -25,26 +25,26 @@ from uavgram.stages.calibrate.assessed import AssessedCalibration
 
 FEW_PHOTOS = 10
 SMALL_SPREAD_DEG = 5.0
-"""Root mean square of the tilts below which they are all but one."""
+"""Root mean square of the tilts below which they count as one."""
 
 LARGEST_REACH = 0.85
-"""Distance of a corner from the middle, over that of the image's corner, that is enough."""
+"""Sufficient distance of a corner from the middle, over that of the image's corner."""
 
 LEAST_SHARE = 0.6
-"""Of the image's cells with corners in them."""
+"""Least share of the image's cells with corners in them."""
 
 SIGNIFICANCE = 0.001
 SHUTTER_SIGNIFICANCE = 0.01
 SHUTTER_PX = 0.5
 FOCUS_CHANGE = 0.005
 EXIF_TOLERANCE = 0.05
-"""Of a focal length by EXIF, which is rounded, and by a table of sensors."""
+"""Relative tolerance of a focal length by EXIF, which is rounded, and by a table of sensors."""
 
 
 def remarks_on_photos(
     judged: AssessedCalibration, result: CalibrationResult
 ) -> tuple[Message, ...]:
-    """Remarks on the geometry, on the image's coverage, on shutter and focus."""
+    """Report on the geometry, on the image's coverage, on shutter and focus."""
     return tuple(
         chain(
             _on_tilts(judged, result),
@@ -81,8 +81,8 @@ def _on_tilts(judged: AssessedCalibration, result: CalibrationResult) -> Iterato
 
 def _one_roll(found: Tilts, result: CalibrationResult, narrow_deg: float) -> Message:
     sigma = np.sqrt(np.diag(result.calibration.covariance))
-    # Perspective along the one direction of the tilts has to tell tilt, focal length and
-    # principal point apart.
+    # Only the perspective along the direction of the tilts separates tilt, focal length
+    # and principal point.
     along = "cy" if abs(np.cos(found.weak_rad)) > np.sqrt(0.5) else "cx"
     weak = sigma[2 + (along == "cy")]
     return Message(
@@ -120,7 +120,7 @@ def _on_coverage(judged: AssessedCalibration, result: CalibrationResult) -> Iter
 
 
 def shows_rolling_shutter(found: RollingShutter) -> bool:
-    """Whether the drift of the rows is large, and no chance."""
+    """Return whether the drift of the rows is large and significant."""
     return found.probability < SHUTTER_SIGNIFICANCE and found.drift_px > SHUTTER_PX
 
 
@@ -169,7 +169,7 @@ def _on_exif(judged: AssessedCalibration, result: CalibrationResult) -> Iterator
 
 
 def _stated_focal(setting: LensSetting, diagonal_px: float) -> float | None:
-    """Focal length [px] by EXIF: as stated, or by its 35 mm equivalent over the diagonal."""
+    """Return the focal length [px] by EXIF: as stated, or by its 35 mm equivalent."""
     if setting.focal_length_px is not None or setting.focal_length_35mm is None:
         return setting.focal_length_px
     return setting.focal_length_35mm * diagonal_px / FRAME_35MM_DIAGONAL_MM
@@ -196,7 +196,7 @@ def _on_exif_focal(settings: list[LensSetting], result: CalibrationResult) -> It
 
 STRONG_CORRELATION = 0.9
 SQUARE_PIXELS = 0.01
-"""Departure of fx / fy from 1 that no sensor has."""
+"""Difference of fx / fy from 1 that does not occur in sensors."""
 
 
 LEFT_OUT = "{count} photos were left out"
@@ -208,7 +208,7 @@ LOOK = (
 
 
 def remarks(judged: AssessedCalibration, result: CalibrationResult) -> tuple[Message, ...]:
-    """All remarks: on the model, on what was left out, on the covariance, on the photos."""
+    """Collect all remarks: on the model, on left-out photos, on the covariance, on the photos."""
     return (
         *_on_the_model(result),
         *_on_outliers(result),
@@ -344,7 +344,7 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
 
 
 def _choice(chosen: ModelScore, scores: tuple[ModelScore, ...]) -> str:
-    """How the number of coefficients was chosen, and which could not be."""
+    """Describe the choice of the number of coefficients, and the impossible ones."""
     possible = [score for score in scores if not score.dropped]
     others = [score for score in possible if not score.is_chosen]
     compared = [f"{_pixels(chosen.held_out_px)} per coordinate"]

@@ -1,4 +1,4 @@
-"""What became of every corner and every photo, and what is known over the image."""
+"""Tables of all corners and photos of a calibration, and maps of the image."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def _everything(judged: AssessedCalibration) -> _Everything:
 
 
 def corner_results(judged: AssessedCalibration) -> CornerResults:
-    """Every corner of every usable photo, with its test."""
+    """Return every corner of every usable photo, with its test."""
     everything = _everything(judged)
     there = judged.first.weight > 0
     photos, slots = np.nonzero(there)
@@ -76,12 +76,13 @@ def corner_results(judged: AssessedCalibration) -> CornerResults:
 
 
 def photo_results(judged: AssessedCalibration, left_out: LeftOut) -> PhotoResults:
-    """Every usable photo with its pose; then those left out, by name and reason alone."""
+    """Return every usable photo with its pose; then unusable ones, by name and reason."""
     everything = _everything(judged)
     count = judged.first.count
     there = judged.first.weight > 0
     weight = np.where(there, everything.corners.weight, 1.0)
     residual = everything.linear.residual.reshape(*there.shape, 2) / weight[..., None]
+    # Root mean square of the corners' residuals [px], and of the predictions without each photo.
     squares = np.sum(np.where(there[..., None], residual, 0.0) ** 2, axis=(1, 2))
     held = np.full(len(count), np.nan)
     held[~judged.removed] = np.sqrt(judged.held.by_photo) * judged.sigma_px
@@ -119,12 +120,12 @@ def _verdicts(judged: AssessedCalibration) -> tuple[tuple[Status, ...], tuple[st
 
 
 def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[str, ...]) -> Poses:
-    """Camera poses in the board's frame, from board poses in the camera's frame.
+    """Convert board poses in the camera's frame to camera poses in the board's frame.
 
-    C = m - R^T t, with R = camera_from_board and m the board's middle. The estimator's errors
-    (dt, phi), true R = exp(phi) R, are in those of `Poses`: dC = -R^T (dt + hat(t) phi),
-    dtheta = -phi.
+    C = m - R^T t, with R = camera_from_board and m the board's middle. The estimator's errors (dt,
+    phi), true R = exp(phi) R, are in those of `Poses`: dC = -R^T (dt + hat(t) phi), dtheta = -phi.
     """
+    # Covariance of the board poses: own part, and the camera's through the Schur complement's gain.
     fit, state = judged.fit, everything.state
     used = _used_weight(judged, everything)
     linear = linearise(fit.lens, everything.corners.weighted(used), state)
@@ -134,6 +135,7 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
     covariance = normals.pose_inverse * judged.factor
     covariance += normals.gain @ border @ np.swapaxes(normals.gain, 1, 2)
     back = np.swapaxes(state.camera_from_board, 1, 2)
+    # Transform of the errors: dC = -R^T (dt + hat(t) phi), dtheta = -phi.
     turn = np.zeros((len(files), 6, 6))
     turn[:, :3, :3] = -back
     turn[:, :3, 3:] = -back @ hat(state.middle_camera_m)
@@ -150,13 +152,13 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
 
 
 def _used_weight(judged: AssessedCalibration, everything: _Everything) -> Floats:
-    """(M, n) without bad corners, but with removed photos: their poses are wanted too."""
+    """Return weights (M, n) without bad corners, but with removed photos, for their poses."""
     out: Bools = judged.removed_corner & ~judged.removed[:, None]
     return np.where(out, 0.0, everything.corners.weight)
 
 
 def image_maps(judged: AssessedCalibration, camera: Calibration) -> ImageMaps:
-    """Corners, mean residuals and projection uncertainty by cell of the image."""
+    """Compute corners, mean residuals and projection uncertainty by cell of the image."""
     columns, rows = CELLS
     found = residual_map(judged.fit, judged.size_px, CELLS)
     size = np.array(judged.size_px)
@@ -172,11 +174,11 @@ def image_maps(judged: AssessedCalibration, camera: Calibration) -> ImageMaps:
 
 
 def _uncertainty(camera: Calibration, cell: Floats) -> Floats:
-    """(R, C) largest standard deviation of the grid's pixels within each cell."""
+    """Return the largest standard deviation (R, C) of the grid's pixels within each cell."""
     rows, columns = cell.shape[:2]
     try:
         pixel, covariance = projection_covariance(camera)
-    except GeometryError:  # hardly a pixel has a ray: remarks say so
+    except GeometryError:  # hardly a pixel has a ray: see the remarks
         return np.full((rows, columns), np.nan)
     size = np.array([camera.width_px, camera.height_px])
     at = np.clip((pixel + 0.5) / size * (columns, rows), 0, (columns - 1, rows - 1)).astype(int)

@@ -1,4 +1,4 @@
-"""Photos of two cameras (or zooms, or focus settings) in one calibration."""
+"""Detect photos of two cameras (or zooms, or focus settings) in one calibration."""
 
 from __future__ import annotations
 
@@ -21,20 +21,20 @@ from uavgram.stages.calibrate.remarks import shows_rolling_shutter
 
 
 class _Level(NamedTuple):
-    """What a split must reach.
+    """Limits for a split into two cameras.
 
     Attributes
     ----------
     distance, decision
-        Of the split.
+        Limits of the split's properties.
     total
-        Distance times photos: few photos fall into two groups by chance.
+        Distance times photos: few photos form two groups by chance.
     photos
-        In the smaller group.
+        Photos in the smaller group.
     chance
-        Of so wide a gap between the groups where one camera drifts evenly from one state to
-        another (autofocus): its photos lie evenly from -2 to 2 in units of `decision`, so all N
-        stay farther than g from the middle with the probability (1 - g / 2)^N.
+        Probability of such a wide gap between the groups where one camera drifts evenly from one
+        state to another (autofocus): its photos are spread evenly from -2 to 2 in units of
+        `decision`, so all N stay farther than g from the middle with the probability (1 - g / 2)^N.
     """
 
     distance: float
@@ -44,7 +44,7 @@ class _Level(NamedTuple):
     chance: float
 
     def is_reached(self, split: Split) -> bool:
-        """Whether the split is as clear as that."""
+        """Return whether a split exceeds these limits."""
         count = len(split.group)
         return (
             split.distance >= max(self.distance, self.total / count)
@@ -55,12 +55,13 @@ class _Level(NamedTuple):
 
 LIKELY = (_Level(0.8, 0.2, 10.0, 4, 0.05), _Level(6.0, 0.3, 0.0, 3, 1.0))
 CERTAIN = (_Level(1.0, 0.3, 20.0, 5, 0.01), _Level(15.0, 0.3, 0.0, 3, 1.0))
-"""Any of them. Of 900 simulated sets of 14 or 20 photos of one camera (rolling shutter of 2 px,
-autofocus within 1 %, stabilisation of 5 px, bent boards) none reached `CERTAIN`, and one, with
-autofocus, `LIKELY`: less than one false refusal in 190 sets, at 99 %."""
+"""Alternative limits for likely, and for certain splits. Among 900 simulated sets of 14 or 20
+photos of one camera (rolling shutter of 2 px, autofocus within 1 %, stabilisation of 5 px, bent
+boards) none reached `CERTAIN`, and one, with autofocus, `LIKELY`: less than one false refusal in
+190 sets, at 99 %."""
 
 BENT_SHARE = 0.03
-"""Of the board's length is the prior sigma of the bow where that is tried as the reason."""
+"""Prior sigma of the bow, as a share of the board's length, where it is tested as the reason."""
 
 MOST_NAMES = 20
 
@@ -68,15 +69,15 @@ MOST_NAMES = 20
 def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
     """Warn of photos of two cameras where these are likely.
 
-    Photos of one camera disagree too, where the board is bent, the camera moved or the lens is
-    not of the model; but then they scatter about one camera, and do not fall in two groups. A
-    bent board that was held in two ways would make two groups: its bow is set free first. Where
-    rows drift within each group, the camera's motion explains groups that are not quite clear.
+    Photos of one camera disagree too, where the board is bent, the camera moved or the lens is not
+    of the model; but then they scatter about one camera, and do not form two groups. A bent board
+    that was held in two ways would make two groups: its bow is freed first. Where rows drift within
+    each group, the camera's motion explains groups that are not quite clear.
 
     Raises
     ------
     GeometryError
-        Two cameras are beyond doubt: what is common to both describes neither.
+        Two cameras are certain: a common result describes neither.
     """
     if judged.effect.probability > PHOTO_FACTOR_SIGNIFICANCE:
         return ()
@@ -86,7 +87,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
         if split is None or not any(level.is_reached(split) for level in LIKELY):
             return ()
         alone = [_alone(fit, split.group == k) for k in (0, 1)]
-    except UndeterminedError:  # where a group knows no camera, nothing tells it from the other
+    except UndeterminedError:  # a group does not determine a camera
         return ()
     is_certain = any(level.is_reached(split) for level in CERTAIN)
     together, *apart = (
@@ -113,7 +114,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
 
 
 def _with_bow(judged: AssessedCalibration) -> Fit:
-    """The adjustment with the bow of the board free."""
+    """Adjust with a free bow of the board."""
     if judged.options.bow == "paraboloid":
         return judged.fit
     length_m = float(np.ptp(judged.observations.board.corner_board_m, axis=0).max())
@@ -125,12 +126,12 @@ def _with_bow(judged: AssessedCalibration) -> Fit:
 
 
 def _in_fit(judged: AssessedCalibration) -> Bools:
-    """(M,) which of the usable photos are in the adjustment."""
+    """Mark the usable photos (M,) in the adjustment."""
     return np.asarray(judged.snooped.fit.corners.count > 0)
 
 
 def _alone(fit: Fit, photos: Bools) -> Fit:
-    """The adjustment of some of the photos, on the board as all of them have it."""
+    """Adjust some of the photos, with the board's shape from all of them."""
     count = len(fit.lens.basis)
     lens = replace(
         fit.lens,
@@ -157,7 +158,7 @@ def _words(judged: AssessedCalibration, split: Split, cameras: list[Floats]) -> 
 
 
 def _names(files: list[str], chosen: Bools) -> str:
-    """First and last of neighbours; all of others, as far as there are not too many."""
+    """List first and last of neighbours; all of others, up to a limit."""
     rows = np.flatnonzero(chosen)
     if np.ptp(rows) == len(rows) - 1:
         return f"{files[rows[0]]} to {files[rows[-1]]} ({len(rows)} photos)"

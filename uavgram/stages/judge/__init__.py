@@ -1,4 +1,4 @@
-"""Stage: how every length, pick, prior and check fits, and what errors unseen would do."""
+"""Stage: judge the fit of every length, pick, prior and check, and effects of undetected errors."""
 
 from uavgram.stages.judge.checks import judge_overall as judge_overall
 from uavgram.stages.judge.checks import judge_points as judge_points

@@ -1,6 +1,6 @@
-"""Withheld lengths and check points: each by itself, and all together.
+"""Test withheld lengths and check points, each by itself and all together.
 
-They share poses, so their errors go together.
+They share poses, so their errors are correlated.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
 
 @dataclass(frozen=True, eq=False)
 class Withheld:
-    """C withheld readings and coordinates beside what was found.
+    """Set of C withheld readings and coordinates, compared with the adjustment.
 
     Attributes
     ----------
     names
-        Of the K lengths and points, the lengths first.
+        Names of the K lengths and points, the lengths first.
     lengths
         Number of the lengths.
     of
-        (C,) which of them each value is of.
+        (C,) index of the length or point of each value.
     stated, error
-        (C,) what was given, and what was found minus that [m].
+        (C,) stated values, and adjusted minus stated values [m].
     solved
         (size, C) covariance of the unknowns times the gradients of the values.
     joint
@@ -49,14 +49,14 @@ class Withheld:
     joint: Floats
 
     def fits(self, limit: float) -> Bools:
-        """(C,) which values are no more than so many of their sigmas off."""
+        """Mark values (C,) whose error is at most so many of their sigmas."""
         return np.asarray(np.abs(self.error) <= limit * np.sqrt(np.diag(self.joint)))
 
 
 def withheld_values(
     adjustment: Adjustment, lines: KnownLines, known: KnownWorldPoints
 ) -> Withheld | None:
-    """Find what was withheld in an adjusted survey; None where nothing was, or was seen.
+    """Compare withheld values with an adjusted survey; None where none was withheld, or was seen.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ def withheld_values(
     lines
         All known lengths; the withheld ones that were seen are judged.
     known
-        Check points; judged where coordinates mean something.
+        Check points; judged where coordinates have a meaning.
     """
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     row = np.flatnonzero(~lines.adjust & (start >= 0) & (end >= 0))
@@ -80,6 +80,7 @@ def withheld_values(
     right = np.zeros((adjustment.minimum.factor.size, len(value)))
     np.add.at(right, (unknown, np.arange(len(value))[:, None]), gradient)
     solved = adjustment.minimum.factor.solve(right)
+    # Joint covariance: propagated unknowns, stated sigmas, and scales of tapes not in the survey.
     joint = right.T @ solved
     joint = 0.5 * (joint + joint.T) + np.diag(sigma**2)
     tapes = adjustment.unlearnt(taped, value[: len(row)])
@@ -98,16 +99,16 @@ def withheld_values(
 def judge_overall(
     adjustment: Adjustment, withheld: Withheld | None, significance: float
 ) -> tuple[ChecksOverall | None, tuple[Message, ...]]:
-    """One chi-square of all checks with their joint covariance; None where nothing was withheld.
+    """Test all checks with their joint covariance by one chi-square; None where none was withheld.
 
     Parameters
     ----------
     adjustment
         The adjusted survey.
     withheld
-        What was withheld of it.
+        Its withheld values.
     significance
-        Probability below which the checks as a whole are said not to fit.
+        Probability below which the checks as a whole do not fit.
     """
     if withheld is None:
         return None, ()
@@ -128,13 +129,13 @@ def judge_overall(
 
 
 def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
-    """(C,) rows of check points among the adjusted ones; none where coordinates mean nothing."""
+    """Return rows (C,) of check points among the adjusted ones; none without a world frame."""
     is_free = adjustment.survey.gauge == "plane"
     return adjustment.label_rows(() if is_free else known.label)
 
 
 def _values(adjustment: Adjustment, taped: Taped, label: Ints) -> tuple[Floats, Ints, Floats]:
-    """Readings, then coordinates, (n,); and their gradients (n, k) by the unknowns (n, k)."""
+    """Return readings, then coordinates (n,), and gradients (n, k) by the unknowns (n, k)."""
     length, by_length, columns = adjustment.problem.readings(adjustment.state, taped)
     world, by_point, unknowns = adjustment.points_with_jacobian(label)
     value = np.concatenate([length, world.ravel()])
@@ -148,14 +149,14 @@ def _values(adjustment: Adjustment, taped: Taped, label: Ints) -> tuple[Floats, 
 
 
 def _off_alone(error: Floats, joint: Floats, of: Ints, significance: float) -> list[int]:
-    """Checks that do not fit by themselves, few enough, if all others do without them; else none.
+    """Find few checks that do not fit by themselves, if all others fit without them; else none.
 
     Parameters
     ----------
     error, joint
         (n,), (n, n) all errors and their covariance.
     of
-        (n,) which check each is of.
+        (n,) index of the check of each error.
     """
     off = []
     for check in range(int(of[-1]) + 1):
@@ -171,7 +172,7 @@ def _off_alone(error: Floats, joint: Floats, of: Ints, significance: float) -> l
 
 
 def _message(overall: ChecksOverall, names: list[str], off: list[int], lengths: int) -> Message:
-    """What is off: `off` of `names`, of which the first are lengths."""
+    """Report a misfit of the checks: `off` are rows of `names`, of which the first are lengths."""
     cause = (
         "the stated sigmas of lengths, picks or log are too small, or something common to all is "
         "wrong. Until this is cleared up, do not trust the uncertainties"
@@ -196,15 +197,15 @@ def _message(overall: ChecksOverall, names: list[str], off: list[int], lengths: 
 
 
 FEW = 3
-"""Check points from which on most of them being off is one fault and not several."""
+"""Number of check points above which a misfit of most of them is one fault and not several."""
 
 
 def judge_points(
     adjustment: Adjustment, known: KnownWorldPoints, significance: float
 ) -> tuple[PointChecks, tuple[Message, ...]]:
-    """Result minus known coordinates of check points; those far off, or never picked, are named.
+    """Compare check points with their known coordinates; report misfits and points never picked.
 
-    Nothing is judged with gauge ``plane``: coordinates mean nothing there.
+    Nothing is judged with gauge ``plane``, where coordinates have no meaning.
 
     Parameters
     ----------
@@ -213,13 +214,14 @@ def judge_points(
     known
         Check points in the world [m].
     significance
-        Probability of suspecting anything where all is in order.
+        Probability of a false suspicion in a survey without errors.
     """
     index = _judged_rows(adjustment, known)
     seen = np.flatnonzero(index >= 0)
     position, covariance = adjustment.points()
     error = position[index[seen]] - known.world_m[seen]
     joint = covariance[index[seen]] + known.sigma_m[seen][:, :, None] ** 2 * np.eye(3)
+    # Squared Mahalanobis distances, chi-square with three degrees of freedom.
     squared = np.einsum("ni,ni->n", error, np.linalg.solve(joint, error[..., None])[..., 0])
     checks = PointChecks(
         label=tuple(known.label[i] for i in seen),
@@ -248,12 +250,12 @@ def judge_points(
 
 
 def _suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[Message]:
-    """A message on each check point that is off; one on all, where most of several are.
+    """Report each check point that is off; or all in one message, where most of several are.
 
     Parameters
     ----------
     checks
-        What was found of C points.
+        Comparison of C points.
     stated_m
         (C, 3) their known coordinates.
     off

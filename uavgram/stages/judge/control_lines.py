@@ -1,4 +1,4 @@
-"""Where lines of known position lie, and how far what was picked on them is from them."""
+"""Places of lines of known position, and the distances of their points from them."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ from uavgram.model.survey.known import KnownThings, LinePosition
 def judge_control_lines(
     adjustment: Adjustment, known: KnownThings, judged: KnownResults
 ) -> ControlLineResults:
-    """Lines of known position among everything known; none where the world has no place for them.
+    """Return lines of known position among all known things; none without a world frame.
 
     Parameters
     ----------
     adjustment
-        Of the survey.
+        Adjustment of the survey.
     known, judged
-        Everything known, and how it fits.
+        All known things, and their fit.
     """
     placed = [(i, line) for i, line in enumerate(known.position) if line is not None]
     if not placed or adjustment.survey.gauge == "plane":
@@ -51,7 +51,7 @@ def judge_control_lines(
 
 
 def _ends(adjustment: Adjustment, line: LinePosition) -> Floats:
-    """(2, 3) ends; on the ground, as the first area has it, where no height is known."""
+    """Return the ends (2, 3); on the ground of the first area, where no height is known."""
     ends = line.ends_m.copy()
     if not line.has_height:
         state, none = adjustment.state, np.zeros(2, dtype=np.int64)

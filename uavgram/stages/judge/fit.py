@@ -1,6 +1,6 @@
-"""Whether picks, lengths, ground and camera fit together, whatever else a survey has.
+"""Test whether picks, lengths, ground and camera fit together.
 
-Priors of the telemetry are meant to be generous: they are left out, as they would dilute it.
+Priors of the telemetry are meant to be generous: they are left out, as they would weaken the test.
 """
 
 from __future__ import annotations
@@ -17,29 +17,30 @@ from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.tables import LineResults, PointChecks
 
 RARE = 0.001
-"""Probability by chance below which something does not fit."""
+"""Probability by chance below which observations do not fit."""
 
 CONTRADICTED = 1e-5
-"""Probability by chance below which the observations contradict each other: of 500 surveys in which
-all is in order, not one in 200 such sets should have one."""
+"""Probability by chance below which the observations contradict each other: of 500 surveys without
+errors, at most one in 200 such sets should have one."""
 
 MOST_ALONE = 2
-"""Withheld things of which one that does not fit is no better known than the others."""
+"""Number of withheld things up to which one that does not fit is no less reliable than the
+others."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """How well everything fits, as probabilities by chance of misfits as large.
+    """Quality of the fit, as probabilities by chance of misfits as large.
 
     Attributes
     ----------
     core
-        Of picks, lengths, ground and camera, with sigmas as the survey showed them.
+        Probability for picks, lengths, ground and camera, with the learnt sigmas.
     stated
         The same with sigmas and ground as they were stated.
     checks
-        The smallest of each withheld thing by itself and of all together; 1 without any. One that
-        alone does not fit beside others that do is wrong itself, and does not count.
+        Smallest probability of each withheld thing by itself and of all together; 1 without any.
+        One that alone does not fit beside others that do is wrong itself, and does not count.
     check_labels
         Labels of the withheld things that are contradicted.
     """
@@ -57,15 +58,15 @@ def fit_of(
     points: PointChecks,
     overall: ChecksOverall | None,
 ) -> Fit:
-    """How well the core fits, and what was withheld.
+    """Compute the fit of the core, and of withheld things.
 
     Parameters
     ----------
     refined
-        The adjusted survey. Its result gives little weight to an observation that stands out and
-        is located; what was left out takes no part.
+        The adjusted survey. Its result gives little weight to an observation that is a located
+        outlier; left-out observations take no part.
     lines, known, points
-        Of which the withheld ones are judged.
+        Tables, of which the withheld rows are judged.
     overall
         Withheld lengths and points together; None where there are none.
     """
@@ -97,14 +98,14 @@ def fit_of(
 
 
 def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
-    """Report where the core does not fit; of what did not come to rest this is known.
+    """Report a misfit of the core, for adjustments that converged.
 
     Parameters
     ----------
     fit
-        How well everything fits.
+        Quality of the fit.
     rest
-        The survey adjusted without its suspects: what they explain is theirs.
+        The survey adjusted without its suspects, which explain their own misfit.
     """
     core = max(fit.core, core_fit(rest).probability)
     if core >= RARE or not rest.minimum.converged:

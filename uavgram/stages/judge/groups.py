@@ -14,24 +14,23 @@ from uavgram.model.result.result import GroupFactor
 
 WIDE = 0.4
 """Variance factor below which stated sigmas are far too wide; those of priors are meant to be
-generous, and surveys in good order lie above."""
+generous, and surveys without errors are above it."""
 
 
 def judge_groups(
     adjustment: Adjustment, significance: float
 ) -> tuple[tuple[GroupFactor, ...], tuple[Message, ...]]:
-    """Variance factor of each group of observations; a message on each that is too large.
+    """Compute the variance factor of each group of observations, and report misfits.
 
-    And one where that of the whole is far too small.
-
-    No message where the adjustment did not come to rest.
+    A message on each factor that is too large, and one where that of the whole survey is far too
+    small. No message where the adjustment did not converge.
 
     Parameters
     ----------
     adjustment
         The adjusted survey.
     significance
-        Probability of suspecting anything where all is in order.
+        Probability of a false suspicion in a survey without errors.
     """
     silent = not adjustment.minimum.converged
     groups, messages = [], []
@@ -68,7 +67,7 @@ def _misfit(kind: Kind, factor: float, probability: float) -> Message:
 def _too_wide(
     adjustment: Adjustment, groups: list[GroupFactor], significance: float
 ) -> Iterator[Message]:
-    """Say so where everything fits far better than the stated sigmas promise."""
+    """Report a fit that is far better than the stated sigmas."""
     cost = adjustment.minimum.cost
     degrees = adjustment.degrees_of_freedom
     if degrees <= 0 or cost > WIDE * degrees:

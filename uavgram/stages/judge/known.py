@@ -1,4 +1,4 @@
-"""Adjusted value, residual, test statistic and status of everything known."""
+"""Adjusted value, residual, test statistic and status of all known things."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _COLUMNS = ("adjusted", "adjusted_sigma", "residual", "w", "redundancy", "mdb")
 def judge_known(
     examined: TestedSurvey, known: KnownThings
 ) -> tuple[KnownResults, tuple[Message, ...]]:
-    """How each known thing fits; messages on those never seen, and withheld ones that do not fit.
+    """Judge the fit of each known thing; report unseen ones, and withheld ones that do not fit.
 
     Parameters
     ----------
     examined
         The adjusted survey under test.
     known
-        Everything that the project knows.
+        All known things of the project.
     """
     if not known.name:
         return NOTHING_KNOWN, ()
@@ -82,7 +82,7 @@ def judge_known(
 
 
 def _seen(adjustment: Adjustment, known: KnownThings) -> list[KnownThing]:
-    """Those of which every point is among the adjusted ones; of a line, any."""
+    """Return things with all points among the adjusted ones; for a line, with any."""
     place = {label: k for k, label in enumerate(adjustment.survey.label)}
     things = (known.seen_thing(i, place) for i in range(len(known.name)))
     return [thing for thing in things if thing is not None]
@@ -91,7 +91,7 @@ def _seen(adjustment: Adjustment, known: KnownThings) -> list[KnownThing]:
 def _values(
     adjustment: Adjustment, things: list[KnownThing], withheld: set[int], columns: dict[str, Floats]
 ) -> None:
-    """What is between the adjusted points; of what is withheld, also how far that is off."""
+    """Compute values between the adjusted points; for withheld things, also their misfit."""
     if not things:
         return
     rows = known_rows(adjustment.problem, adjustment.state, things)
@@ -109,7 +109,7 @@ def _values(
 
 
 def _deviate(off: Floats, whole: Floats) -> float:
-    """Errors over their joint sigma; of several, the normal deviate as unlikely as chi-square."""
+    """Return an error over its sigma; for several, the normal deviate of equal probability."""
     if len(off) == 1:
         return float(off[0] / np.sqrt(whole[0, 0]))
     probability = upper_tail(float(off @ np.linalg.solve(whole, off)), len(off))
@@ -130,14 +130,14 @@ def _fit_of_observed(examined: TestedSurvey, columns: dict[str, Floats]) -> None
 
 
 def _rows(examined: TestedSurvey) -> Iterator[tuple[KnownThing, Ints]]:
-    """Each thing that takes part, and its rows in their group."""
+    """Yield each thing that takes part, and its rows in their group."""
     tested = examined.refined.adjustment
     for k, thing in enumerate(tested.problem.known):
         yield thing, np.flatnonzero(tested.problem.known_thing == k)
 
 
 def _suspect(examined: TestedSurvey) -> set[int]:
-    """Numbers of the things that do not fit."""
+    """Return the numbers of the things that do not fit."""
     if "known" not in examined.groups:
         return set()
     suspect = examined.suspect("known")
@@ -150,7 +150,7 @@ def _is_off(examined: TestedSurvey, results: KnownResults, thing: KnownThing) ->
 
 
 def _gross(examined: TestedSurvey) -> list[int]:
-    """Numbers of those that were left out before anything was tested."""
+    """Return the numbers of things that were left out before any test."""
     removals = examined.refined.removals
     return [r.index for r in removals if r.kind == "known" and r.before is None]
 
@@ -188,7 +188,7 @@ def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
 
 
 def _idle(known: KnownThings, i: int) -> Message:
-    """It says nothing, as all of its points lie on the ground."""
+    """Report a thing without effect, as all of its points are on the ground."""
     what = named_thing(known.kind[i], known.name[i], known.points[i])
     if ALL_KINDS[known.kind[i]].needs == "world":
         return _unplaced(known, i, what)
@@ -208,7 +208,7 @@ def _idle(known: KnownThings, i: int) -> Message:
 
 
 def _unplaced(known: KnownThings, i: int, what: str) -> Message:
-    """Report a thing that refers to the world where nothing else does."""
+    """Report a thing that refers to the world where no other observation does."""
     why, way_out = ALL_KINDS[known.kind[i]].unplaced
     return Message(
         "warning",
@@ -237,7 +237,7 @@ def _does_not_fit(results: KnownResults, i: int) -> Message:
 
 
 def stated(results: KnownResults, i: int) -> str:
-    """``given 3.500 m, found 3.612 m``, or of a condition ``off by 0.112 m``."""
+    """Return ``given 3.500 m, found 3.612 m``, or for a condition ``off by 0.112 m``."""
     unit = results.unit[i]
     if np.isnan(results.value[i]):
         return f"off by {abs(results.adjusted[i]):.3f} {unit}"

@@ -30,7 +30,7 @@ _COLUMNS = ("adjusted_m", "adjusted_sigma_m", "residual_m", "w", "redundancy", "
 def judge_lines(
     examined: TestedSurvey, lines: KnownLines, survey_index: Ints
 ) -> tuple[LineResults, LineChecks, Effects, tuple[Message, ...]]:
-    """Adjusted length, residual, w, redundancy and status of every known length.
+    """Compute adjusted length, residual, w, redundancy and status of every known length.
 
     Parameters
     ----------
@@ -39,16 +39,16 @@ def judge_lines(
     lines
         All L known lengths of the project.
     survey_index
-        (L,) into the lines of the survey handed to refine; -1 for withheld and unseen ones.
+        (L,) rows in the lines of the survey given to refine; -1 for withheld and unseen ones.
 
     Returns
     -------
     results, checks
         All lengths; the withheld ones.
     effects
-        (L,) what an undetected error in each would do.
+        (L,) effect of an undetected error in each.
     messages
-        On lengths never seen, those left out, and withheld ones that do not fit.
+        Messages on lengths never seen, left-out ones, and withheld ones that do not fit.
     """
     refined, adjustment = examined.refined, examined.adjustment
     columns = {name: np.full(len(lines.name), np.nan) for name in _COLUMNS}
@@ -56,6 +56,7 @@ def judge_lines(
     used = refined.line_index[adjustment.problem.line_index]
     row = rows_of(survey_index, used, len(refined.line_removed))
     _fit_of_observed(examined, row, columns)
+    # Withheld lengths: w = residual / sqrt(prediction variance + sigma^2).
     withheld = ~np.asarray(lines.adjust, dtype=bool) & np.isfinite(columns["adjusted_m"])
     sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
     columns["w"][withheld] = (columns["residual_m"] / sigma)[withheld]
@@ -101,7 +102,7 @@ def _adjusted_lengths(
 
 
 def _errors_in_sigmas(adjustment: Adjustment, lines: KnownLines) -> Floats:
-    """(L,) by how many sigmas each length is off, were it withheld."""
+    """Compute errors (L,) of the lengths in sigmas, as if they were withheld."""
     columns = {name: np.full(len(lines.name), np.nan) for name in _COLUMNS}
     _adjusted_lengths(adjustment, lines, columns)
     sigma = np.hypot(columns["adjusted_sigma_m"], lines.sigma_m)
@@ -119,7 +120,7 @@ def _fit_of_observed(examined: TestedSurvey, row: Ints, columns: dict[str, Float
 
 
 def no_pick_of(missing: Sequence[str], labels: Sequence[str]) -> str:
-    """``no usable pick of 'R33' (did you mean 'R3'?)``: labels that are not among `labels`."""
+    """Return ``no usable pick of 'R33' (did you mean 'R3'?)`` for labels not among `labels`."""
     words = []
     for label in missing:
         hint = f" ({near})" if (near := near_miss(label, labels)) else ""
@@ -179,13 +180,13 @@ def _line_checks(lines: LineResults) -> LineChecks:
 def _left_out(
     refined: Refined, lines: KnownLines, survey_index: Ints, seen_m: Floats, sigma_m: Floats
 ) -> tuple[Message, ...]:
-    """One message on each length that was left out; on those with the same mistake, one in all.
+    """Report left-out lengths: one message each, or one for all with the same mistake.
 
-    Those that a cause explains are left to it.
+    Those that a cause explains are reported by it.
     """
     gross = {r.index for r in refined.removals if r.kind == "line" and r.before is None}
     gross -= {int(survey_index[i]) for i, name in enumerate(lines.name) if name in refined.settled}
-    seen = np.isfinite(seen_m)  # else an end is not adjusted, which has a message of its own
+    seen = np.isfinite(seen_m)  # otherwise an end is not adjusted, and has its own message
     out = [i for i, index in enumerate(survey_index) if int(index) in gross and seen[i]]
     if out and (refined.rival_lines or refined.rival_clicks or is_mount_open(refined.adjustment)):
         return (_one_of(refined, lines, out),)
@@ -213,7 +214,7 @@ def _left_out(
 
 
 def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
-    """The message on lengths, clicks or mount, of which one is wrong and nothing shows which."""
+    """Report lengths, clicks or mount, one of which is wrong, without evidence for which."""
     names = {lines.name[i] for i in out} | refined.rival_lines
     rows = [i for i, name in enumerate(lines.name) if name in names]
     each = tuple(lines.name[i] for i in rows)
@@ -280,7 +281,7 @@ def _text(
 
 
 def _against(refined: Refined) -> str:
-    """What speaks against a length."""
+    """List the observations that contradict a length."""
     survey = refined.adjustment.survey
     witnesses = ["the photos"]
     if survey.telemetry is not None and not isinstance(survey.track, PhotoExposures):

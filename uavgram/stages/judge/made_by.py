@@ -1,4 +1,4 @@
-"""Measurements behind which no person's pick stands."""
+"""Measurements without any pick by a person."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from uavgram.model.result.tables import MeasurementResults, PickResults, only_by
 
 
 def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[Message]:
-    """What rests on picks of the program alone.
+    """Report measurements that are based on picks by the program only.
 
     Parameters
     ----------
     picks
-        All of the project, judged.
+        All picks of the project, judged.
     measured
-        All measurements; what could not be computed is not told.
+        All measurements; those that could not be computed are not reported.
     """
     alone = only_by_program(picks, measured.points) & np.isfinite(measured.value)
     rows = np.flatnonzero(alone).tolist()

@@ -1,4 +1,4 @@
-"""Whether the things known of the ground that fit are clearly more than those that do not."""
+"""Test whether the known things that fit are a clear majority."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def judge_majority(
     Parameters
     ----------
     refined
-        The adjusted survey, what was taken out of it, and what explains that it does not fit.
+        The adjusted survey, its removals, and the causes of its misfits.
     line_index
-        (L,) where each length stands in the survey handed to refine; -1 where it is not in it.
+        (L,) row of each length in the survey given to refine; -1 where it is not in it.
     lines, known
-        With their statuses.
+        Tables with their statuses.
     """
     out = {(one.kind, one.index) for one in refined.removals}
     line_out = [("line", int(k)) in out for k in line_index]
@@ -49,7 +49,7 @@ def judge_majority(
 
 
 def _faults(refined: Refined, lines: LineResults, out: Sequence[bool]) -> dict[str, object]:
-    """What is wrong with each length that does not fit: a cause, a likely mistake, or itself.
+    """Return the fault of each length that does not fit: a cause, a likely mistake, or itself.
 
     Several lengths in another unit have one fault.
     """

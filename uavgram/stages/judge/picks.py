@@ -16,7 +16,7 @@ from uavgram.stages.judge.tested_survey import TestedSurvey
 def judge_picks(
     examined: TestedSurvey, picks: Picks, sigma_px: Floats, survey_index: Ints
 ) -> tuple[PickResults, Effects]:
-    """Residual, w, redundancy and status of every pick, and what an unseen error would do.
+    """Compute residual, w, redundancy and status of every pick, and effects of undetected errors.
 
     w is that of the coordinate where it is larger, the redundancy the mean of the two.
 
@@ -27,7 +27,7 @@ def judge_picks(
     picks, sigma_px
         All P picks of the project, and their sigmas (P,) with defaults filled in [px].
     survey_index
-        (P,) into the picks of the survey handed to refine; -1 for those of unmatched frames.
+        (P,) rows in the picks of the survey given to refine; -1 for those of unmatched frames.
     """
     refined, group = examined.refined, examined.groups["pixels"]
     count = len(picks.image)
@@ -43,6 +43,7 @@ def judge_picks(
     suspect = examined.suspect("pixels")
     for i in used:
         status[i] = "suspect" if suspect[row[i]] else "used"
+    # Gross errors, and matches that were left out, count as removed.
     given = np.flatnonzero(survey_index >= 0)
     removed = refined.pick_removed.copy()
     removed[[k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]] = True
@@ -70,7 +71,7 @@ def judge_picks(
 
 
 def _matches(adjustment: Adjustment, picks: Picks) -> tuple[Ints, tuple[Floats, Floats, Floats]]:
-    """Picks (n,) that are matches and take part; their residuals (n, 2) [px], w and redundancy."""
+    """Return picks (n,) by matching that take part; residuals (n, 2) [px], w and redundancy."""
     sightings = adjustment.survey.matches
     at = np.flatnonzero(picks.of_source("match")[sightings.row])
     if not len(at):
@@ -84,14 +85,14 @@ def _matches(adjustment: Adjustment, picks: Picks) -> tuple[Ints, tuple[Floats, 
 
 
 def rows_of(survey_index: Ints, used_index: Ints, count: int) -> Ints:
-    """Row among the observations of what stands at `survey_index` of a survey; -1 if in none.
+    """Return the row among the observations for each row of a survey; -1 without one.
 
     Parameters
     ----------
     survey_index
-        (P,) -1 for what is not in the survey.
+        (P,) rows of the survey; -1 for none.
     used_index
-        (n,) where each row of the observations stands in the survey.
+        (n,) row of the survey of each observation.
     count
         Number of picks, or lengths, of the survey.
     """

@@ -1,6 +1,6 @@
-"""Every number that was known beforehand: how it fits, and what an unseen error would do.
+"""Fit of every prior, and the effect of an undetected error in it.
 
-And for each measurement, the undetected error that would move it most.
+Also, for each measurement, the undetected error that would move it most.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from uavgram.stages.judge.tested_survey import TestedSurvey, effects_on
 
 
 def judge_priors(examined: TestedSurvey) -> PriorResults:
-    """Residual, w, redundancy, detectable bias and its effect, of every axis of every prior.
+    """Compute residual, w, redundancy, detectable bias and its effect for each axis of each prior.
 
     Telemetry by frame and axis, mount, biases, clock, ground, calibration and control points.
     """
@@ -47,7 +47,7 @@ def judge_priors(examined: TestedSurvey) -> PriorResults:
 def _group(
     examined: TestedSurvey, kind: str, group: Observed
 ) -> tuple[list[Member], *tuple[Floats, ...]]:
-    """Members, then residual, w, redundancy, bias, change and measurement of each axis."""
+    """Return members, then residual, w, redundancy, bias, change and measurement of each axis."""
     n, a = group.w.shape
     members = [Member(kind, row, axis) for row in range(n) for axis in range(a)]
     worst = examined.worst[kind]
@@ -63,7 +63,7 @@ def _group(
 
 
 def stated_residuals(group: Observed) -> Floats:
-    """(n, a) adjusted minus stated, in stated sigmas; 0 where a number is known exactly."""
+    """Compute adjusted minus stated (n, a), in stated sigmas; 0 for exactly known numbers."""
     scale = np.where(np.isfinite(group.scale), group.scale, np.inf)
     whitening = group.direction / scale[:, None, :]
     root = np.linalg.pinv(whitening)  # (n, a, r): root root^T is the stated covariance
@@ -73,7 +73,7 @@ def stated_residuals(group: Observed) -> Floats:
 
 
 def judge_weakest(examined: TestedSurvey) -> WeakestLinks:
-    """Weakest link of each of M measurements, and what of it nothing checks."""
+    """Return the weakest link of each of M measurements, and its unchecked observations."""
     names, what, units = examined.names, [], []
     bias = np.full(len(examined.weakest), np.nan)
     for i, weakest in enumerate(examined.weakest):

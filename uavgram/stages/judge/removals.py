@@ -1,4 +1,4 @@
-"""The record of what was taken out as a blunder, and what that did to the measurements."""
+"""Record of removed blunders, and their effects on the measurements."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ def judge_removals(
     measured: MeasuredValues,
     known: KnownThings = NO_KNOWN,
 ) -> tuple[RemovalRecord, ...]:
-    """What was taken out, step by step.
+    """Describe the removals, step by step.
 
     Parameters
     ----------
     refined
         The adjusted survey, with its removals.
     lines, line_index
-        All known lengths, and where each stands in the survey handed to refine.
+        All known lengths, and their rows in the survey given to refine.
     requests, frames
-        What is measured, before and after each step.
+        The measurements, computed before and after each step.
     measured
-        What was measured in the end.
+        The final measurements.
     known
-        Everything known.
+        All known things.
     """
     at = {int(index): i for i, index in enumerate(line_index) if index >= 0}
     steps = [removal.before for removal in refined.removals] + [refined]
@@ -89,7 +89,7 @@ def judge_removals(
 
 
 def _linear_change(refined: Refined, measured: MeasuredValues, rows: LeftOutRows) -> Floats:
-    """Predict by how much the values (M,) change when an observation is left out.
+    """Predict the change of the values (M,) when an observation is left out.
 
     Notes
     -----
@@ -105,5 +105,5 @@ def _linear_change(refined: Refined, measured: MeasuredValues, rows: LeftOutRows
 
 
 def _factor(refined: Refined | None) -> float:
-    """Variance factor of an adjustment; NaN where there is none."""
+    """Return the variance factor of an adjustment; NaN where there is none."""
     return np.nan if refined is None else refined.adjustment.variance_factor

@@ -1,4 +1,4 @@
-"""How far each measurement can be trusted: contradicted, touched by a fault, or not checked."""
+"""Trust in each measurement: contradicted, affected by a fault, or not checked."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.judge.unchecked import is_unchecked
 
 MOVED = 1.0
-"""Sigmas of a measurement by which an error that was found may move it, before it is in doubt."""
+"""Change of a measurement by a possible error, in its sigmas, above which it is doubtful."""
 
 
 def is_moved(examined: TestedSurvey) -> Bools:
-    """(M,) which measurements what does not fit, or may not, would move if it were wrong.
+    """Mark measurements (M,) that a suspected observation, or its rivals, would move if wrong.
 
-    By as much as it takes part in the result, which gives little weight to what stands out.
+    The change is that of the result, in which outliers have little weight.
     """
     measured = examined.measured
     sigma = np.where(measured.sigma > 0, measured.sigma, np.inf)
@@ -40,7 +40,7 @@ def is_moved(examined: TestedSurvey) -> Bools:
 
 
 def _change_without(group: Observed, member: Member, solved: Floats) -> Floats:
-    """(M,) by which the values change if the error that is found in an observation is taken out.
+    """Compute changes (M,) of the values if the estimated error of an observation is removed.
 
     The likeliest error of an axis is w / sqrt(r) of its sigmas (Baarda 1968).
     """
@@ -61,7 +61,7 @@ def statuses(
     contradicted: Collection[str],
     in_doubt: Collection[str],
 ) -> tuple[MeasurementStatus, ...]:
-    """Status of each measurement.
+    """Determine the status of each measurement.
 
     Parameters
     ----------
@@ -70,9 +70,9 @@ def statuses(
     examined
         The survey under test.
     is_contradicted
-        Whether the whole result is, so that no measurement is in order.
+        Whether the whole result is contradicted, so that no measurement is in order.
     contradicted, in_doubt
-        Labels whose measurements are contradicted by something, or rest on what does not fit.
+        Labels whose measurements are contradicted, or depend on observations that do not fit.
     """
     unchecked, moved = is_unchecked(examined), is_moved(examined)
     found: list[MeasurementStatus] = []

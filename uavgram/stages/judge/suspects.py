@@ -1,6 +1,6 @@
-"""What does not fit, in words: each blunder once, with all that no test can part from it.
+"""Messages on misfits: each blunder once, with all observations inseparable from it.
 
-What a cause explains that is told anyway is not blamed.
+Observations that a reported cause explains are not suspected.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from uavgram.stages.remedies import read_first
 
 
 def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
-    """One message for each suspicion; where there are too many, the model is named instead."""
+    """Report each suspicion; where there are too many, report a wrong model instead."""
     blameless = _blameless(examined)
     messages = [
         _message(examined, suspicion)
@@ -33,7 +33,7 @@ def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
 
 
 def _blameless(examined: TestedSurvey) -> set[tuple[str, int]]:
-    """Picks and lengths, by group and row, of which a cause explains that they do not fit."""
+    """Return picks and lengths, by group and row, whose misfit a cause explains."""
     refined = examined.refined
     mends = [cause.mend for cause in refined.causes if cause.mend is not None]
     picks = {pick for mend in mends for pick in mend.picks | mend.without_picks}
@@ -51,7 +51,7 @@ def _blameless(examined: TestedSurvey) -> set[tuple[str, int]]:
 
 
 def _meant(suspicion: Suspicion) -> set[tuple[str, int]]:
-    """The observation that is accused, and those that no test parts from it."""
+    """Return the suspected observation, and those inseparable from it."""
     return {(member.kind, member.row) for member in _members(suspicion)}
 
 

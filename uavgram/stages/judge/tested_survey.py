@@ -1,4 +1,4 @@
-"""What all judgements rest on: test statistics, suspicions and effects, computed once."""
+"""Test statistics, suspicions and effects for all judgements, computed once."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from uavgram.model.result.reliability import Effects
 from uavgram.stages.judge.checks import Withheld
 
 SHOWN = 0.5
-"""Redundancy of the camera's assumed direction from which on the photos show it."""
+"""Redundancy of the camera's assumed direction above which the photos determine it."""
 
 CERTAIN = 1e12
-"""Cofactor of a reading in which no gross error is possible."""
+"""Cofactor of a reading without the possibility of a gross error."""
 
 
 @dataclass(frozen=True, eq=False)
 class TestedSurvey:
-    """The observations of an adjusted survey under test.
+    """Observations of an adjusted survey under test.
 
     Attributes
     ----------
@@ -44,16 +44,16 @@ class TestedSurvey:
     groups
         Its observations and priors by group.
     suspicions
-        Those that do not fit, and what no test can part from them; none where the adjustment did
-        not come to rest: its residuals say nothing of where the fault lies.
+        Observations that do not fit, and those inseparable from them; none where the adjustment did
+        not converge, since its residuals do not locate the fault.
     worst, weakest
         External reliability, by observation and by measurement.
     names
-        Of the observations.
+        Names of the observations.
     measured
         The values that undetected errors would move.
     significance
-        Of the test of each single axis of each observation.
+        Significance level of the test of each single axis of each observation.
     """
 
     refined: Refined
@@ -72,7 +72,7 @@ class TestedSurvey:
 
     @cached_property
     def without_suspects(self) -> Adjustment:
-        """Adjust without the suspects: what does not fit then has another reason than they.
+        """Adjustment without the suspects: a misfit in it has another reason.
 
         The adjusted survey itself where nothing is suspected, or too much.
         """
@@ -81,9 +81,9 @@ class TestedSurvey:
         return set_aside(self.adjustment, accused)
 
     def suspect(self, kind: str) -> Bools:
-        """(n,) which observations of a group are suspected, alone or with others."""
+        """Mark observations (n,) of a group that are suspected, alone or with others."""
         group = self.groups[kind]
-        if len(self.suspicions) >= MOST_SUSPECTS:  # the rest was not told apart
+        if len(self.suspicions) >= MOST_SUSPECTS:  # the others were not tested separately
             return np.asarray((np.abs(group.w) > group.limit(self.significance)).any(axis=1))
         rows = [
             member.row
@@ -96,19 +96,19 @@ class TestedSurvey:
         return suspect
 
     def residuals(self, kind: str) -> Floats:
-        """(n, r) adjusted minus stated, of independent numbers, in their unit.
+        """Return adjusted minus stated (n, r), of independent numbers, in their unit.
 
-        Those of the result: what stands out, tests take at its full weight.
+        These are the residuals of the result; the tests use outliers at their full weight.
         """
         return self.adjustment.problem.observations[kind].residuals(self.adjustment.minimum)
 
     def significant(self, w: float) -> bool:
-        """Whether a test statistic means that something does not fit."""
+        """Return whether a test statistic is significant."""
         large = abs(w) > critical_value(self.significance)
         return bool(large and self.adjustment.minimum.converged)
 
     def effects(self, kind: str, rows: Ints) -> Effects:
-        """Effects of undetected errors in some observations of a group; none for rows < 0."""
+        """Return effects of undetected errors in observations of a group; none for rows < 0."""
         measured = self.measured
         change, on = np.full(len(rows), np.nan), np.full(len(rows), -1)
         there = rows >= 0
@@ -119,14 +119,14 @@ class TestedSurvey:
         return effects_on(measured, on, change)
 
     def bias(self, member: Member) -> tuple[float, str]:
-        """Minimal detectable bias of one axis of an observation, and its unit."""
+        """Return the minimal detectable bias of one axis of an observation, and its unit."""
         bias = self.groups[member.kind].bias(self.significance)[member.row, member.axis]
         unit, factor = self.names.unit(member)
         return float(bias) * factor, unit
 
 
 def effects_on(measured: MeasuredValues, on: Ints, change: Floats) -> Effects:
-    """Changes (n,) of the measurements `on` (n,), -1 where there is none.
+    """Describe changes (n,) of the measurements `on` (n,), -1 where there is none.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def run_tests(
     measured
         The measured values.
     significance
-        Of the test for blunders.
+        Significance level of the test for blunders.
     withheld
         Values that take no part; those that fit test the readings, too.
     """
@@ -183,20 +183,21 @@ def run_tests(
 def _shown(
     adjustment: Adjustment, groups: dict[str, Observed], withheld: Withheld | None, limit: float
 ) -> dict[str, Floats]:
-    """(n, a, a) cofactor matrices of each group of readings: how much of their errors shows.
+    """Compute cofactor matrices (n, a, a) of groups of readings: the visible share of their errors.
 
-    With withheld values they are those that readings would have if these took part. A direction of
-    the camera that is assumed may be as wrong as a reading.
+    With withheld values they are those that readings would have if these took part. An assumed
+    direction of the camera may be as wrong as a reading.
     """
     kinds = (*READINGS, *(("boresight",) if _is_mount_assumed(adjustment) else ()))
     blocks = {kind: groups[kind].block for kind in kinds if kind in groups}
     shown = {kind: cofactors(block, adjustment.covariance) for kind, block in blocks.items()}
     if withheld is not None and (fits := withheld.fits(limit)).any():
+        # Q += B W^-1 B^T: B covariance of readings and withheld values, W of the latter's errors.
         weight = np.linalg.inv(withheld.joint[np.ix_(fits, fits)])
         for kind, block in blocks.items():
             response = block.times(slice(None), withheld.solved[:, fits])
             shown[kind] += response @ weight @ response.swapaxes(1, 2)
-    # The code of a target says which point it is: no pick of it can be of another place.
+    # The code of a target identifies its point: no pick of it can be of another place.
     shown["pixels"][adjustment.survey.target_pick] += CERTAIN * np.eye(2)
     return shown
 
@@ -207,7 +208,7 @@ def _is_mount_assumed(adjustment: Adjustment) -> bool:
 
 
 def is_mount_open(adjustment: Adjustment) -> bool:
-    """Whether nobody states where the camera looked, and the photos do not show it either."""
+    """Return whether the camera's direction is neither stated nor visible in the photos."""
     if not _is_mount_assumed(adjustment):
         return False
     share = cofactors(adjustment.minimum.blocks["boresight"], adjustment.covariance)
@@ -226,6 +227,6 @@ def _suspicions(
 
 
 def _is_lone_tape(adjustment: Adjustment, suspicion: Suspicion) -> bool:
-    """Whether the only tape is suspected, though nothing else bears on the scale."""
+    """Return whether the only tape is suspected, without any other observation of the scale."""
     is_tape = suspicion.accused.kind == "tape" and len(adjustment.problem.tapes) == 1
     return is_tape and not scale_sigmas(adjustment).others < NOTHING

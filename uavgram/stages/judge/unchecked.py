@@ -1,6 +1,6 @@
-"""Measurements that nothing checks: a gross error of a reading would move them far, and not show.
+"""Unchecked measurements: a gross error of a reading would move them far without being detected.
 
-However small or large their sigmas are: these only include errors of the stated size. A click is
+This does not depend on their sigmas, which only include errors of the stated size. A click is
 checked by a click in another photo, by a second one in the same photo, and by lengths, known
 things, control and checks at its point; a match repeats its source's click and checks nothing.
 """
@@ -23,7 +23,7 @@ from uavgram.stages.remedies import to_tape
 MOST_NAMED = 5
 
 NEVER = LARGEST_SIGMAS / 10
-"""Sigmas of a reading from which on an error is said not to show at all."""
+"""Sigmas of a reading above which an error counts as completely undetectable."""
 
 
 ZERO_IS_ORDINARY = frozenset(
@@ -32,30 +32,30 @@ ZERO_IS_ORDINARY = frozenset(
         *("slope", "volume", "speed"),
     }
 )
-"""Kinds of which a value near zero is as good as any other."""
+"""Kinds of measurements with a possible value of zero."""
 
 INTERVAL_95 = 1.96
-"""Half the width of an interval of 95 %, in sigmas."""
+"""Half width of an interval of 95 %, in sigmas."""
 
 
 def is_unchecked(examined: TestedSurvey) -> Bools:
-    """(M,) which measurements an error in a single reading would move far, and no test show it.
+    """Mark measurements (M,) that an undetectable error in a single reading would move far.
 
-    And those of which nothing is known.
+    Undetermined measurements are marked, too.
     """
     unseen = np.array([bool(one.unseen) for one in examined.weakest], dtype=np.bool_)
     return np.asarray(unseen | _is_unknown(examined.measured))
 
 
 def _is_unknown(measured: MeasuredValues) -> Bools:
-    """(M,) which measurements reach down to zero with their intervals: any size would fit."""
+    """Mark measurements (M,) whose intervals reach zero: any size would fit."""
     small = np.abs(measured.value) < INTERVAL_95 * measured.sigma
     has_size = [row.request.kind not in ZERO_IS_ORDINARY for row in measured.rows]
     return np.asarray(small & np.array(has_size, dtype=np.bool_))
 
 
 def _unknown(measured: MeasuredValues) -> Iterator[Message]:
-    """Name the measurements of which nothing is known."""
+    """Report undetermined measurements."""
     rows = np.flatnonzero(_is_unknown(measured)).tolist()
     if not rows:
         return
@@ -74,11 +74,11 @@ def _unknown(measured: MeasuredValues) -> Iterator[Message]:
 
 
 def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
-    """Name the measurements that nothing checks, and what would check them.
+    """Report unchecked measurements, and the readings that would check them.
 
-    One message on those that hang on the camera's assumed direction, one on those that hang on
-    clicks, one on those that hang on lengths, known things and control points; the worst
-    measurement gives the numbers. And one on those of which nothing is known.
+    One message on those that depend on the camera's assumed direction, one on those that depend on
+    clicks, one on those that depend on lengths, known things and control points; the worst
+    measurement gives the numbers. Another one on undetermined measurements.
     """
     yield from _unknown(examined.measured)
     for kind in ("boresight", "pixels", ""):
@@ -94,7 +94,7 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
 
 
 def _family(unseen: Unseen) -> str:
-    """Kind of readings with a message of its own; empty for all others."""
+    """Return the kind of readings with a message of its own; empty for all others."""
     return unseen.member.kind if unseen.member.kind in ("boresight", "pixels") else ""
 
 
@@ -113,7 +113,7 @@ def _message(
             "Neither the log nor the photos contain where it looked: state in `mount` how it hung"
         )
         plain = "Not checked: how did the camera hang? Straight down was assumed."
-        numbers = ""  # of a direction that nobody states, an error may have any size
+        numbers = ""  # an error of an unstated direction may have any size
     elif kind == "pixels":
         labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
         what = f"a wrong click on {listed(labels, MOST_NAMED, link='or')}"
@@ -140,7 +140,7 @@ def _message(
 
 
 def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
-    """Describe the largest error that stays hidden, and its effect on a measurement."""
+    """Describe the largest error that stays undetected, and its effect on a measurement."""
     measured, member = examined.measured, worst.member
     what = f"the {examined.names.observation(member)}"
     if worst.sigmas > NEVER:
@@ -154,7 +154,7 @@ def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
 
 
 def _second_reading(examined: TestedSurvey, worst: Unseen) -> tuple[str, Remedy | None]:
-    """The reading that would check another one."""
+    """Suggest a reading that would check another one."""
     if worst.member.kind == "control":
         return "Look at its coordinates once more, or give another control point", None
     advice = next_line(examined.adjustment)

@@ -1,7 +1,7 @@
-"""The one verdict on a result: red, amber or green, and why; it follows the messages.
+"""Verdict on a result: red, amber or green, with reasons from the messages.
 
 The colours predict. Green: everything fits, and a gross error in any single reading would have been
-noticed. Red: readings contradict each other, and no single one of them explains it. Without a
+detected. Red: readings contradict each other, and no single one of them explains it. Without a
 measurement there is nothing to predict, and no verdict.
 """
 
@@ -21,7 +21,7 @@ from uavgram.stages.judge.statuses import statuses
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 _STATISTICS = re.compile(r": | \(|\. ")
-"""Ends of what a message states in plain words; numbers of tests come behind."""
+"""Ends of the plain part of a message; numbers of tests follow."""
 
 
 def pass_verdict(
@@ -31,20 +31,20 @@ def pass_verdict(
     table: MeasurementResults,
     put_right: Collection[str] = (),
 ) -> tuple[Verdict, tuple[MeasurementStatus, ...]]:
-    """The verdict, and the status of each measurement.
+    """Determine the verdict, and the status of each measurement.
 
     Parameters
     ----------
     messages
-        All of the run, in the order in which people read them.
+        All messages of the run, in the order in which people read them.
     fit
-        How well everything fits, as numbers.
+        Quality of the fit, as numbers.
     examined
         The survey under test.
     table
-        What was measured.
+        The measurements.
     put_right
-        Codes of causes that bend the result, or measurements of it, no longer: it was mended.
+        Codes of causes that no longer distort the result, as they were corrected.
     """
     still = [m for m in messages if m.code not in put_right]
     bent = fit.core < CONTRADICTED or any(_effect(m) is Effect.RED for m in still)
@@ -58,7 +58,7 @@ def pass_verdict(
     is_ok = all(one == "ok" for one in status)
     without = {Effect.NONE, Effect.UNCHECKED} if is_ok else {Effect.NONE}
     codes = {m.code for m in messages}
-    # A message that a cause explains is a note, and no reason of its own.
+    # A message that a cause explains is a note, not a reason.
     because = [
         m
         for m in messages
@@ -80,7 +80,7 @@ def _effect(message: Message) -> Effect:
 
 
 def reason_of(message: Message) -> Reason:
-    """What a message gives as a reason."""
+    """Convert a message to a reason."""
     return Reason(
         cause=message.code,
         text=first_sentences(message.text),
@@ -95,7 +95,7 @@ def reason_of(message: Message) -> Reason:
 
 
 def first_sentences(text: str, count: int = 2) -> str:
-    """As much of a message as says what is wrong, and what to do."""
+    """Return the first sentences of a message: the fault and the action."""
     parts = text.split(". ")
     return text if len(parts) <= count else ". ".join(parts[:count]) + "."
 

@@ -1,1 +1,1 @@
-"""What is handed on, computed: layers of maps and drawings, geotags, grids of top views."""
+"""Products from a result: layers of maps and drawings, geotags, grids of top views."""

@@ -16,29 +16,30 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import sources_behind
 
 File = Literal["csv", "geojson", "map"]
-"""measurements.csv; points.geojson; the layers of survey.gpkg, survey.kml and the drawings."""
+"""Kinds of files: measurements.csv; points.geojson; layers of survey.gpkg, survey.kml and
+drawings."""
 
 Values = Floats | Sequence[str] | Sequence[tuple[str, ...]] | Sequence[tuple[float, ...]]
 
 
 @dataclass(frozen=True)
 class FileColumn:
-    """A column of a table as files have it.
+    """Column of a table in files.
 
     Attributes
     ----------
     name
-        With its unit.
+        Name with its unit.
     values
-        (N,) of a result: numbers, NaN where there is none; texts; or lists of them.
+        (N,) values of a result: numbers, NaN where there is none; texts; or lists of them.
     files
-        That have it, in the order of the table.
+        Files with this column, in the order of the table.
     listed
-        Its name in GeoJSON, which has lists, where that is another.
+        Its name in GeoJSON, which has lists, where that differs.
     joint
-        Between the entries of a list in a map.
+        Separator of the entries of a list in a map.
     has_own_digits
-        Whether its numbers are rounded by their own size; else by the sigma of their row.
+        Whether its numbers are rounded by their own size; otherwise by the sigma of their row.
     """
 
     name: str
@@ -50,14 +51,14 @@ class FileColumn:
 
 
 def heights_above_datum(result: Result) -> Floats:
-    """(K,) heights of the points above the datum of the world [m]; NaN without an origin."""
+    """Compute heights (K,) of the points above the world's datum [m]; NaN without an origin."""
     if result.world.origin is None:
         return np.full(len(result.points.label), np.nan)
     return geodetic_from_enu(result.points.position_world_m, result.world.origin)[2]
 
 
 def _datum(result: Result) -> tuple[str, ...]:
-    """(K,) datum of the heights on a map; empty without a map."""
+    """Return the datum (K,) of the heights on a map; empty without a map."""
     datum = "" if result.world.origin is None else result.world.height_datum
     return (datum,) * len(result.points.label)
 
@@ -163,23 +164,23 @@ CONTROL_LINES = (
 
 
 def listed_columns(table: Sequence[FileColumn], result: Result) -> dict[str, Values]:
-    """Return the columns of a table as GeoJSON has them: lists stay lists."""
+    """Return the columns of a table for GeoJSON, where lists stay lists."""
     return {one.listed or one.name: one.values(result) for one in table if "geojson" in one.files}
 
 
 def attributes(
     table: Sequence[FileColumn], result: Result, rows: Sequence[int] | None = None
 ) -> dict[str, Attribute]:
-    """Return the columns of a table as layers of a map have them: lists are one text.
+    """Return the columns of a table for layers of a map, where lists become one text.
 
     Parameters
     ----------
     table
         `POINTS`, `MEASUREMENTS`, `LENGTHS` or `CONTROL_LINES`.
     result
-        Of a run.
+        Result of a run.
     rows
-        That the layer shows; None: all.
+        Rows in the layer; None: all.
     """
     found = {one.name: _cells(one, result) for one in table if "map" in one.files}
     if rows is None:

@@ -1,4 +1,4 @@
-"""Poses in the local world as geographic tags for other programs."""
+"""Convert poses in the local world to geographic tags for other programs."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uavgram.model.survey.survey import World
 def geotag(
     poses: Poses, path: tuple[str, ...], pose: tuple[PoseChoice, ...], world: World
 ) -> GeoTags:
-    """Turn poses into tags.
+    """Convert poses to tags.
 
     Angles are from the north of the world's origin; true north at a photo differs by the meridian
     convergence, 0.01 degrees per kilometre of easting at 48 degrees of latitude.
@@ -24,14 +24,14 @@ def geotag(
     Parameters
     ----------
     poses, path, pose
-        (N,) poses, where their photos are, and of which kind they are.
+        (N,) poses, paths of their photos, and kinds of the poses.
     world
-        Where the local world lies.
+        Location of the local world.
 
     Raises
     ------
     GeometryError
-        Nothing ties the world to the earth.
+        The world is not tied to the earth.
     """
     if world.origin is None:
         raise GeometryError(
@@ -42,6 +42,7 @@ def geotag(
     latitude, longitude, height = geodetic_from_enu(poses.center_world_m, world.origin)
     ned_from_gimbal = ENU_FROM_NED @ poses.world_from_camera @ GIMBAL_FROM_CAMERA.T
     gimbal = np.stack(ypr_from_matrix(ned_from_gimbal), axis=1)
+    # Largest horizontal variance: the semi-major axis of the standard ellipse.
     horizontal = np.linalg.eigvalsh(poses.covariance[:, :2, :2])[:, -1]
     return GeoTags(
         frame_id=poses.frame_id,
@@ -59,5 +60,5 @@ def geotag(
 
 
 def _full_turn(ypr_rad: Floats) -> Floats:
-    """Yaw brought into [0, 2 pi)."""
+    """Reduce the yaw to [0, 2 pi)."""
     return np.column_stack([np.mod(ypr_rad[:, 0], 2 * np.pi), ypr_rad[:, 1:]])

@@ -1,4 +1,4 @@
-"""Draw: a result on the ground as layers for maps, drawings and the review."""
+"""Convert a result on the ground to layers for maps, drawings and the review."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ from uavgram.stages.products.columns import (
 )
 
 ENCLOSED = frozenset({"area", "volume"})
-"""Kinds of measurement that are drawn as what their points enclose."""
+"""Kinds of measurement that are drawn as polygons of their points."""
 
 
 def shape(kind: str, corners: Floats) -> list[Floats]:
-    """(n, 3) polylines of a measurement on its corners (k, 3); one point alone has none."""
+    """Return polylines (n, 3) of a measurement on its corners (k, 3); none for a single point."""
     if kind == "coordinate" or len(corners) < 2:
         return []
     if kind in ENCLOSED:
@@ -43,7 +43,7 @@ def shape(kind: str, corners: Floats) -> list[Floats]:
 
 
 def _foot_on_plane(corners: Floats) -> Floats:
-    """(3,) place on the plane through the last three of four points nearest to the first."""
+    """Return the foot (3,) of the first of four points on the plane through the others."""
     across = np.cross(corners[2] - corners[1], corners[3] - corners[1])
     squared = float(across @ across)
     share = float((corners[0] - corners[1]) @ across) / squared if squared > 0 else 0.0
@@ -51,18 +51,18 @@ def _foot_on_plane(corners: Floats) -> Floats:
 
 
 def counterclockwise(ring: Floats) -> Floats:
-    """The ring (v, 3), seen from above against the clock (shoelace formula)."""
+    """Orient a ring (v, 3) counterclockwise, seen from above (shoelace formula)."""
     east, north = (ring[:, :2] - ring[0, :2]).T
     doubled = float(np.sum(east * np.roll(north, -1) - np.roll(east, -1) * north))
     return ring[::-1].copy() if doubled < 0 else ring
 
 
 HEIGHT_COLUMNS = ("height_above_ground_m", "height_sigma_m")
-"""Numbers of a point's height that maps and drawings carry."""
+"""Columns of a point's height in maps and drawings."""
 
 
 def ground_below(points: PointResults) -> Floats:
-    """(K, 3) places on the ground straight below the points; their own where they stand on it."""
+    """Return places (K, 3) on the ground straight below the points; their own if on the ground."""
     feet = np.array(points.position_world_m)
     feet[:, 2] -= np.nan_to_num(points.height_above_ground_m)
     return feet
@@ -71,9 +71,9 @@ def ground_below(points: PointResults) -> Floats:
 def over_ground(
     points: PointResults, shapes: Sequence[Floats], labels: Sequence[Sequence[str]]
 ) -> tuple[Floats, ...]:
-    """How high the vertices of shapes stand over the ground; empty where all lie on it.
+    """Compute heights of the vertices of shapes over the ground; empty where all are on it.
 
-    A vertex that is no point of the shape, such as a foot, is taken to have the ground of the
+    A vertex that is not a point of the shape, such as a foot, is assumed to have the ground of the
     nearest one.
 
     Parameters
@@ -106,7 +106,7 @@ def over_ground(
 
 
 def verticals(points: PointResults) -> Layer:
-    """From the ground up to each point that stands off it."""
+    """Return lines from the ground up to each point off it."""
     rows, feet = np.flatnonzero(points.is_off_ground), ground_below(points)
     return Layer(
         name="verticals",
@@ -122,7 +122,7 @@ def verticals(points: PointResults) -> Layer:
 
 
 TWO_SIDED_95 = 1.959963984540054
-"""Sigmas to either side that hold 95 % of a normal distribution."""
+"""Half width of a 95 % interval of a normal distribution, in sigmas."""
 
 _EXAGGERATIONS = (1, 2, 5, 10, 20, 50, 100)
 _HEIGHT_SHARE = 0.3  # of the length is the height of a drawing, at most
@@ -131,12 +131,12 @@ _STATION_TICKS, _HEIGHT_TICKS = 8, 5
 
 
 def profile_sheets(profiles: ProfileResults, unit_m: float = 1.0) -> tuple[ProfileSheet, ...]:
-    """All profiles, each with axes that show its points and the intervals of their heights.
+    """Return all profiles, each with axes that show its points and the intervals of their heights.
 
     Parameters
     ----------
     profiles
-        As measured.
+        Profiles as measured.
     unit_m
         Length in which the numbers at the axes are round.
     """
@@ -185,14 +185,14 @@ def _sheet(
 
 
 def ticks(low: float, high: float, most: int) -> Floats:
-    """Multiples of 1, 2 or 5 times a power of ten, from at or below `low` to at or above `high`.
+    """Return multiples of 1, 2 or 5 times a power of ten that enclose `low` and `high`.
 
     Parameters
     ----------
     low, high
-        What they enclose; they differ.
+        Enclosed values; they differ.
     most
-        Steps in between, at most; one or two more where the ends are no multiples.
+        Largest number of steps in between; one or two more where the ends are no multiples.
     """
     least = (high - low) / most
     power = 10.0 ** np.floor(np.log10(least))
@@ -202,21 +202,21 @@ def ticks(low: float, high: float, most: int) -> Floats:
 
 
 ELLIPSE_VERTICES = 36
-"""Of an ellipse drawn as a polygon: its area is short of the curve's by 0.5 %."""
+"""Vertices of an ellipse drawn as a polygon: its area is 0.5 % less than the curve's."""
 
 BORDER_SAMPLES = 8
-"""On each side of a photo: its border on the ground is curved by the lens."""
+"""Samples on each side of a photo: its border on the ground is curved by the lens."""
 
 
 def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Features:
-    """All layers of a result.
+    """Return all layers of a result.
 
     Parameters
     ----------
     result
-        What a run computed.
+        Result of a run.
     crs
-        Projected coordinate system for maps; None where nothing ties the survey to the earth.
+        Projected coordinate system for maps; None where the survey is not tied to the earth.
     unit_m
         Length in which numbers at the axes of drawings are round.
     """
@@ -243,12 +243,12 @@ def features_of(result: Result, crs: str | None, unit_m: float = 1.0) -> Feature
 
 
 def point_index(result: Result) -> dict[str, int]:
-    """Row of each label."""
+    """Return the row of each label."""
     return {label: k for k, label in enumerate(result.points.label)}
 
 
 def reference_strips(result: Result) -> dict[int, Floats]:
-    """(2, 3) ends in the world of each known length that has both, by its row."""
+    """Return the ends (2, 3) in the world of each known length that has both, by its row."""
     rows, lines = point_index(result), result.lines
     position = result.points.position_world_m
     return {
@@ -259,13 +259,13 @@ def reference_strips(result: Result) -> dict[int, Floats]:
 
 
 def position_strips(result: Result) -> list[Floats]:
-    """(2, 3) ends in the world of each line of known position."""
+    """Return the ends (2, 3) in the world of each line of known position."""
     lines = result.control_lines
     return list(np.stack([lines.start_world_m, lines.end_world_m], axis=1))
 
 
 def measured_strips(result: Result) -> dict[int, list[Floats]]:
-    """(n, 3) polylines that show each computed measurement, by its row; coordinates have none."""
+    """Return polylines (n, 3) of each computed measurement, by its row; coordinates have none."""
     rows, strips = point_index(result), {}
     measured = result.measurements
     for i, (kind, labels) in enumerate(zip(measured.kind, measured.outlines, strict=True)):
@@ -281,7 +281,7 @@ def measured_strips(result: Result) -> dict[int, list[Floats]]:
 def ellipse_outlines(
     center: Floats, semi_axes: Floats, azimuth_rad: Floats, factor: float, samples: int = 33
 ) -> Floats:
-    """(K, samples, 2) closed outlines, east and north.
+    """Compute closed outlines (K, samples, 2) of ellipses, east and north.
 
     Parameters
     ----------
@@ -294,7 +294,7 @@ def ellipse_outlines(
     factor
         Exaggeration.
     samples
-        Of the outline, first and last the same; clockwise.
+        Number of samples of the outline, first and last the same; clockwise.
     """
     turn = np.linspace(0.0, 2 * np.pi, samples)
     along = np.stack([np.sin(azimuth_rad), np.cos(azimuth_rad)], axis=-1)
@@ -306,11 +306,12 @@ def ellipse_outlines(
 
 
 def footprints(result: Result) -> dict[int, Floats]:
-    """(v, 3) border on the ground of each frame that has a pose, by its row; counterclockwise.
+    """Compute the border (v, 3) on the ground of each frame with a pose, by row; counterclockwise.
 
-    The part of a photo that looks above the horizon, or that the lens model does not reach, has
-    no ground: its border runs straight between what has.
+    The part of a photo above the horizon, or outside the lens model, has no ground: its border runs
+    straight between the parts with ground.
     """
+    # Pixels along the border of the photo, with the outer edges of the outer pixels.
     camera = result.camera
     along = np.arange(BORDER_SAMPLES) / BORDER_SAMPLES
     zero, one = np.zeros_like(along), np.ones_like(along)
@@ -333,7 +334,7 @@ def footprints(result: Result) -> dict[int, Floats]:
 
 
 def shown_poses(result: Result) -> tuple[Ints, Poses]:
-    """Rows of the frames that have a pose, and of each the adjusted one, else the telemetry's."""
+    """Return rows of the frames with a pose, and the adjusted pose, or else the telemetry's."""
     frames, adjusted = result.frames, result.has_refined
     rows = np.flatnonzero(adjusted | result.has_seed)
     tables = {
@@ -352,7 +353,7 @@ def _column(values: Floats) -> tuple[float, ...]:
 
 
 def _columns(values: Floats, *names: str) -> dict[str, tuple[float, ...]]:
-    """The columns of (n, k) values by their names."""
+    """Return the columns of values (n, k) by their names."""
     return {name: _column(column) for name, column in zip(names, values.T, strict=True)}
 
 
@@ -418,7 +419,7 @@ def _control_lines(result: Result) -> Layer:
 
 
 def _measured(name: str, kind: str, result: Result) -> Layer:
-    """Measurements that are areas (``polygon``), or lines; coordinates are the points' own."""
+    """Return measurements of areas (``polygon``), or lines; coordinates are points already."""
     measured, strips = result.measurements, measured_strips(result)
     is_area = np.array([k in ENCLOSED for k in measured.kind], dtype=bool)
     is_line = ~is_area & np.array([k != "coordinate" for k in measured.kind], dtype=bool)

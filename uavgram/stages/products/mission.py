@@ -1,4 +1,4 @@
-"""The flight of a plan on earth, as an autopilot needs it."""
+"""Mission of a plan on earth, for an autopilot."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from uavgram.model.maps import Autopilot, HeightFrame, Mission
 from uavgram.model.planned import FlightPlanned
 
 LEAST_HOLD_S = 1.0
-"""Drone and gimbal swing for about so long after they have stopped."""
+"""Least waiting time [s], since drone and gimbal swing for about so long after a stop."""
 
 _ROUNDING_M = 0.01
 
 
 def planned_origin(planned: FlightPlanned) -> Origin:
-    """Latitude [deg], longitude [deg], height above mean sea level [m] of the plan's world."""
+    """Return latitude [deg], longitude [deg], height above mean sea level [m] of the origin."""
     site = planned.site
     return site.latitude_deg, site.longitude_deg, site.height_msl_m
 
@@ -27,17 +27,17 @@ def flight_mission(
     autopilot: Autopilot = "ardupilot",
     height_frame: HeightFrame = "relative",
 ) -> Mission:
-    """Stops of a plan, one for each photo.
+    """Return the stops of a plan, one for each photo.
 
-    Take-off is taken to be at the middle of the area, on the ground: heights ``relative`` count
-    from there. Whoever takes off lower flies lower by as much, which the sheet for the field says.
+    Take-off is assumed at the middle of the area, on the ground: heights ``relative`` count from
+    there. A lower take-off lowers the flight by as much, as the sheet for the field states.
 
     Parameters
     ----------
     planned
         The plan.
     autopilot
-        Whose commands the mission is written in.
+        Autopilot whose commands are used.
     height_frame
         ``terrain``: heights over the ground below each photo, by the autopilot's own terrain data.
 
@@ -52,7 +52,7 @@ def flight_mission(
     middle = planned.area_world_m.mean(axis=0)
     middle[2] = planned.site.ground_height_m
     home = np.concatenate(geodetic_from_enu(middle[None], origin)).tolist()
-    # up and not the geodetic height: over 1 km they differ by 8 cm, and a barometer by more
+    # the up coordinate, not the geodetic height; over 1 km they differ by 8 cm, a barometer by more
     above_home = frames.center_world_m[:, 2] - middle[2]
     is_relative = height_frame == "relative"
     return Mission(

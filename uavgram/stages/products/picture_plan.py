@@ -1,4 +1,4 @@
-"""Which parts of which photos a report shows: few photos, so that few have to be decoded."""
+"""Choose the parts of photos in a report: few photos, so that few have to be decoded."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from uavgram.model.result.result import Result
 MOST_PHOTOS = 8
 MOST_POINTS, MOST_MEASUREMENTS = 120, 100
 POINT_SHARE, LEAST_POINT_PX, MOST_POINT_PX = 0.1, 150, 360
-"""Side of the part around a point: a share of the photo's width, within these bounds."""
+"""Side of the part around a point: a share of the photo's width, within these bounds [px]."""
 ROOM = 0.25
-"""Around the points of a measurement, as a share of their extent."""
+"""Margin around the points of a measurement, as a share of their extent."""
 FLATTEST = 0.7
-"""No part around a measurement is lower than this share of its width; none is higher than wide."""
+"""Least ratio of height to width of the part around a measurement; the largest is 1."""
 
 
 class PicturePlan(NamedTuple):
-    """The parts to be shown, and the names of what none is shown of."""
+    """Parts to be shown, and the names of points and measurements without one."""
 
     regions: tuple[Region, ...]
     left_out: tuple[str, ...]
 
 
 class _Seen(NamedTuple):
-    """By label, where points were picked in a photo, and where these and measured ones lie."""
+    """Pixels in a photo by label: of picked points, and of these and measured ones."""
 
     picked: dict[str, Floats]
     lies: dict[str, Floats]
@@ -50,8 +50,8 @@ class _Group(NamedTuple):
 def picture_plan(result: Result) -> PicturePlan:
     """Choose an overview, and a part for each point and each measurement that can be seen.
 
-    A point is shown in a photo in which it was picked, by a person where there is one; of a
-    measurement, ends may also lie where the adjustment puts them.
+    A point is shown in a photo in which it was picked, by a person if possible; for a measurement,
+    ends may also be at their adjusted places.
     """
     seen = _seen(result)
     points = [_Group(frozenset([label]), picked=True) for label in result.points.label]
@@ -70,7 +70,7 @@ def picture_plan(result: Result) -> PicturePlan:
 
 
 def _first(result: Result, regions: list[Region]) -> list[Region]:
-    """As many as are shown: those that something is wrong with, then the least certain ones."""
+    """Return the parts to be shown: those with a problem, then the least certain ones."""
     rows = result.measurements
     with np.errstate(divide="ignore", invalid="ignore"):
         doubt = np.nan_to_num(rows.sigma / np.abs(rows.value))
@@ -86,7 +86,7 @@ def _parts(
     frames: Sequence[int],
     seen: dict[int, _Seen],
 ) -> Iterator[Region]:
-    """Of each group, in the photo in which most of it was picked."""
+    """Yield the part for each group, in the photo in which most of it was picked."""
     by_hand = {
         (image, label)
         for image, label, hand in zip(
@@ -111,11 +111,11 @@ def _parts(
 
 
 def _seen(result: Result) -> dict[int, _Seen]:
-    """By frame that was adjusted and has picks: where points are in it."""
+    """Return pixels of points by frame, for adjusted frames with picks."""
     frame_of = {name: k for k, name in enumerate(result.frames.frame_id)}
     seen: dict[int, _Seen] = {}
     picks = result.picks
-    for i in np.argsort(picks.by_hand, kind="stable").tolist():  # what a person picked stays
+    for i in np.argsort(picks.by_hand, kind="stable").tolist():  # picks by people replace others
         frame = frame_of[picks.image[i]]
         if picks.status[i] in ("used", "suspect") and result.has_refined[frame]:
             one = seen.setdefault(frame, _Seen({}, {}))
@@ -128,7 +128,7 @@ def _seen(result: Result) -> dict[int, _Seen]:
 
 
 def _adjusted(result: Result, frame: int, rows: Ints) -> dict[str, Floats]:
-    """Where the adjustment puts those of some points that lie in a photo."""
+    """Project adjusted points to a photo, and return those inside it."""
     pixel = project_rows(
         result.camera,
         result.shared.intrinsics.value,
@@ -141,7 +141,7 @@ def _adjusted(result: Result, frame: int, rows: Ints) -> dict[str, Floats]:
 
 
 def _ends(result: Result) -> tuple[tuple[str, ...], ...]:
-    """(M,) labels of each computed measurement's points; none of one that is no shape."""
+    """Return labels (M,) of each computed measurement's points; none for one without a shape."""
     known, rows = set(result.points.label), result.measurements
     return tuple(
         labels if kind != "coordinate" and np.isfinite(value) and known.issuperset(labels) else ()
@@ -150,7 +150,7 @@ def _ends(result: Result) -> tuple[tuple[str, ...], ...]:
 
 
 def _chosen(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[int]:
-    """Frames that show most of what those before do not; most of the measured points the first."""
+    """Choose frames that add most to those before; the first shows most measured points."""
     showing = _showing(seen, wanted)
     gain = dict.fromkeys(sorted(seen), 0)
     shown: dict[int, set[int]] = {frame: set() for frame in seen}
@@ -182,7 +182,7 @@ def _chosen(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[int]:
 
 
 def _showing(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[set[int]]:
-    """The frames that each group is in."""
+    """Return the frames that show each group."""
     picked: dict[str, set[int]] = {}
     lies: dict[str, set[int]] = {}
     for frame, one in seen.items():
@@ -199,7 +199,7 @@ def _showing(seen: dict[int, _Seen], wanted: Sequence[_Group]) -> list[set[int]]
 
 
 def _around(result: Result, subject: Subject, row: int, frame: int, pixel_px: Floats) -> Region:
-    """The part around (n, 2) pixels, inside the photo."""
+    """Return the part around pixels (n, 2), inside the photo."""
     photo = np.array([result.camera.width_px, result.camera.height_px])
     least = np.clip(POINT_SHARE * photo[0], LEAST_POINT_PX, MOST_POINT_PX)
     low, high = pixel_px.min(axis=0), pixel_px.max(axis=0)

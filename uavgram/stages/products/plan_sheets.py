@@ -1,4 +1,4 @@
-"""Lay a plan onto paper: which scale, and how many sheets."""
+"""Lay a plan onto paper: scale, and number of sheets."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips
 
 MARGIN_MM = 10.0
-"""Around the sheet: printers leave about half of it white."""
+"""Margin of the sheet: printers leave about half of it white."""
 
 LEGEND_MM = (50.0, 66.0)
-"""Of the legend: its height below the frame of an upright sheet, its width beside a lying one."""
+"""Height of the legend below the frame of a portrait sheet, and its width beside a landscape
+one."""
 
 OVERLAP_MM = 10.0
 MOST_SHEETS = 100
 
 ROOM_SHARE, LEAST_ROOM_M = 0.08, 0.5
-"""Of ground shown around what was surveyed: of its size, and at least."""
+"""Margin of ground around the survey: as a share of its size, and at least [m]."""
 
 METRIC_STEPS = (1.0, 2.0, 2.5, 5.0)
 FOOT_STEPS = (1.2, 2.4, 3.6, 4.8, 6.0, 7.2)
-"""Scales are these times a power of ten; with feet, an inch is 1, 2, ... 6 times such feet."""
+"""Factors of a power of ten for scales; with feet, an inch is 1, 2, ... 6 times such feet."""
 
 
 def surveyed_extent(result: Result) -> tuple[Floats, Floats]:
-    """South-west and north-east corner (2,) of what a plan shows.
+    """Return the south-west and north-east corner (2,) of the plan's ground.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def lay_plan(
     scale: int | None = None,
     steps: tuple[float, ...] = METRIC_STEPS,
 ) -> Plan:
-    """Lay the ground onto sheets, turned as they fit best.
+    """Lay the ground onto sheets, portrait or landscape.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def lay_plan(
 def _frame(
     size: tuple[float, float],
 ) -> tuple[tuple[float, float], tuple[float, float, float, float]]:
-    """Paper as it is turned, and the frame on it."""
+    """Return the oriented paper, and the frame on it."""
     width, height = size[0] - 2 * MARGIN_MM, size[1] - 2 * MARGIN_MM
     if size[0] < size[1]:
         return size, (MARGIN_MM, MARGIN_MM + LEGEND_MM[0], width, height - LEGEND_MM[0])
@@ -107,7 +108,7 @@ def _frame(
 
 
 def _round_scale(size_m: Floats, frame: tuple[float, ...], steps: tuple[float, ...]) -> int:
-    """The largest of the usual scales at which the ground fits into the frame."""
+    """Return the largest of the usual scales at which the ground fits into the frame."""
     least = float((size_m * 1000.0 / np.array(frame[2:])).max())
     power = 10.0 ** math.floor(math.log10(least))
     usual = sorted(step * p for step in steps for p in (power / 10, power, 10 * power))
@@ -116,7 +117,7 @@ def _round_scale(size_m: Floats, frame: tuple[float, ...], steps: tuple[float, .
 
 
 def _count(size_mm: Floats, frame: tuple[float, ...]) -> tuple[int, int]:
-    """Columns and rows of sheets."""
+    """Return the numbers of columns and rows of sheets."""
     step = np.array(frame[2:]) - OVERLAP_MM
     columns, rows = np.maximum(np.ceil((size_mm - OVERLAP_MM) / step - 1e-9), 1).astype(int)
     return int(columns), int(rows)

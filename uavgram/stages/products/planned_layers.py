@@ -1,4 +1,4 @@
-"""A plan on the ground as layers, for maps and globes."""
+"""Layers of a plan on the ground, for maps and globes."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from uavgram.stages.products.map_layers import shape
 from uavgram.stages.products.mission import planned_origin
 
 MOST_BASES = 60
-"""Cells whose neighbours tell how the map lies: enough to meet some that have all of theirs."""
+"""Cells whose neighbours give the orientation of the map: enough to include some with all
+neighbours."""
 
 _CELL = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]) / 2
 
 
 def plan_layers(planned: FlightPlanned) -> Features:
-    """All layers of a plan; what is drawn last lies on top."""
+    """Return all layers of a plan; the last drawn is on top."""
     frames, lines, points, grid = planned.frames, planned.lines, planned.points, planned.grid
     corners = range(1, len(planned.area_world_m) + 1)
     layers = (
@@ -97,10 +98,10 @@ def plan_layers(planned: FlightPlanned) -> Features:
 
 
 def grid_cells(planned: FlightPlanned) -> Floats:
-    """(K, 4, 3) corners of the cells of the accuracy map, counterclockwise from above.
+    """Return corners (K, 4, 3) of the cells of the accuracy map, counterclockwise from above.
 
-    They lie side by side, as their middles do: turned, and a little longer one way than the other,
-    where the map is fitted to its area.
+    The cells adjoin as their middles do: rotated, and a little longer in one direction, where the
+    map is fitted to its area.
     """
     grid = planned.grid
     steps = _grid_steps(grid.center_world_m[:, :2], grid.cell_m)
@@ -109,7 +110,7 @@ def grid_cells(planned: FlightPlanned) -> Floats:
 
 
 def _grid_steps(middles_m: Floats, cell_m: float) -> Floats:
-    """(2, 2) from one cell (K, 2) to the next, and to the one on its left."""
+    """Return the steps (2, 2) from one cell (K, 2) to the next, and to the one on its left."""
     away = (middles_m[None] - middles_m[:MOST_BASES, None]).reshape(-1, 2)
     far = np.hypot(away[:, 0], away[:, 1])
     away = away[(far > 0.5 * cell_m) & (far < 1.5 * cell_m)]
@@ -136,7 +137,7 @@ def _flight(planned: FlightPlanned) -> Layer:
 
 
 def wanted_shapes(planned: FlightPlanned) -> list[list[Floats]]:
-    """(M,) polylines (n, 3) of each wanted value."""
+    """Return polylines (n, 3) of each wanted value (M,)."""
     place = dict(zip(planned.points.label, planned.points.world_m, strict=True))
     measured = planned.measurements
     return [

@@ -1,4 +1,4 @@
-"""Where the texts of a picture go: none covers another, and none is far from what it names."""
+"""Place the texts of a picture without overlap, and close to the objects that they name."""
 
 from __future__ import annotations
 
@@ -11,40 +11,41 @@ import numpy as np
 from uavgram.model.arrays import Bools, Floats, Ints
 
 REACH = 4.0
-"""A text is at most that far from what it names at first, in heights of a line of text, where
-nothing else is asked for."""
+"""Largest initial distance of a text from its object, in heights of a line of text, by default."""
 
 _FARTHER = 1.1
-"""Each time that the letters get smaller, texts may be so much farther away, in their heights."""
+"""Factor of the largest distance, in heights of the letters, each time that these get smaller."""
 
 _SMALLER = (0.5, 0.8)
-"""Letters get smaller by such a factor, the nearer to the first the more texts had no room."""
+"""Range of the factor by which letters get smaller: the smaller, the more texts had no room."""
 
 _SHARES = (0.5, 0.35, 0.65, 0.2, 0.8)
-"""Of a line, where the middle of its text may be."""
+"""Positions of the middle of a text along its line, as shares of the line."""
 
 _FIRST = (16, 80)
-"""So many places are tried first: most texts have room at once."""
+"""Numbers of places that are tried first: most texts have room at once."""
 
 _ROOM = 64
-"""Places that are kept room for at first."""
+"""Initial capacity for places."""
 
 _OVER_LETTERS = 0.7
-"""A line from above or below ends at that share of a text's half width: letters are there."""
+"""Share of a text's half width at which a line from above or below ends, so that it meets
+letters."""
 
 _FEET = np.linspace(0.0, 1.0, 65)
 """Shares of a line from which a line to its text may begin."""
 
 _MOVED_GAP = 0.375
-"""Of half the height of a text: between the end of a line and a text that was moved beyond it."""
+"""Gap between the end of a line and a text moved beyond it, as a share of half the text's
+height."""
 
 
 Where = Literal["beside", "along", "at"]
-"""Level, beside a point or on a line; turned, beside a line; or at one place and no other."""
+"""Level, beside a point or on a line; rotated, beside a line; or at one fixed place."""
 
 
 class Label(NamedTuple):
-    """A text to be placed, with letters of full size, in the units of the picture.
+    """Text to be placed, with letters of full size, in the units of the picture.
 
     Attributes
     ----------
@@ -53,16 +54,16 @@ class Label(NamedTuple):
     half
         (2,) half its width and height.
     gap
-        Between the text and what it names.
+        Distance between the text and its object.
     where
-        Which places are tried. A text that may be at one place only is in the middle of its line,
-        turned by `turn`.
+        Places that are tried. A text with one fixed place is in the middle of its line, rotated by
+        `turn`.
     is_needed
-        Otherwise it is left out where there is no room right beside what it names.
+        If false, it is left out where there is no room right beside its object.
     rank
-        Texts of a lower rank are placed first; of one rank those with the least choice.
+        Texts of a lower rank are placed first; within a rank those with the least choice.
     turn
-        Angle [rad] of a text that may be at one place only.
+        Angle [rad] of a text with one fixed place.
     """
 
     start: Floats
@@ -76,19 +77,19 @@ class Label(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Where texts went.
+    """Places of texts.
 
     Attributes
     ----------
     boxes
         (n, 5) places as of `TextPlaces`; NaN where there was no room even for the smallest letters.
     leaders
-        (n, 2, 2) lines from what texts name to the edges of their boxes; NaN where these are close.
+        (n, 2, 2) lines from the objects to the edges of their boxes; NaN where these are close.
     sides
-        (n,) where a leader ends: -1 at the beginning of the text, 1 at its end, 0 above or below
-        it, or no leader.
+        (n,) end of a leader: -1 at the beginning of the text, 1 at its end, 0 above or below it, or
+        no leader.
     size
-        Of the letters, as a share of the full one.
+        Size of the letters, as a share of the full one.
     """
 
     boxes: Floats
@@ -107,22 +108,22 @@ def place_labels(
 ) -> Placed:
     """Place all texts; the letters of all are made smaller until there is room for each.
 
-    Every drawing has its texts from here: report, plan, field sheet, CAD drawing and recording.
+    All drawings use this function: report, plan, field sheet, CAD drawing and recording.
 
     Parameters
     ----------
     labels
-        What is to be placed.
+        Texts to be placed.
     taken
         (t, 5) places that are kept free.
     bounds
-        Lower and upper corner (2,) of the picture; by default it is endless.
+        Lower and upper corner (2,) of the picture; by default it is unlimited.
     least
-        Size of letters that are not made smaller; texts without room are then left out.
+        Least size of letters; texts without room at it are left out.
     reach
-        How far texts may be from what they name at first, in heights of a line of text.
+        Largest initial distance of texts from their objects, in heights of a line of text.
     most
-        So many texts are placed at most; by default all.
+        Largest number of texts; by default all.
     """
     taken = np.empty((0, 5)) if taken is None else np.reshape(taken, (-1, 5))
     length = [float(np.linalg.norm(one.end - one.start)) for one in labels]
@@ -142,6 +143,7 @@ def place_labels(
                 break
         else:
             return _with_leaders(labels, boxes, size)
+        # No room for a needed text: make all letters smaller, and allow longer distances.
         needed = [row for row, one in enumerate(labels) if one.is_needed]
         fitted = float(np.isfinite(boxes[needed, 0]).mean())
         size = max(least, size * min(max(fitted, _SMALLER[0]), _SMALLER[1]))
@@ -157,7 +159,7 @@ def _with_leaders(labels: Sequence[Label], boxes: Floats, size: float) -> Placed
 
 
 def _leader(label: Label, box: Floats) -> tuple[Floats, int]:
-    """(2, 2) the line from what a text names to the edge of its box (5,), and the side of that.
+    """Return the line (2, 2) from a text's object to the edge of its box (5,), and the side.
 
     NaN where the text is not farther than half its height and the usual gap. The line ends in the
     middle of a side of the box where it comes from that side, otherwise above or below letters.
@@ -191,7 +193,7 @@ def _place(
     reach: float,
     bounds: tuple[Floats, Floats] | None,
 ) -> Floats | None:
-    """Take the best place that is free, (5,); None where none is."""
+    """Take the best free place (5,); None where none is."""
     half, gap = size * label.half, size * label.gap
     rounds = np.arange(max(int(reach - gap / (2 * half[1])), 0) + 1 if label.is_needed else 1)
     way, middle = label.end - label.start, (label.start + label.end) / 2
@@ -209,6 +211,7 @@ def _place(
             on_line = label.start + np.array(_SHARES)[:, None] * way
             on_line = np.column_stack([on_line, np.broadcast_to([*half, 0.0], (len(on_line), 3))])
             candidates = np.concatenate([on_line, candidates])
+    # Move level places into the picture, and drop others outside it.
     if bounds is not None:
         candidates = _within_bounds(candidates, bounds, label.where)
     for some in np.split(candidates, _FIRST):
@@ -218,7 +221,7 @@ def _place(
 
 
 def _within_bounds(candidates: Floats, bounds: tuple[Floats, Floats], where: Where) -> Floats:
-    """(c, 5) level places moved into a picture; turned ones and fixed ones that are inside."""
+    """Move level places (c, 5) into the picture; keep rotated and fixed ones that are inside."""
     cos, sin = np.abs(np.cos(candidates[:, 4])), np.abs(np.sin(candidates[:, 4]))
     width, height = candidates[:, 2], candidates[:, 3]
     reach = np.column_stack([cos * width + sin * height, sin * width + cos * height])
@@ -231,10 +234,10 @@ def _within_bounds(candidates: Floats, bounds: tuple[Floats, Floats], where: Whe
 
 
 def _moved_aside(half: Floats, length: float) -> float:
-    """How far some programs move a text along its line where it is longer than that.
+    """Return the shift along its line that some programs give to a text longer than the line.
 
-    `RS_Dimension::updateCreateDimensionLine` of LibreCAD 2.2: by half of both and a gap, wherever
-    the text was. Both places are kept free.
+    `RS_Dimension::updateCreateDimensionLine` of LibreCAD 2.2: by half of both and a gap, for any
+    place of the text. Both places are kept free.
     """
     return float(half[0] + length / 2 + _MOVED_GAP * half[1]) if 2 * half[0] > length else 0.0
 
@@ -242,7 +245,7 @@ def _moved_aside(half: Floats, length: float) -> float:
 def _along(
     start: Floats, way: Floats, length: float, half: Floats, gap: float, rounds: Ints
 ) -> Floats:
-    """(c, 5) places on both sides of a line, farther and farther out, and beyond its ends."""
+    """Return places (c, 5) on both sides of a line, at growing distances, and beyond its ends."""
     beyond = float(half[0] + half[1]) / length
     share = np.array([*_SHARES, 1.0 + beyond, -beyond])
     out = gap + half[1] + 2 * half[1] * np.repeat(rounds, 2)
@@ -256,10 +259,10 @@ def _along(
 
 
 class TextPlaces:
-    """The places that are taken, while texts are placed one after the other.
+    """Occupied places, while texts are placed one after the other.
 
-    A place is a rectangle (x, y, half its width, half its height, angle [rad] counterclockwise),
-    x and y of its middle in the units of the drawing.
+    A place is a rectangle (x, y, half its width, half its height, angle [rad] counterclockwise), x
+    and y of its middle in the units of the drawing.
 
     Parameters
     ----------
@@ -274,7 +277,7 @@ class TextPlaces:
             self.reserve(place)
 
     def take(self, candidates: Floats) -> int | None:
-        """Take the first place that is free.
+        """Take the first free place.
 
         Parameters
         ----------
@@ -283,7 +286,7 @@ class TextPlaces:
 
         Returns
         -------
-        Which one; None where all of them are taken.
+        Its index; None where all of them are taken.
         """
         free = np.flatnonzero(~overlaps(candidates, self._near(candidates)).any(axis=1))
         if not len(free):
@@ -292,7 +295,7 @@ class TextPlaces:
         return int(free[0])
 
     def reserve(self, place: Floats) -> None:
-        """Keep a place (5,) free of all that is placed from now on."""
+        """Reserve a place (5,)."""
         if self._count == len(self._taken):
             self._taken = np.concatenate([self._taken, np.zeros_like(self._taken)])
             self._reach = np.concatenate([self._reach, np.zeros_like(self._reach)])
@@ -301,7 +304,7 @@ class TextPlaces:
         self._count += 1
 
     def _near(self, candidates: Floats) -> Floats:
-        """(n, 5) what is taken and may meet some places (c, 5)."""
+        """Return taken places (n, 5) that may overlap places (c, 5)."""
         taken, reach = self._taken[: self._count], self._reach[: self._count]
         if not len(candidates) or not len(taken):
             return taken
@@ -313,7 +316,7 @@ class TextPlaces:
 
 
 def around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats:
-    """(16, 5) level places of a text around a point: right above first, then the other corners.
+    """Return level places (16, 5) of a text around a point: right above first, then other corners.
 
     Parameters
     ----------
@@ -322,9 +325,9 @@ def around(anchor: Floats, half: Floats, gap: float, ring: int | Ints) -> Floats
     half
         (2,) half the width and height of the text.
     gap
-        Between point and text in the innermost ring.
+        Distance between point and text in the innermost ring.
     ring
-        From 0 on; each is one height of the text farther out. Of (n,) rings, (16n, 5) places.
+        From 0 on; each is one height of the text farther out. For (n,) rings, (16n, 5) places.
     """
     away = half + gap * _GAP_SHARES + 2.0 * np.reshape(ring, (-1, 1, 1)) * half[1]
     middle = (anchor + _DIRECTIONS * away).reshape(-1, 2)
@@ -341,14 +344,14 @@ _DIRECTIONS = np.array(
 )
 
 
-# Both ways it is as far aside as straight out.
+# Diagonal places are at the same distance as straight ones.
 _GAP_SHARES = np.where(_DIRECTIONS.all(axis=1, keepdims=True), math.sqrt(0.5), 1.0)
 
 
 def overlaps(one: Floats, other: Floats) -> Bools:
-    """(a, b) whether rectangles (a, 5) and (b, 5) have a common area.
+    """Return whether rectangles (a, 5) and (b, 5) have a common area, (a, b).
 
-    Two convex shapes have none if and only if a line parts them; of rectangles, one that is
+    Two convex shapes have none if and only if a line separates them; for rectangles, one that is
     parallel to a side (Ericson 2005, Real-Time Collision Detection, 4.4.1).
     """
     x, y, w, h, angle = one.T[:, :, None]
@@ -365,7 +368,7 @@ def overlaps(one: Floats, other: Floats) -> Bools:
 
 
 def _within(x: Floats, y: Floats, angle: Floats, width: Floats, height: Floats) -> Bools:
-    """Whether places are within rectangles about zero that are turned by an angle [rad]."""
+    """Return whether places are within rectangles about zero, rotated by an angle [rad]."""
     cos, sin = np.cos(angle), np.sin(angle)
     aside, up = np.abs(x * cos + y * sin), np.abs(y * cos - x * sin)
     return np.asarray((aside < width) & (up < height))

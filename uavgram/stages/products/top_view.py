@@ -1,4 +1,4 @@
-"""Rectify: which photos make a metric top view, and the raster that it fills."""
+"""Choose the photos and the raster of a metric top view."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from uavgram.model.naming import figures
 from uavgram.model.result.result import Result
 
 EXTENT_SAMPLES = 41
-"""Along each side of a photo, when looking for the ground that it shows."""
+"""Samples along each side of a photo for the extent of its ground."""
 
 HALVINGS = 10
-"""Between a sample that shows ground and its neighbour that does not: to a thousandth of a step."""
+"""Bisections between a sample with ground and a neighbour without: to a thousandth of a step."""
 
 MOST_PIXELS = 2_000_000_000
 LEAST_PIXELS = 16
-"""On the shorter side of a top view: fewer show nothing."""
+"""Least number of pixels on the shorter side of a top view."""
 
 NICE_DIGITS = 2
 
 
 def choose_view(result: Result, frame: str | None = None) -> View:
-    """The adjusted frame of that name, or all adjusted ones.
+    """Return the adjusted frame of that name, or all adjusted ones.
 
     Raises
     ------
@@ -56,15 +56,15 @@ def choose_view(result: Result, frame: str | None = None) -> View:
 
 
 def lay_raster(view: View, pixel_m: float | None = None) -> GroundRaster:
-    """The raster that covers what the photos show of the ground.
+    """Return the raster that covers the ground in the photos.
 
     Parameters
     ----------
     view
         The photos.
     pixel_m
-        Edge of a pixel; by default what a pixel at the middle of a photo measures on the ground,
-        the median over the photos, to two digits.
+        Edge of a pixel; by default the size on the ground of a pixel at the middle of a photo, the
+        median over the photos, to two digits.
 
     Raises
     ------
@@ -101,7 +101,7 @@ def lay_raster(view: View, pixel_m: float | None = None) -> GroundRaster:
 def _check_size(extent_m: Floats, pixel_m: float) -> None:
     """Refuse pixels that are too many, or too few."""
     shown = f"the photos show {figures(extent_m[0], 3)} x {figures(extent_m[1], 3)} m"
-    # in this order, for the square of a tiny number is none
+    # in this order, as the square of a tiny number underflows
     if extent_m[0] / pixel_m > MOST_PIXELS / max(extent_m[1] / pixel_m, 1.0):
         least = float(np.sqrt(np.prod(extent_m) / MOST_PIXELS))
         raise GeometryError(
@@ -117,7 +117,7 @@ def _check_size(extent_m: Floats, pixel_m: float) -> None:
 
 
 def boxes(view: View, raster: GroundRaster) -> Floats:
-    """(N, 4) first column and row, last column and row of what each photo shows; NaN: nothing."""
+    """Return first column and row, last column and row (N, 4) of each photo; NaN without ground."""
     out = np.full((len(view.rows), 4), np.nan)
     origin = view.origin
     for index in range(len(view.rows)):
@@ -132,7 +132,7 @@ def boxes(view: View, raster: GroundRaster) -> Floats:
 
 
 def _shown_ground(view: View, index: int) -> Floats:
-    """(n, 3) places on the ground all over a photo, and along the edge of what shows ground."""
+    """Return places (n, 3) on the ground all over a photo, and along the edge of its ground."""
     camera = view.result.camera
     share = np.linspace(0.0, 1.0, EXTENT_SAMPLES)
     size = np.array([camera.width_px, camera.height_px])
@@ -145,6 +145,7 @@ def _shown_ground(view: View, index: int) -> Floats:
             edge = shown[inner] & ~shown[outer]
             ends.append(np.stack([pixel[inner][edge], pixel[outer][edge]]))
     good, bad = np.concatenate(ends, axis=1)
+    # Bisection between pixels with and without ground.
     for _ in range(HALVINGS):
         middle = (good + bad) / 2
         is_good = np.isfinite(_ground_behind(view, index, middle)[:, :1])
@@ -153,7 +154,7 @@ def _shown_ground(view: View, index: int) -> Floats:
 
 
 def _ground_behind(view: View, index: int, pixel: Floats) -> Floats:
-    """(..., 3) where pixels (..., 2) of a photo meet the ground, steeply enough; else NaN."""
+    """Intersect pixels (..., 2) of a photo with the ground (..., 3), if steep enough; else NaN."""
     result, row = view.result, view.rows[index]
     center, ray = sight_lines(
         result.camera, result.shared.intrinsics.value, row_poses(result, row), pixel
@@ -164,7 +165,7 @@ def _ground_behind(view: View, index: int, pixel: Floats) -> Floats:
 
 
 def photo_pixels_m(view: View) -> Floats:
-    """(N,) root of the ground's area behind a pixel at the middle of each photo; NaN: no ground."""
+    """Return the ground size (N,) of a pixel at the middle of each photo; NaN without ground."""
     result = view.result
     middle = np.array([result.camera.width_px, result.camera.height_px]) / 2 - 0.5
     corners = middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
@@ -181,13 +182,13 @@ def photo_pixels_m(view: View) -> Floats:
 
 
 def reductions(view: View, raster: GroundRaster) -> Ints:
-    """(N,) powers of two: so many pixels of a photo become one, lest a coarse raster skip any."""
+    """Return powers of two (N,) that reduce photos so that a coarse raster skips no pixel."""
     ratio = raster.pixel_m / np.nan_to_num(photo_pixels_m(view), nan=np.inf)
     return np.asarray(2 ** np.log2(np.maximum(ratio, 1.0)).astype(np.int64))
 
 
 def _usual_pixel(view: View) -> float:
-    """What a pixel at the middle of a photo measures on the ground, to two digits."""
+    """Return the median ground size of a pixel at the middle of a photo, to two digits."""
     sizes = photo_pixels_m(view)
     if not np.isfinite(sizes).any():
         raise GeometryError(

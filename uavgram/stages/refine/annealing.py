@@ -1,12 +1,16 @@
 """Adjust robustly from first values: weights by misfit, while sigmas shrink to those stated.
 
 Graduated non-convexity (Blake and Zisserman 1987, "Visual reconstruction"; Yang, Antonante, Tzoumas
-and Carlone 2020, "Graduated non-convexity for robust spatial perception"). All readings begin with
-sigmas a hundred times as large, so that nothing is far off; then the sigmas shrink to those stated,
-and each observation gets the weight of a Cauchy distribution by its own misfit. The misfit is what
-all *other* observations say of it (Baarda's w, here of observations of any weight): so a reading
-that bends its neighbours is found, and not the neighbours. In the end each observation takes part
-whole or not at all.
+and Carlone 2020, "Graduated non-convexity for robust spatial perception"):
+
+1. All readings begin with sigmas a hundred times as large, so that no misfit is large.
+2. The sigmas shrink to those stated (`SCHEDULE`). In each step every observation gets the weight of
+   a Cauchy distribution by its own misfit (`anneal`).
+3. In the end each observation takes part with full weight or not at all (`decide`).
+
+The misfit of an observation is its difference from the prediction by all *other* observations
+(Baarda's w, generalised to observations of any weight; `squared_misfits`). Hence a reading that
+distorts its neighbours is found, and not the neighbours.
 """
 
 from __future__ import annotations
@@ -29,61 +33,62 @@ from uavgram.stages.refine.begin.softened import SLACK
 from uavgram.stages.refine.off_ground.shown import photos_of
 
 READINGS = ("pixels", "lengths", "known", "control")
-"""Groups whose sigmas shrink: what people read."""
+"""Groups whose sigmas shrink: readings by people."""
 
 ROBUST = (*READINGS, "roughness", "matches", "ties", "telemetry", "heights", "tape")
-"""Groups whose observations get weights. The scale of a tape stands for all of its lengths, the
-roughness of a point for its being on the ground."""
+"""Groups whose observations get weights. The scale of a tape represents all of its lengths, and the
+roughness of a point its being on the ground."""
 
 SCHEDULE = (100.0, 30.0, 10.0, 3.0, 1.0, 1.0, 1.0)
-"""Factors of the sigmas that shrink, one adjustment each."""
+"""Factors of the sigmas of the successive adjustments."""
 
 CAUCHY = 3.0
 """Standardised misfit at which an observation has half its weight."""
 
 GROSS_SIGMAS = 6.0
-"""Standardised misfit beyond which an observation is a gross error, times the noise of its kind."""
+"""Standardised misfit, in units of the noise of its kind, beyond which an observation is a gross
+error."""
 
 LEAST_REDUNDANCY = 0.01
-"""Redundancy number below which nothing checks an observation, and its misfit means nothing."""
+"""Redundancy number below which an observation is unchecked, and its misfit without meaning."""
 
 ENOUGH = 8
-"""Checked observations of a kind from which on their median shows how exact they are."""
+"""Least number of checked observations of a kind whose median shows their noise."""
 
 NOISIEST = 5.0
-"""Factor by which sigmas of lengths, known things, control and the ground may be too small: with
-more, none of them is right, as where all are in another unit."""
+"""Largest factor by which sigmas of lengths, known things, control and the ground may be too small.
+A larger one means that none of them is right, as where all are in another unit."""
 
 MOST_OF_A_FRAME = 0.5
-"""Share of a frame's picks that are gross errors, from which on the frame shows something else."""
+"""Share of a frame's picks that are gross errors, above which the frame shows another place."""
 
 LOWEST_M, HIGHEST_M, TWO_RAYS = -0.5, 4.5, 2
-"""Heights between which a point may be that two rays alone show off the ground, whether they meet
-or not: from a ditch to the roof of a lorry."""
+"""Range of heights [m] of a point that only two rays show off the ground, whether they meet or not:
+from a ditch to the roof of a lorry."""
 
 EAVES_M, MEET = 8.0, 4.0
-"""Height up to which it may be where they meet, as on a house; and the sum of their squared
+"""Largest height [m] where the two rays meet, as on a house; and the sum of their squared
 residuals, with one degree of freedom, below which they do."""
 
 MOST_ROUNDS = 6
-"""Rounds in which observations leave and come back."""
+"""Largest number of rounds in which observations leave and return."""
 
 NEARLY_NONE = 1e-8
-"""Weight of what takes no part."""
+"""Weight of an observation that takes no part."""
 
 EACH, AT_REST = 15, 1e-4
-"""Iterations of each adjustment, and the predicted fall that is not worth another."""
+"""Iterations of each adjustment, and the predicted decrease of the cost below which they end."""
 
 HALF = 0.5
-"""Weight from which on a point counts as one of the ground."""
+"""Least weight at which a point counts as one of the ground."""
 
 ALL = np.ones(1)
-"""The weight of every observation of a group that has none of its own."""
+"""Weight of every observation of a group without weights of its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class Annealed:
-    """A robust adjustment.
+    """Robust adjustment.
 
     Attributes
     ----------
@@ -94,11 +99,11 @@ class Annealed:
     weight
         Weight of each observation, by group: 1 or nearly none.
     misfit
-        Standardised misfit of each observation, by group, in units of its kind's noise; beyond
+        Standardised misfit of each observation, by group, in units of the noise of its kind; above
         `GROSS_SIGMAS` where it takes no part.
     cost
-        Sum of squares, in which no observation counts more than a gross error, and one that takes
-        no part counts as one.
+        Sum of squares, in which no observation counts more than a gross error, and each one that
+        takes no part counts as one.
     """
 
     problem: SurveyProblem
@@ -109,7 +114,7 @@ class Annealed:
     cost: float
 
     def gross(self, name: str) -> Ints:
-        """Rows of the gross errors of a group."""
+        """Return the rows of the gross errors of a group."""
         return np.flatnonzero(self.misfit.get(name, np.zeros(0)) > GROSS_SIGMAS)
 
 
@@ -121,8 +126,8 @@ def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> A
     problem, state
         The likelihood with the stated sigmas, and first values.
     on_ground
-        Whether the roughness of the ground shrinks with the readings' sigmas: it does where most
-        points are on it.
+        Whether the roughness of the ground shrinks with the readings' sigmas, as is right where
+        most points are on the ground.
 
     Raises
     ------
@@ -147,10 +152,10 @@ def anneal(problem: SurveyProblem, state: State, *, on_ground: bool = True) -> A
 def decide(
     problem: SurveyProblem, minimum: Minimum[State], weight: Mapping[str, Floats]
 ) -> Annealed:
-    """Let each observation take part whole, or not at all.
+    """Decide for each observation whether it takes part with full weight or not at all.
 
-    An observation that takes no part is predicted by the rest, and comes back where it agrees with
-    that; so do neighbours of a gross error, which shared its misfit as long as all had weights. An
+    An observation that takes no part is predicted by the rest, and returns where it agrees with the
+    prediction. So do neighbours of a gross error, which shared its misfit while all had weights. An
     observation that has to leave a second time stays out.
 
     Parameters
@@ -170,8 +175,9 @@ def decide(
         gross = {name: value > GROSS_SIGMAS for name, value in misfit.items()}
         if k == 0:
             frames = _frames_of_other_places(problem, gross["pixels"])
-        elif "tape" in gross:  # no single length explains it
+        elif "tape" in gross:  # no single length explains a wrong scale
             gross["lengths"] |= gross["tape"][_tapes(problem)]
+        # Points with gross roughness leave the ground, unless the resulting height is implausible.
         if "roughness" in gross:
             unlikely = _unlikely_heights(problem, minimum, out) & ~on_ground
             on_ground |= unlikely
@@ -191,6 +197,7 @@ def decide(
     weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
     frames = frames or _frames_of_other_places(problem, out["pixels"])
     frames = frames or _turned_frames(problem, minimum, out)
+    # Make the misfits consistent with the decisions.
     beyond = np.nextafter(GROSS_SIGMAS, np.inf)
     misfit = {
         name: np.where(out[name], np.maximum(value, beyond), np.minimum(value, GROSS_SIGMAS))
@@ -209,8 +216,8 @@ def bounded_cost(
     problem, minimum
         The likelihood, and the adjustment without the gross errors.
     out
-        Whether each observation takes no part, by group. It counts as a gross error: else leaving
-        out what agrees would cost nothing.
+        Mask of the observations that take no part, by group. Each counts as a gross error;
+        otherwise it would cost nothing to leave out observations that agree.
     """
     blocks = problem.evaluate(minimum.state) or {}
     return sum(_bounded_cost(name, block, out.get(name)) for name, block in blocks.items())
@@ -222,9 +229,9 @@ def _with_returned(
     out: dict[str, Bools],
     misfit: dict[str, Floats],
 ) -> tuple[dict[str, Bools], Minimum[State], dict[str, Floats]]:
-    """Take back observations that left a second time, but agree with all that takes part.
+    """Restore observations that left a second time, but agree with all that take part.
 
-    Of two that contradict each other both may have left: then the one that agrees better returns.
+    If two contradict each other, both may have left: then the one that agrees better returns.
     Lengths of a wrong tape stay out: one by one they agree with each other.
 
     Parameters
@@ -232,7 +239,7 @@ def _with_returned(
     problem, minimum
         The likelihood, and the adjustment without the gross errors.
     out, misfit
-        Whether each observation takes no part, and its standardised misfit, by group.
+        Mask of the observations that take no part, and the standardised misfits, by group.
     """
     may_return = {name: is_out & (misfit[name] <= GROSS_SIGMAS) for name, is_out in out.items()}
     if "tape" in out:
@@ -242,6 +249,7 @@ def _with_returned(
         for name, rows in may_return.items()
         for row in np.flatnonzero(rows).tolist()
     ]
+    # Try all of them, then without the one of largest misfit, and so on, until no misfit is gross.
     for number in range(len(back), max(0, len(back) - MOST_ROUNDS), -1):
         fewer = {name: is_out.copy() for name, is_out in out.items()}
         for _, name, row in sorted(back)[:number]:
@@ -260,14 +268,14 @@ def weighted_minimum(
     weight: Mapping[str, Floats],
     softness: Mapping[str, float] | None = None,
 ) -> Minimum[State]:
-    """Iterate to the minimum with weights.
+    """Minimise the weighted cost.
 
     Parameters
     ----------
     problem, state
         The likelihood, and first values.
     weight
-        (n,) of the observations, by group; 1 where a group has none.
+        (n,) weights of the observations, by group; 1 where a group has none.
     softness
         Factors of the sigmas, by group; 1 where a group has none.
     """
@@ -308,14 +316,15 @@ def squared_misfits(
 
     Notes
     -----
-    Of an observation of weight w, let r be its whitened residual and A its covariance that follows
-    from the unknowns' (both at full weight), and Q = I - w A its cofactor matrix. The prediction
-    from all others then errs by Q^-1 r, with the covariance I + Q^-1 A, and the square is
+    For an observation of weight w, let r be its whitened residual and A its covariance that follows
+    from that of the unknowns (both at full weight), and Q = I - w A its cofactor matrix. The
+    prediction from all others then errs by Q^-1 r, with the covariance I + Q^-1 A, and the square
+    is
 
         r^T [(Q + A) Q]^-1 r,
 
-    with w = 1 Baarda's statistic (1968), with w = 0 the test of a new observation. Axes that
-    nothing checks count 0.
+    with w = 1 Baarda's statistic (1968), with w = 0 the test of a new observation. Unchecked axes
+    count 0.
     """
     covariance = minimum.factor.covariance()
     found = {}
@@ -324,10 +333,12 @@ def squared_misfits(
         if block is None or not len(block.residual):
             continue
         own = weight.get(name, np.ones(len(block.residual)))
+        # Eigenvalues of Q are the redundancy numbers of the observation's axes.
         redundancy, axes = np.linalg.eigh(cofactors(block, covariance))
         residual = np.einsum("nra,nr->na", axes, block.residual) / np.sqrt(own)[:, None]
         is_checked = redundancy > LEAST_REDUNDANCY
         redundancy = np.where(is_checked, redundancy, 1.0)
+        # A = (I - Q) / w
         predicted = np.maximum(1.0 - redundancy, 0.0) / own[:, None]
         square = residual**2 / ((redundancy + predicted) * redundancy)
         found[name] = np.sum(np.where(is_checked, square, 0.0), axis=1)
@@ -347,10 +358,11 @@ def _misfits(
 
 
 def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[str, float]:
-    """Estimate by which factor the sigmas of each kind are too small, at least one.
+    """Estimate the factor by which the sigmas of each kind are too small, at least one.
 
-    From the median of the squares over that of chi-square, and so large that no more than a share
-    of the kind are gross errors. Most points may be off the ground: there those on it tell.
+    The factor follows from the median of the squares over that of chi-square, and is large enough
+    that no more than a share of the kind are gross errors. Most points may be off the ground;
+    therefore only points on it count for the roughness.
     """
     factor = {}
     for name, square in squares.items():
@@ -360,9 +372,11 @@ def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[
             counts &= weight[name] > HALF
         checked = np.sort(square[counts])[::-1]
         large = 1.0
+        # Robust variance factor: median of the squares over that of chi-square.
         if len(checked) >= ENOUGH:
             usual = float(chdtri(_axes(name), 0.5))
             large = max(large, float(np.sqrt(np.median(checked) / usual)))
+        # Large enough that no more than the allowed share is gross.
         most = most_gross(len(checked))
         if len(checked) > most and not is_ground:
             large = max(large, float(np.sqrt(checked[most])) / GROSS_SIGMAS)
@@ -372,16 +386,16 @@ def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[
 
 
 def _axes(name: str) -> int:
-    """Number of numbers of an observation of a kind."""
+    """Return the number of components of an observation of a kind."""
     return {"pixels": 2, "matches": 2, "ties": 2, "control": 3, "telemetry": 6}.get(name, 1)
 
 
 def _unlikely_heights(
     problem: SurveyProblem, minimum: Minimum[State], out: Mapping[str, Bools]
 ) -> Bools:
-    """Find points of rough ground that two picks alone put far below it, or high above it.
+    """Find points of rough ground that only two picks put far below it, or high above it.
 
-    A wrong pick meets another ray at some height, wherever it errs along the other's line of sight.
+    A wrong pick meets another ray at some height when it errs along the other's line of sight.
     """
     survey, rough = problem.survey, problem.third.rough
     if "roughness" not in out:
@@ -390,6 +404,7 @@ def _unlikely_heights(
     up_m = minimum.state.point[rough, 2]
     square = np.sum(minimum.blocks["pixels"].residual ** 2, axis=1)
     apart = np.bincount(survey.pick_label, square, len(survey.label))
+    # Two rays that meet may be of a high point, such as on a house.
     meet = (apart[rough] < MEET) & (rays[rough] == TWO_RAYS)
     is_far = (up_m < LOWEST_M) | (up_m > np.where(meet, EAVES_M, HIGHEST_M))
     return np.asarray(out["roughness"] & is_far & (rays[rough] <= TWO_RAYS))
@@ -398,18 +413,18 @@ def _unlikely_heights(
 def _try_heights(
     problem: SurveyProblem, gross: dict[str, Bools], before: Bools | None, on_ground: Bools
 ) -> None:
-    """Where most picks of a point are gross errors on the ground, let them take part off it.
+    """Move points off the ground where most of their picks are gross errors on it.
 
     Parameters
     ----------
     problem
         The likelihood.
     gross
-        What is to take no part, by group; changed in place.
+        Mask of the observations that will take no part, by group; changed in place.
     before
         Points of rough ground that are off it already: their picks do not agree on a height either.
     on_ground
-        Points that stay on it, whatever their picks show.
+        Points that stay on it, even if their picks show another height.
     """
     survey, rough = problem.survey, problem.third.rough
     number = np.bincount(survey.pick_label, minlength=len(survey.label))
@@ -435,9 +450,9 @@ def _frames_of_other_places(problem: SurveyProblem, gross: Bools) -> tuple[str, 
 def _turned_frames(
     problem: SurveyProblem, minimum: Minimum[State], gross: Mapping[str, Bools]
 ) -> tuple[str, ...]:
-    """Find frames that the log has turned otherwise.
+    """Find frames whose attitude contradicts the log.
 
-    A photo that was turned when it was picked fits by all of its picks, but not by the log.
+    A photo that was rotated when it was picked fits all of its picks, but not the log.
     """
     telemetry = problem.survey.telemetry
     if telemetry is None or not gross["telemetry"].any():
@@ -452,19 +467,19 @@ def _turned_frames(
 
 
 def _names_of_few(problem: SurveyProblem, is_bad: Bools) -> tuple[str, ...]:
-    """Names of bad frames; none where they are too many to be the exception."""
+    """Return the names of bad frames; none where they are too many to be the exception."""
     if is_bad.sum() > MOST_OF_A_KIND * len(is_bad):
         return ()
     return tuple(problem.survey.frame_id[k] for k in np.flatnonzero(is_bad))
 
 
 def _tapes(problem: SurveyProblem) -> Ints:
-    """(n,) row of the tape of each length that takes part."""
+    """Return the row (n,) of the tape of each length that takes part."""
     return tape_rows(problem.tapes, taped_lines(problem.survey, problem.line_index).tape)
 
 
 def _bounded_cost(name: str, block: Block, out: Bools | None) -> float:
-    """Sum the squares of a group."""
+    """Sum the squares of a group, each robust observation bounded by a gross error."""
     square = np.sum(block.residual**2, axis=1)
     if name not in ROBUST:
         return float(square.sum())

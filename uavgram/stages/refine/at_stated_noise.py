@@ -1,4 +1,4 @@
-"""A survey adjusted at the stated noise: what is wrong beyond doubt left out, causes looked for."""
+"""Adjust at the stated noise: remove gross errors, and look for their causes."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ TAKEN = "The results take it into account."
 
 
 class AtStatedNoise(NamedTuple):
-    """A survey adjusted at the stated noise.
+    """Survey adjusted at the stated noise.
 
     Attributes
     ----------
     given, survey
-        As it was handed over; with what was found of control and heights, and freed of prior
-        knowledge that is wrong.
+        The original survey; and the survey with the findings on control and heights, freed of wrong
+        prior knowledge.
     refined
         Its adjustment.
     off_ground
-        Labels that stand off the ground though nobody said so.
+        Labels off the ground without a statement to that effect.
     causes
-        What explains that it does not fit.
+        Causes that explain the misfit.
     messages
-        On control, and on heights that nothing tells.
+        Messages on control, and on heights that no observation determines.
     """
 
     given: Survey
@@ -56,22 +56,23 @@ class AtStatedNoise(NamedTuple):
 def adjusted_as_stated(
     given: Survey, removed: Bools, options: SolveOptions, shown: Collection[str] = ()
 ) -> AtStatedNoise:
-    """A survey adjusted at the stated noise, and what explains that it does not fit.
+    """Adjust a survey at the stated noise, and find the causes of its misfit.
 
     Parameters
     ----------
     given
         All observations.
     removed
-        (P,) picks that were taken out.
+        (P,) picks that were removed.
     options
-        Whether the noise is to be learnt; where it is not, no prior knowledge is given up.
+        Options with the choice whether the noise is learnt; where it is not, no prior is given up.
     shown
         Labels that matches show off the ground: their heights are free.
     """
     keep, reason = in_lens(given)
     keep &= ~removed
     none = np.zeros(len(given.line_start), dtype=np.bool_)
+    # Robust adjustment, then causes of the gross errors.
     robust = adjust_robustly(Participants(given, keep, none, reason))
     survey, refined, off_ground = robust.survey, robust.refined, list(robust.labels)
     left_out = list(robust.messages(given))
@@ -80,7 +81,7 @@ def adjusted_as_stated(
     found = identify(Standing(participants(survey, refined), refined))
     causes = found.causes
     if found.right or found.lines:
-        # A height that was found from a wrong pick goes with it.
+        # A height that was found from a wrong pick is removed together with it.
         wrong = {survey.label[survey.pick_label[k]] for k in found.wrong}
         before, off_ground = off_ground, [name for name in off_ground if name not in wrong]
         survey = with_free(survey, off_ground, before)
@@ -89,6 +90,7 @@ def adjusted_as_stated(
         before, off_ground = off_ground, sorted({*off_ground, *up})
         survey = with_free(survey, off_ground, before)
         refined = replace(best_minima(participants(survey, refined)), pick_removed=removed)
+    # Free the priors that the causes prove wrong.
     if options.noise == "estimate":
         survey, refined, causes = _freed(survey, refined, found, keep, reason)
     return AtStatedNoise(given, survey, refined, off_ground, causes, (*left_out, *unseen))
@@ -96,11 +98,11 @@ def adjusted_as_stated(
 
 TURNED = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
 RELABELLED = LeftOut(LeftOutCause.GROSS, "it fits under another label of its photo")
-"""Why picks of a photo are wrong: all of them, or some."""
+"""Reason why picks of a photo are wrong: all of them (`TURNED`), or some."""
 
 
 def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
-    """Adjusted without picks that are wrong, and with those that were left out for them."""
+    """Readjust without wrong picks, and with those that were left out because of them."""
     taking = participants(survey, refined)
     keep = taking.keep.copy()
     keep[list(found.right)] = True
@@ -114,7 +116,7 @@ def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
 
 
 def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:
-    """Why picks that are wrong take no part."""
+    """Return the reason why each wrong pick takes no part."""
     frame, frames = survey.pick_frame, len(survey.frame_id)
     every, out = (np.bincount(some, minlength=frames) for some in (frame, frame[list(wrong)]))
     return {k: TURNED if every[frame[k]] == out[frame[k]] else RELABELLED for k in wrong}
@@ -123,18 +125,18 @@ def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:
 def _freed(
     survey: Survey, refined: Refined, found: Identified, keep: Bools, reason: dict[int, LeftOut]
 ) -> tuple[Survey, Refined, tuple[Cause, ...]]:
-    """Adjusted anew without the prior knowledge that is wrong; as it was where that cannot be.
+    """Readjust without wrong prior knowledge; return the input where that has no result.
 
     Parameters
     ----------
     survey
-        As it was adjusted.
+        The survey as it was adjusted.
     refined
         Its adjustment.
     found
-        Causes, and what each gives up.
+        Causes, and the prior that each gives up.
     keep, reason
-        (P,) picks that may take part, and why others do not.
+        (P,) picks that may take part, and the reasons why others do not.
     """
     known_less = survey
     causes = list(found.causes)
@@ -155,7 +157,7 @@ def _freed(
 
 
 def participants(survey: Survey, refined: Refined) -> Participants:
-    """What takes part in an adjustment."""
+    """Return the participating observations of an adjustment."""
     used = np.zeros(len(survey.pick_frame), dtype=bool)
     used[refined.pick_index] = True
     reason, known = refined.pick_reason, refined.known_removed

@@ -1,4 +1,4 @@
-"""Adjust again from where an adjustment stands, when something of the model has changed."""
+"""Readjust from the current estimate, after a change of the model."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uavgram.stages.refine.begin.softened import iterate, iterations_for
 
 
 def continued(adjustment: Adjustment, survey: Survey) -> Adjustment:
-    """The adjustment with other sigmas or another ground, from where it stands.
+    """Readjust from the current estimate with other sigmas or another ground.
 
     Raises
     ------
@@ -29,8 +29,12 @@ def continued(adjustment: Adjustment, survey: Survey) -> Adjustment:
 
 
 def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
-    """The state of an adjustment, in the unknowns of another likelihood of the same survey."""
+    """Convert the state of an adjustment to the unknowns of another likelihood of the same survey.
+
+    Unknowns that the adjustment does not have begin at zero.
+    """
     state, before, survey = adjustment.state, adjustment.problem, problem.survey
+    # Coordinates that both have; others, such as heights, begin at zero.
     point = np.zeros((problem.layout.points, problem.layout.point_size))
     shared = min(point.shape[1], state.point.shape[1])
     point[:, :shared] = state.point[:, :shared]
@@ -39,6 +43,7 @@ def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
     picked[new, :shared] = state.picked[kept, :shared]
     tie = np.zeros((problem.layout.ties, problem.layout.point_size))
     tie[:, :shared] = state.tie[:, :shared]
+    # Relief of areas with the same kind of surface.
     relief = np.zeros(problem.layout.relief)
     for area, ground in enumerate(survey.grounds):
         old = before.survey.grounds[area].relief
@@ -65,7 +70,7 @@ def carried(adjustment: Adjustment, problem: SurveyProblem) -> State:
 
 
 def lines_used(adjustment: Adjustment) -> Bools:
-    """(L,) which known lengths take part."""
+    """Mark the known lengths (L,) that take part."""
     used = np.zeros(len(adjustment.survey.line_start), dtype=np.bool_)
     used[adjustment.problem.line_index] = True
     return used

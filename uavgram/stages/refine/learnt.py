@@ -1,4 +1,4 @@
-"""What a survey found of camera and ground that nobody stated: told where it is beyond chance."""
+"""Report significant properties of camera and ground that the survey found without a statement."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from uavgram.model.message import Message
 from uavgram.model.naming import figures
 
 SURE = 3.0
-"""Sigmas from zero beyond which a value is told."""
+"""Sigmas from zero beyond which a value is reported."""
 
 LEVEL_DEG = 2.0
-"""Slope up to which people call a ground level."""
+"""Slope [deg] up to which people call a ground level."""
 
 BY_PHOTOS = (
     "The camera reads its rows one after the other (a rolling shutter): tie points fit much better "
@@ -27,7 +27,7 @@ BY_PHOTOS = (
 
 
 def learnt_remarks(adjustment: Adjustment) -> Iterator[Message]:
-    """A rolling shutter, and ground that slopes."""
+    """Report a rolling shutter, and ground that slopes."""
     if adjustment.minimum.converged:
         sure = SURE * _misfit(adjustment)
         yield from _shutter(adjustment, sure)
@@ -35,7 +35,7 @@ def learnt_remarks(adjustment: Adjustment) -> Iterator[Message]:
 
 
 def _misfit(adjustment: Adjustment) -> float:
-    """How many times as large errors are as stated, at least 1: a wrong pick may tilt a plane."""
+    """Return the ratio of actual to stated errors, at least 1: a wrong pick may tilt a plane."""
     fit = core_fit(adjustment)
     return float(np.sqrt(max(fit.squares / max(fit.degrees, 1.0), 1.0)))
 
@@ -65,6 +65,7 @@ def _slopes(adjustment: Adjustment, sure: float) -> Iterator[Message]:
     plane = adjustment.state.plane.reshape(-1, PLANE_SIZE)
     fixed = len(plane) - layout.plane // PLANE_SIZE
     for area in range(fixed, len(plane)):
+        # Sigma of the slope in its own direction; angle = atan(slope).
         slope = plane[area, 1:]
         first = layout.first_plane + PLANE_SIZE * (area - fixed) + 1
         size = float(np.linalg.norm(slope))

@@ -1,4 +1,4 @@
-"""Record what the robust adjustment left out: lengths, known things, control points, heights."""
+"""Record lengths, known things, control and heights that the robust adjustment left out."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from uavgram.stages.remedies import freed
 
 
 def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
-    """Predict what tapes should read (n,) of some lines, and the sigmas.
+    """Predict the readings of tapes (n,) for some lines, and their sigmas.
 
     NaN where an end is not adjusted.
 
@@ -41,7 +41,7 @@ def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, 
 
 
 def _taped(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, Taped]:
-    """Find which of some lines (n,) have both ends in an adjustment, and how these were taped."""
+    """Mark lines (n,) with both ends in an adjustment, and return how these were taped."""
     at = refined.adjustment.label_rows(survey.label)
     there = (at[survey.line_start[line]] >= 0) & (at[survey.line_end[line]] >= 0)
     taped = taped_lines(survey, line[there])
@@ -49,7 +49,7 @@ def _taped(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, Taped]:
 
 
 def with_records(survey: Survey, refined: Refined) -> Refined:
-    """Record lengths and known things that were left out before anything was tested."""
+    """Record lengths and known things that were left out before any test."""
     recorded = {(removal.kind, removal.index) for removal in refined.removals}
     factor = refined.adjustment.minimum.factor
     records: list[Removal] = []
@@ -61,6 +61,7 @@ def with_records(survey: Survey, refined: Refined) -> Refined:
         for index, rows in left_out.items():
             if (kind, index) in recorded:
                 continue
+            # Standardised prediction error: w = error / sqrt(prediction variance + sigma^2).
             w = np.array([np.nan])
             if rows is not None:
                 variance = factor.variances(rows.columns, rows.gradient)
@@ -72,7 +73,7 @@ def with_records(survey: Survey, refined: Refined) -> Refined:
 
 
 def _left_out_lengths(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
-    """Compare each length that was left out with the adjustment, by its row."""
+    """Compare each left-out length with the adjustment, by its row."""
     line = np.flatnonzero(refined.line_removed)
     there, taped = _taped(survey, refined, line)
     adjustment = refined.adjustment
@@ -86,7 +87,7 @@ def _left_out_lengths(survey: Survey, refined: Refined) -> dict[int, LeftOutRows
 
 
 def _left_out_known(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
-    """Compare each known thing that was left out with the adjustment, by its number."""
+    """Compare each left-out known thing with the adjustment, by its number."""
     adjustment = refined.adjustment
     found: dict[int, LeftOutRows | None] = {}
     for thing in survey.known:
@@ -101,14 +102,14 @@ def _left_out_known(survey: Survey, refined: Refined) -> dict[int, LeftOutRows |
 
 
 def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterator[Message]:
-    """A message on each control point that was left out.
+    """Report each control point that was left out.
 
     Parameters
     ----------
     survey
         All observations.
     refined
-        Adjusted without these control points.
+        Adjustment without these control points.
     control
         (n,) rows of control points.
     """
@@ -140,7 +141,7 @@ def heights_left_out(survey: Survey, refined: Refined, labels: Sequence[str]) ->
     survey
         All observations.
     refined
-        Adjusted without these heights.
+        Adjustment without these heights.
     labels
         Names of the points.
     """
@@ -173,7 +174,7 @@ def heights_left_out(survey: Survey, refined: Refined, labels: Sequence[str]) ->
 
 
 def _found(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:
-    """Where some control points were found (n, 3), and the covariance (n, 3, 3).
+    """Return the adjusted places (n, 3) of control points, and their covariance (n, 3, 3).
 
     NaN where an adjustment does not have the point.
     """

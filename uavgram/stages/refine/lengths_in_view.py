@@ -1,4 +1,4 @@
-"""Compare lengths with what a camera that looks straight down would see of them."""
+"""Compare lengths with their view by a camera that looks straight down."""
 
 from __future__ import annotations
 
@@ -10,16 +10,17 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 FEW = 3
-"""Lengths from which on they tell what they have in common: the scale, which the log may miss."""
+"""Least number of lengths that determine their common scale, which the log may miss."""
 
 ODD = 30.0
-"""Factor by which no length differs from the others of a frame for its perspective alone."""
+"""Ratio of a length to the others of its frame that perspective alone cannot explain."""
 
 
 def ratios_in_view(survey: Survey, keep: Bools) -> Floats:
-    """(L,) logarithms of lengths over what a camera would see that looked straight down.
+    """Compute logarithms (L,) of lengths over their view by a camera that looks straight down.
 
-    Less their median in each frame, of frames that show three or more; NaN for other lengths.
+    Each is relative to the median in its frame, for frames that show three or more; NaN for other
+    lengths.
     """
     seen = seen_lines(survey)
     usable = np.flatnonzero(keep[seen.start] & keep[seen.end])
@@ -29,7 +30,9 @@ def ratios_in_view(survey: Survey, keep: Bools) -> Floats:
     pixel = survey.pixel_px[np.concatenate([seen.start[rows], seen.end[rows]])]
     calibration = survey.calibration
     ray = back_project(calibration.model, calibration.parameters, pixel)
+    # Distance of the ends in the image plane z = 1.
     apart = np.linalg.norm(ray[: len(rows)] - ray[len(rows) :], axis=1)
+    # Log ratios relative to the median of their frame, then the median over frames.
     ratio = np.log(survey.length_m[line] / apart)
     ratio -= group_medians(ratio, frame, len(survey.frame_id))[frame]
     shown = np.bincount(line, minlength=len(survey.line_start)) > 0
@@ -37,12 +40,12 @@ def ratios_in_view(survey: Survey, keep: Bools) -> Floats:
 
 
 def odd_in_view(ratio: Floats) -> Bools:
-    """(L,) which of these no perspective explains."""
+    """Mark the ratios (L,) that no perspective explains."""
     return np.asarray(np.abs(ratio) > np.log(ODD))
 
 
 def group_medians(value: Floats, group: Ints, groups: int) -> Floats:
-    """Lower median of the values of each group; 0 where it has none.
+    """Compute the lower median of the values of each group; 0 where it has none.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The minima of the likelihood: from every start, the distinct ones that explain the data."""
+"""Minima of the likelihood: the distinct ones, from all first values, that explain the data."""
 
 from __future__ import annotations
 
@@ -37,12 +37,13 @@ AS_GOOD = 0.001
 """Probability below which an alternative's extra cost rules it out."""
 
 MOST_RETRIES, LEAST_GAIN = 3, 1.0
-"""Rounds in which frames in doubt begin once more; fall of the cost that makes another round."""
+"""Rounds in which frames in doubt begin again; decrease of the cost that justifies another
+round."""
 
 
 @dataclass(frozen=True, eq=False)
 class Participants:
-    """What of a survey takes part in an adjustment.
+    """Observations of a survey that take part in an adjustment.
 
     Attributes
     ----------
@@ -53,7 +54,7 @@ class Participants:
     line_removed
         (L,) lengths that do not.
     reason
-        Why picks do not: by their index.
+        Reasons why picks do not, by their index.
     known_removed
         Numbers of known things that do not.
     """
@@ -65,38 +66,45 @@ class Participants:
     known_removed: frozenset[int] = frozenset()
 
     def without_picks(self, reason: Mapping[int, LeftOut]) -> Participants:
-        """The same without some picks."""
+        """Leave out some picks."""
         keep = self.keep.copy()
         keep[list(reason)] = False
         return replace(self, keep=keep, reason={**self.reason, **reason})
 
     def without_frame(self, frame: int, why: LeftOut) -> Participants:
-        """The same without the picks of a frame."""
+        """Leave out the picks of a frame."""
         picks = np.flatnonzero(self.keep & (self.survey.pick_frame == frame))
         return self.without_picks(dict.fromkeys(picks.tolist(), why))
 
     def without_frames(self, names: Sequence[str], why: LeftOut) -> Participants:
-        """The same without the picks of some frames, by name."""
+        """Leave out the picks of some frames, by name."""
         taking = self
         for name in names:
             taking = taking.without_frame(self.survey.frame_id.index(name), why)
         return taking
 
     def without_lines(self, lines: Sequence[int]) -> Participants:
-        """The same without some known lengths."""
+        """Leave out some known lengths."""
         removed = self.line_removed.copy()
         removed[list(lines)] = True
         return replace(self, line_removed=removed)
 
 
 def best_minima(taking: Participants, most: int | None = None) -> Refined:
-    """One adjustment of all picks that can be placed, all minima, in `most` iterations.
+    """Adjust all picks that can be placed; return the best minimum and its rivals.
 
-    None: as many as such a survey may need.
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    most
+        Iterations; None: as many as such a survey may need.
 
-    Picks without first values are left out, and so are frames and points that nothing determines:
-    `pick_reason` of the result says why. The rest goes on. Without telemetry, frames in doubt
-    begin once more in another pose, without a say in where others stand.
+    Notes
+    -----
+    Picks without first values are left out, and so are frames and points that are undetermined:
+    `pick_reason` of the result holds the reasons. The rest is adjusted. Without telemetry, frames
+    in doubt begin again in another pose, without an influence on the poses of others.
     """
     refined = minima_from(taking, first_values, most)
     if taking.survey.telemetry is not None:
@@ -116,12 +124,12 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
 
 
 TRIAL = 20
-"""Iterations of an adjustment that only has to show whether what was left out was the trouble:
-where it was, few are needed."""
+"""Iterations of an adjustment that only has to show whether the left-out observation was the fault:
+if it was, few are needed."""
 
 
 def trial_adjustment(taking: Participants, most: int | None = TRIAL) -> Refined | None:
-    """Adjust in few iterations, to see what a change does; None without a result."""
+    """Adjust in few iterations, to see the effect of a change; None without a result."""
     try:
         return best_minima(taking, most)
     except GeometryError:
@@ -129,7 +137,7 @@ def trial_adjustment(taking: Participants, most: int | None = TRIAL) -> Refined 
 
 
 def _with_rivals(best: Refined, other: Refined) -> Refined:
-    """An adjustment with minima of another one that explain the same picks nearly as well."""
+    """Add minima of another adjustment that explain the same picks nearly as well."""
     minima = [best.adjustment, *best.alternatives]
     if np.array_equal(best.pick_index, other.pick_index):
         for one in (other.adjustment, *other.alternatives):
@@ -145,22 +153,22 @@ def _begun_elsewhere(
     most: int | None,
     tried: list[tuple[Survey, FirstValues]],
 ) -> Refined | None:
-    """The best minima from where frames in doubt have other poses; None where none are new.
+    """Adjust from other poses of the frames in doubt; None where none of them is new.
 
-    Where all frames are in doubt, those that begin are the same once more, and so are all minima.
+    Where all frames are in doubt, the frames that begin are the same again, and so are all minima.
 
     Parameters
     ----------
     taking
-        What takes part.
+        Participating observations.
     refined
-        Its adjustment so far.
+        Their adjustment so far.
     doubtful
         Names of frames.
     most
         Iterations.
     tried
-        First values of earlier rounds, and what they were of; those of this round are added.
+        Surveys and first values of earlier rounds; those of this round are added.
     """
     state, names = refined.adjustment.state, refined.adjustment.survey.frame_id
     known = {name: (state.center[k], state.rotation[k]) for k, name in enumerate(names)}
@@ -179,7 +187,7 @@ def _begun_elsewhere(
 
 
 def _is_again(survey: Survey, values: FirstValues, of: Survey, earlier: FirstValues) -> bool:
-    """Whether first values, and the picks and lengths that they are of, are earlier ones."""
+    """Return whether first values, and their picks and lengths, are the same as earlier ones."""
     return (
         np.array_equal(survey.pixel_px, of.pixel_px)
         and np.array_equal(survey.length_m, of.length_m)
@@ -192,14 +200,15 @@ def minima_from(
     begin: Callable[[Survey], list[FirstValues]],
     most: int | None = None,
 ) -> Refined:
-    """The best minimum, and its rivals, of those that some first values lead to.
+    """Find the best minimum, and its rivals, from certain first values.
 
     Parameters
     ----------
     taking
-        What takes part.
+        Participating observations.
     begin
-        First values of a survey; it is asked again whenever picks had to be left out.
+        Function that returns first values of a survey; called again whenever picks had to be left
+        out.
     most
         Iterations; None: as many as such a survey may need.
 
@@ -217,14 +226,15 @@ def minima_from(
             )
         selection = select_picks(survey, taking.keep)
         line_used = ~taking.line_removed[selection.line_index]
+        # First values of the remaining observations.
         starts = begin(select_lines(selection.survey, line_used))
         lost = _tied_to_nothing(selection.survey, starts)
         if lost:
             survey = without_ties_of(survey, lost)
             continue
         skipped = [unusable(selection.survey, values) for values in starts]
-        # Of several poses that explain the lengths, one that sees sky where points were picked
-        # comes after those that see ground.
+        # Of several poses that explain the lengths, those that see sky at picked points
+        # come after those that see ground.
         out = min(skipped, key=len)
         if not out:
             possible = [v for v, without in zip(starts, skipped, strict=True) if not without]
@@ -254,7 +264,7 @@ def minima_from(
 
 
 def _tied_to_nothing(survey: Survey, starts: Sequence[FirstValues]) -> frozenset[str]:
-    """Frames in which nobody picked anything, and whose ties do not place them."""
+    """Find frames without picks whose ties do not place them."""
     nowhere = np.all([np.isnan(values.center[:, 0]) for values in starts], axis=0)
     nowhere[survey.pick_frame] = False
     return frozenset(survey.frame_id[f] for f in np.flatnonzero(nowhere))
@@ -263,9 +273,9 @@ def _tied_to_nothing(survey: Survey, starts: Sequence[FirstValues]) -> frozenset
 def _to_go_on_without(
     why: UndeterminedError, skipped: list[dict[int, LeftOut]]
 ) -> dict[int, LeftOut]:
-    """Picks that hang on what nothing determines; where all do, those in the sky of another pose.
+    """Return picks to leave out: those of the undetermined unknown.
 
-    Nothing where there is no other pose either.
+    If all picks depend on it, the picks in the sky of another pose; empty without such a pose.
     """
     hanging = np.flatnonzero(why.picks)
     if 0 < len(hanging) < len(why.picks):
@@ -276,8 +286,8 @@ def _to_go_on_without(
 def _minima(
     survey: Survey, starts: list[FirstValues], line_used: Bools, most: int | None
 ) -> list[Adjustment]:
-    """The best minimum, and every other one that explains the observations nearly as well."""
-    # A rival that is cut off on its way would go unreported, so several starts have all the time.
+    """Find the best minimum, and every other one that explains the observations nearly as well."""
+    # An interrupted rival would go unreported: several starts get all iterations.
     if most is None or len(starts) > 1:
         most = iterations_for(survey.calibration)
     found, loose = [], []
@@ -285,17 +295,17 @@ def _minima(
     for values in starts:
         try:
             found.append(_minimise(survey, values, line_used, most))
-        except GeometryError as error:  # one start may lie where two solutions merge
+        except GeometryError as error:  # one start may be where two solutions merge
             undetermined = undetermined or error
             loose.append(values)
     if undetermined is not None and not found:
         raise undetermined
     found.sort(key=lambda minimum: minimum[1].cost)
     minima = [_adjustment(*found[0])]
-    # What explains the observations as well is a rival, though they may not determine it.
+    # A minimum that explains the observations as well is a rival, even if not determined.
     rivals = [one for one in found[1:] if one[1].converged]
     for values in loose:
-        with suppress(GeometryError):  # not even damped: no observation says anything there
+        with suppress(GeometryError):  # undetermined even with damping
             rivals.append(_minimise(survey, values, line_used, most, SLACK))
     for problem, minimum in rivals:
         if _is_rival(minimum, minima):
@@ -344,17 +354,18 @@ def _adjustment(problem: SurveyProblem, minimum: Minimum[State]) -> Adjustment:
 
 
 def _is_rival(minimum: Minimum[State], minima: list[Adjustment]) -> bool:
-    """Whether it explains the observations nearly as well as the first, otherwise than all."""
+    """Return whether a minimum fits nearly as well as the first, and differs from all."""
+    # Likelihood ratio test with one degree of freedom.
     limit = minima[0].minimum.cost + float(chdtri(1, AS_GOOD))
     return minimum.cost < limit and all(_apart(known, minimum.state) for known in minima)
 
 
 def _apart(adjustment: Adjustment, other: State) -> bool:
-    """Whether another minimum has points or cameras elsewhere.
+    """Return whether another minimum has points or cameras elsewhere.
 
-    Points by more than a thousandth of the scene, cameras by more than a sigma. Where a log alone
-    says where the scene lies, one minimum may be reached some hundredths of a sigma from where it
-    was reached before: what all points have in common is left to the cameras.
+    Points by more than a thousandth of the scene, cameras by more than a sigma. Where only a log
+    determines the place of the scene, one minimum may be reached some hundredths of a sigma from an
+    earlier result: a movement common to all points is left to the comparison of the cameras.
     """
     here, there = adjustment.state.point[:, :2], other.point[:, :2]
     if adjustment.survey.telemetry is not None and len(here) > 1:

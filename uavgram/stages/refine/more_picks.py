@@ -1,8 +1,8 @@
-"""A few picks more on an adjustment, from where it stands: in milliseconds, and without a search.
+"""Add a few picks to an adjustment, from the current estimate: in milliseconds, without a search.
 
-Nothing is looked for that could be wrong, and the noise stays as it was learnt: that is for the
-adjustment that follows. What it is good for is where the poses, and the new picks, say that other
-photos show the same.
+Gross errors are not looked for, and the noise stays as it was learnt: both are tasks of the
+adjustment that follows. The purpose is to predict, from the poses and the new picks, where other
+photos show the same points.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from uavgram.stages.refine.begin.softened import iterate
 from uavgram.stages.refine.continued import carried, lines_used
 
 ITERATIONS = 4
-"""A pick of a new label changes nothing but its point; another one of a known label little."""
+"""Iterations: a pick of a new label changes only its point; another one of a known label little."""
 
 
 @dataclass(frozen=True, eq=False)
 class MorePicks:
-    """m picks by name: label (m,), index of the frame (m,), pixel (m, 2), sigma (m,) [px].
+    """New picks by name: label (m,), index of the frame (m,), pixel (m, 2), sigma (m,) [px].
 
-    Picks that the adjustment has are moved. A label that it does not have lies on the ground of the
+    Picks that the adjustment has are moved. A label that it does not have is on the ground of the
     first area.
     """
 
@@ -41,23 +41,23 @@ class MorePicks:
 
 
 def with_more_picks(adjustment: Adjustment, more: MorePicks, uneven_m: float) -> Adjustment:
-    """The adjustment with picks that it does not have yet, or has elsewhere.
+    """Readjust with picks that the adjustment does not have yet, or has elsewhere.
 
     Parameters
     ----------
     adjustment
         The adjusted survey.
     more
-        Picks in its frames. New labels that no sight line leads to the ground for are left out.
+        Picks in its frames. New labels whose sight lines do not meet the ground are left out.
     uneven_m
-        How rough the ground is at least.
+        Least roughness of the ground [m].
 
     Raises
     ------
     SingularError
         An unknown is not determined.
     ValueError
-        A pick lies behind its camera.
+        A pick is behind its camera.
     """
     ground = _on_ground(adjustment, more)
     known = {label: k for k, label in enumerate(adjustment.survey.label)}
@@ -78,7 +78,7 @@ def with_more_picks(adjustment: Adjustment, more: MorePicks, uneven_m: float) ->
 
 
 def _start(adjustment: Adjustment, problem: SurveyProblem, new_m: Floats) -> State:
-    """The state of an adjustment, with more labels at the end, at places (n, 2)."""
+    """Return the state of an adjustment, with more labels at the end, at places (n, 2)."""
     count = len(new_m)
     padded = np.pad(adjustment.state.point, ((0, count), (0, 0)))
     padded[len(padded) - count :, :2] = new_m
@@ -87,9 +87,9 @@ def _start(adjustment: Adjustment, problem: SurveyProblem, new_m: Floats) -> Sta
 
 
 def _with_labels(survey: Survey, labels: tuple[str, ...]) -> Survey:
-    """A survey with more labels, on the ground of its first area.
+    """Append labels on the ground of the first area.
 
-    What the adjustment has learnt of how far points on the ground depart from it holds for them.
+    The learnt departure of points from the ground holds for them, too.
     """
     none = np.zeros(len(labels))
     plain = (survey.height_above_m == 0.0) & ~survey.is_free & (survey.area == 0)
@@ -109,7 +109,7 @@ def _with_labels(survey: Survey, labels: tuple[str, ...]) -> Survey:
 
 
 def _with_picks(survey: Survey, more: MorePicks) -> Survey:
-    """A survey with more picks at the end, or others where they are now."""
+    """Append picks, or move those that exist."""
     label = {name: k for k, name in enumerate(survey.label)}
     keys = zip(survey.pick_frame.tolist(), survey.pick_label.tolist(), strict=True)
     there = {key: k for k, key in enumerate(keys)}
@@ -131,7 +131,7 @@ def _with_picks(survey: Survey, more: MorePicks) -> Survey:
 
 
 def _on_ground(adjustment: Adjustment, more: MorePicks) -> Floats:
-    """(m, 3) where sight lines meet the first area's plane; NaN where they do not."""
+    """Intersect sight lines with the first area's plane (m, 3); NaN where they do not meet it."""
     state, problem = adjustment.state, adjustment.problem
     poses = RowPoses(
         state.center[more.frame], state.rotation[more.frame], adjustment.sweep()[more.frame]

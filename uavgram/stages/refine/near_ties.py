@@ -1,10 +1,11 @@
-"""The ground below labels, as the tie points around them show it.
+"""Estimate the ground below labels from the tie points around them.
 
-A label that one photo shows lies where its ray meets the ground: on a plane, off by as much as the
-ground is uneven, and at 45 degrees by that sideways too. Ties around it say how high the ground is,
-and how uneven it is there. How far such a guess is off, the ties themselves tell: each is guessed
-from those around it (simple kriging about the plane, by the correlation of heights under which such
-guesses come out likeliest; Cressie 1993, "Statistics for spatial data", 3.2).
+A label in only one photo is placed where its ray meets the ground; on a plane, the height error is
+as large as the ground is uneven, and at 45 degrees so is the horizontal error. Ties around it show
+the height of the ground, and its unevenness. The ties themselves show the error of such
+predictions: each is predicted from those around it (simple kriging about the plane, by the
+correlation of heights under which such predictions are likeliest; Cressie 1993, "Statistics for
+spatial data", 3.2).
 """
 
 from __future__ import annotations
@@ -23,43 +24,44 @@ from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Beside, Sightings
 
 NEIGHBOURS = 8
-"""Ties around a label that tell its ground: twelve tell it no better."""
+"""Ties around a label from which its ground is predicted: twelve give no better prediction."""
 
 FEWEST = 72
-"""Ties on the ground: fewer do not tell how it is shaped."""
+"""Least number of ties on the ground that show its shape."""
 
 UNEVEN_M = 0.05
-"""How far a point of the ground may lie off its plane while the plane is looked for."""
+"""Allowed distance of ground points from their plane while the plane is fitted [m]."""
 
 OFF_M, OFF = 0.25, 4.0
-"""Height, and spreads of the ground, from which on a tie does not lie on it; also the spreads of
-guesses from which on a tie is of something else."""
+"""Height [m], and multiple of the spread of the ground, above which a tie is off the ground; the
+latter also for prediction errors of ties of another object."""
 
 REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
-"""Reaches of the correlation that are tried, in usual distances between ties."""
+"""Ranges of the correlation that are tried, in units of the median distance to the nearest tie."""
 
 OWN = (0.01, 0.03, 0.1, 0.3, 1.0)
-"""Variances that each tie has for itself, beside that which it shares with those around it."""
+"""Variances of each tie by itself, beside the variance that it shares with its neighbours."""
 
 STANDS = 1e3
-"""The same of a tie that is of something else: it has no say."""
+"""Own variance of a tie of another object: it has no influence."""
 
 USUAL = 8.0
-"""Ties around, with errors of the usual size, that the usual size counts for where a label is."""
+"""Weight of the mean square prediction error of all ties in that at a label, as a number of
+ties."""
 
 LEAST_M = 0.003
-"""Sigma that no guess is better than."""
+"""Lower limit of the sigma of a prediction [m]."""
 
 LEAST_SAID = 0.3
-"""Share of the variance of a height that a guess explains, at the least: a poorer one is none."""
+"""Least share of the variance of a height that a prediction has to explain to be used."""
 
 MEDIAN = 0.6745
-"""Of the absolute value of a normal variable, in sigmas."""
+"""Median of the absolute value of a normal variable, in sigmas."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Ties:
-    """T ties on the ground: places (T, 2), heights (T,), and the variance (T,) each has itself."""
+    """Ties on the ground: places (T, 2), heights (T,), and each tie's own variance (T,)."""
 
     place_m: Floats
     height_m: Floats
@@ -67,14 +69,14 @@ class _Ties:
 
 
 class _Guessed(NamedTuple):
-    """Heights at n places, each from m ties around it.
+    """Predicted heights at n places, each from m ties around it.
 
     Attributes
     ----------
     tie, weight
-        (n, m) by index, and their parts in it.
+        (n, m) indices of the ties, and their weights.
     sigma
-        (n,) of the guess, in units of that of what heights share.
+        (n,) sigma of the prediction, in units of that of the shared part of heights.
     """
 
     tie: Ints
@@ -82,20 +84,20 @@ class _Guessed(NamedTuple):
     sigma: Floats
 
     def off(self, ties: _Ties) -> Floats:
-        """(T,) how far each tie lies off what those around it say, in their sigmas."""
+        """Compute the difference (T,) of each tie from its prediction, in sigmas of the latter."""
         said = np.sum(self.weight * ties.height_m[self.tie], axis=1)
         return np.asarray((ties.height_m - said) / self.sigma)
 
 
 def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
-    """The survey in which ties around labels on the ground say how high and uneven it is there.
+    """Add predictions of the height and unevenness of the ground at labels from ties around them.
 
     Parameters
     ----------
     survey
-        All observations; which labels stand off the ground is known, and how rough that is.
+        All observations; labels off the ground and the roughness are known.
     adjustment
-        With its ties anywhere in space: see `sound_ties`.
+        Adjustment with its ties anywhere in space: see `sound_ties`.
     """
     shown, state, row = adjustment.survey, adjustment.state, survey.row_of_label
     names = [k for k, name in enumerate(shown.label) if not survey.off_ground[row[name]]]
@@ -109,13 +111,15 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     place = state.tie[lone[on_ground], :2]
     tree = cKDTree(place)
     around = np.asarray(tree.query(place, NEIGHBOURS + 1)[1])[:, 1:]
+    # Correlation of heights, and prediction errors of the ties themselves.
     ties, reach = _likeliest(_Ties(place, height, np.zeros(len(height))), around)
     off = np.abs(_guessed(around, place, ties, reach).off(ties))
     usual = max(float(np.median(off)) / MEDIAN, LEAST_M)
     square = np.minimum(off, OFF * usual) ** 2
+    # Predict the ground at labels, and scale the sigmas by the errors nearby.
     labels = state.point[names, :2]
     told = _guessed(np.asarray(tree.query(labels, NEIGHBOURS)[1]), labels, ties, reach)
-    # The ground is rougher here than there: what those around show of it counts.
+    # The roughness varies with the place: use the prediction errors of the neighbours.
     here = (USUAL * square.mean() + square[told.tie].sum(axis=1)) / (USUAL + NEIGHBOURS)
     unclear = _unclear_m(labels, state.tie[lone, :2], on_ground, (float(ties.own.min()), reach))
     own_m = np.hypot(rough_m * np.sqrt(here / square.mean()), unclear)
@@ -127,23 +131,23 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
 
 
 def _beside(label: Ints, told: _Guessed, own_m: Floats, rough_m: float) -> Beside:
-    """What guesses say of the heights of labels, beside the prior that the ground is even.
+    """Convert predictions of heights to observations beside the prior of an even ground.
 
-    A guess by simple kriging has taken that prior into account. What it knows besides is N(g, v)
-    with 1/v = 1/s² - 1/r² and g/v = h/s², of a guess h with sigma s and a prior r: both together
-    are the guess again. So the prior still holds the plane, and how rough the ground is can be
-    learnt from labels.
+    Simple kriging has already used that prior. The additional information is N(g, v) with 1/v =
+    1/s² - 1/r² and g/v = h/s², for a prediction h with sigma s and a prior sigma r: both together
+    are the prediction again. So the prior still constrains the plane, and the roughness of the
+    ground can be estimated from labels.
 
     Parameters
     ----------
     label
-        (B,) by index.
+        (B,) indices of labels.
     told
-        The guesses, by the ties of the survey, with sigmas in metres.
+        The predictions, by the ties of the survey, with sigmas in metres.
     own_m
-        (B,) how uneven the ground is below each label.
+        (B,) unevenness of the ground below each label.
     rough_m
-        How uneven the area's is.
+        Roughness of the area.
     """
     share = 1.0 - (told.sigma / own_m) ** 2
     says = share > LEAST_SAID
@@ -159,20 +163,20 @@ def _beside(label: Ints, told: _Guessed, own_m: Floats, rough_m: float) -> Besid
 
 
 def _unclear_m(place_m: Floats, ties_m: Floats, on_ground: Ints, by: tuple[float, float]) -> Floats:
-    """(n,) what ties off the ground around a place leave unclear of it.
+    """Compute the uncertainty (n,) that ties off the ground around a place leave [m].
 
-    At the foot of a bank, what goes for the ground on one side does not go for it. Where a tie lies
-    off, the ground is anywhere up to where one counts as off, and matters by what the tie would
-    have had to say.
+    At the foot of a bank, the ground on one side differs from that on the other. Where a tie is off
+    the ground, the ground may be at any height up to `OFF_M`, and this counts by the weight that
+    the tie would have had.
 
     Parameters
     ----------
     place_m, ties_m
-        (n, 2), and (T, 2) of all ties.
+        (n, 2) places, and (T, 2) places of all ties.
     on_ground
-        Which of the ties are.
+        Indices of ties on the ground.
     by
-        The variance of each tie for itself, and the reach of the correlation.
+        The own variance of each tie, and the range of the correlation.
     """
     every = _Ties(ties_m, np.zeros(len(ties_m)), np.full(len(ties_m), by[0]))
     around = np.asarray(cKDTree(ties_m).query(place_m, NEIGHBOURS)[1])
@@ -183,7 +187,7 @@ def _unclear_m(place_m: Floats, ties_m: Floats, on_ground: Ints, by: tuple[float
 
 
 def _on_ground(world_m: Floats) -> tuple[Ints, Floats]:
-    """Which ties (T, 3) lie on the ground, and their heights over its plane."""
+    """Find ties (T, 3) on the ground, and their heights over its plane."""
     none = np.zeros(0, dtype=np.int64), np.zeros(0)
     if len(world_m) < FEWEST:
         return none
@@ -199,15 +203,15 @@ def _on_ground(world_m: Floats) -> tuple[Ints, Floats]:
 
 
 def _likeliest(ties: _Ties, around: Ints) -> tuple[_Ties, float]:
-    """The correlation under which each tie is guessed best by those around it (T, m).
+    """Find the correlation under which each tie is predicted best by those around it (T, m).
 
-    By the likelihood of errors that are Laplace's, whose size is the one that fits: some ties are
-    of something else. These have no say in what follows.
+    The likelihood is that of Laplace distributed errors of the fitted size, since some ties are of
+    another object. These have no influence afterwards.
 
     Returns
     -------
     ties, reach_m
-        With their own variances, in units of what they share; how far that reaches.
+        Ties with their own variances, in units of the shared one; range of the correlation.
     """
     apart = float(np.median(np.linalg.norm(ties.place_m - ties.place_m[around[:, 0]], axis=1)))
     best = np.inf, ties, 1.0
@@ -216,6 +220,7 @@ def _likeliest(ties: _Ties, around: Ints) -> tuple[_Ties, float]:
         reach = times * max(apart, LEAST_M)
         found = _guessed(around, ties.place_m, tried, reach)
         off = np.abs(found.off(tried))
+        # Negative log-likelihood of the Laplace distribution with its size estimated.
         cost = float(np.log(off.mean()) + np.log(found.sigma).mean())
         if cost < best[0]:
             stands = off > OFF * np.median(off) / MEDIAN
@@ -224,35 +229,36 @@ def _likeliest(ties: _Ties, around: Ints) -> tuple[_Ties, float]:
 
 
 def _guessed(around: Ints, place_m: Floats, ties: _Ties, reach_m: float) -> _Guessed:
-    """Heights at places (n, 2), each from ties (n, m) around it.
+    """Predict heights at places (n, 2), each from ties (n, m) around it, by simple kriging.
 
     Parameters
     ----------
     around
-        By index.
+        (n, m) indices of ties.
     place_m
-        Of what is guessed.
+        (n, 2) places.
     ties
-        All.
+        All ties.
     reach_m
-        Of the correlation.
+        Range of the correlation.
     """
     at, own = ties.place_m[around], ties.own[around]
     among = _correlation(np.linalg.norm(at[:, :, None] - at[:, None], axis=3), reach_m)
     among = among + own[:, :, None] * np.eye(around.shape[1])
     here = _correlation(np.linalg.norm(at - place_m[:, None], axis=2), reach_m)
+    # Kriging weights C^-1 c and variance 1 + own - c^T C^-1 c.
     weight = np.linalg.solve(among, here[..., None])[..., 0]
     variance = 1.0 + float(ties.own.min()) - np.sum(weight * here, axis=1)
     return _Guessed(around, np.asarray(weight), np.sqrt(variance))
 
 
 def _correlation(apart_m: Floats, reach_m: float) -> Floats:
-    """Of heights so far apart. An exponential: kerbs and ruts are no smooth waves."""
+    """Compute the correlation of heights: exponential, as kerbs and ruts are not smooth."""
     return np.asarray(np.exp(-apart_m / reach_m))
 
 
 def _points(ties: Sightings, shown: Sightings, which: Ints) -> Ints:
-    """Points among `ties` of some points of an adjustment's, by the rows of the table."""
+    """Return indices among `ties` of points of an adjustment, matched by rows of the table."""
     first = np.full(shown.points, -1)
     first[shown.point[::-1]] = shown.row[::-1]
     order = np.argsort(ties.row, kind="stable")

@@ -1,9 +1,9 @@
-"""Learn how large errors are: sigmas of picks, roughness and relief of the ground.
+"""Estimate the noise: sigmas of picks, roughness and relief of the ground.
 
-What a person states of them is a guess. Where the residuals say otherwise the model grows, by what
-they ask for and no more: first the noise of the picks alone; where misfits show that the ground is
-no plane, each point's own departure (roughness), a quadratic surface (a crown), correlated relief.
-The marginal likelihood decides between them.
+Stated sigmas are guesses by people. Where the residuals contradict them, the model is extended step
+by step: first the noise of the picks alone; where misfits show that the ground is not plane, also
+the departure of each point (roughness), a quadratic surface (a crown), or correlated relief. The
+marginal likelihood decides between the models.
 """
 
 from __future__ import annotations
@@ -33,67 +33,68 @@ from uavgram.stages.refine.continued import carried, continued, lines_used
 from uavgram.stages.refine.outstanding import Outstanding, outstanding
 
 STATED_WEIGHT = 20.0
-"""Of the stated sigma of picks, as so many residuals."""
+"""Weight of the stated sigma of picks, as a number of residuals."""
 
 STATED_ROUGHNESS_WEIGHT = 2.0
-"""The same of a stated roughness, which is known to within a factor of 1.6 so: mostly it is the
+"""Weight of a stated roughness, which is thus known to within a factor of 1.6: mostly it is the
 default. A ground that is stated to be a plane has no such prior."""
 
 STATED_IDENTIFICATION_WEIGHT = 5.0
-"""The same of how far people pick beside what was meant: lengths and known things tell little."""
+"""Weight of the stated identification sigma (distance between picked and intended point): lengths
+and known things determine it poorly."""
 
 STATED_LENGTH_WEIGHT = 5.0
-"""The same of the stated sigma of taped lengths."""
+"""Weight of the stated sigma of taped lengths."""
 
 LITTLE = 30.0
 """Redundancy of the picks below which their sigmas are never taken as smaller than stated."""
 
 FEW_LENGTHS = 10.0
-"""The same of taped lengths."""
+"""Redundancy of taped lengths below which their sigmas are never taken as smaller than stated."""
 
 SAME = 0.03
-"""Relative change of a sigma that is not worth another adjustment."""
+"""Relative change of a sigma that does not justify another adjustment."""
 
 BY_HAND, TARGETS, IDENTIFIED, TAPED = -1, -2, -3, -4
-"""Stand for picks that people made, for targets, for picks beside what was meant, and for taped
-lengths, where else the index of an area does."""
+"""Codes of picks by people, of targets, of the identification and of taped lengths; other
+components have the index of an area instead."""
 
 UNIT_M = 0.05
-"""Roughness and relief that the search starts from [m]."""
+"""Initial value of roughness and relief in the search [m]."""
 
 LEAST_M = 0.002
-"""Roughness or relief below which a ground is as good as plane [m]."""
+"""Roughness or relief below which a ground counts as plane [m]."""
 
 KNOTS = 30
-"""Functions of a correlated relief, at most."""
+"""Largest number of functions of a correlated relief."""
 
 RANGES = (0.2, 0.45)
-"""Of a correlated relief, as shares of the extent of the points."""
+"""Ranges of a correlated relief, as shares of the extent of the points."""
 
 PENALTY: dict[SurfaceShape, float] = {"plane": 0.5, "quadratic": 2.5, "correlated": 4.0}
-"""Gain in log-likelihood over smooth, plane ground that each shape has to bring, with roughness.
-Little for roughness, as none is looked for before picks and ground misfit (`MISFIT`): what is then
-there but left out, makes sigmas too small. More for functions of the place, of which several are
-tried."""
+"""Least gain in log-likelihood of each shape, with roughness, over smooth, plane ground. Small for
+roughness, since that is only tried where picks and ground misfit (`MISFIT`), and an omitted
+roughness makes sigmas too small. Larger for functions of the place, of which several are tried."""
 
 LEAST_POINTS = 8
-"""Points of an area below which nothing but their own departures is looked for."""
+"""Number of points of an area below which only their own departures are estimated."""
 
 PASSES = 3
 """Adjustments with sigmas learnt from the one before."""
 
 
 class _Model(NamedTuple):
-    """What may be learnt: the likelihood in units, and the components that are their factors.
+    """Model of the noise: likelihood in units, and components whose factors are estimated.
 
     Attributes
     ----------
     shape
-        Of the ground; None: as it was stated.
+        Shape of the ground; None: as stated.
     problem
         The likelihood with the stated sigmas, and units of roughness and relief.
     components, areas
-        The picks' first; area by index of each that is of the ground, else what it is of.
+        Variance components, those of picks first; and the index of the area of each component of
+        the ground, otherwise the code of its kind.
     """
 
     shape: SurfaceShape | None
@@ -103,7 +104,7 @@ class _Model(NamedTuple):
 
 
 class _Fitted(NamedTuple):
-    """A model with its likeliest factors, and the log-likelihood less the price of the model."""
+    """Model with its likeliest factors, and the log-likelihood less the penalty of the model."""
 
     model: _Model
     found: Estimated
@@ -111,25 +112,29 @@ class _Fitted(NamedTuple):
 
     @property
     def log_likelihood(self) -> float:
-        """Without the price of the model."""
+        """Log-likelihood without the penalty of the model."""
         return self.merit + (0.0 if self.model.shape is None else PENALTY[self.model.shape])
 
 
 def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
-    """The survey with sigmas as its residuals show them, and its adjustment.
+    """Estimate sigmas from the residuals, and readjust with them.
 
     Parameters
     ----------
     survey
-        As it was handed in, with the stated sigmas.
+        The original survey with the stated sigmas.
     refined
-        Adjusted with them, without what is wrong beyond doubt.
+        Its adjustment, without gross errors.
+
+    Returns
+    -------
+    The survey with the learnt sigmas, and its adjustment.
     """
     if not refined.adjustment.minimum.converged:
         return survey, refined
     try:
         return _with_noise_learnt(survey, refined)
-    except SingularError:  # so far from fitting that picks with their own noise would tell nothing
+    except SingularError:  # misfit so large that picks with the learnt noise determine nothing
         return survey, refined
 
 
@@ -144,19 +149,21 @@ def _with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refine
             return _picks_alone(model, adjustment, first)
         return _fitted(model, adjustment, few, first)
 
+    # Choose the model by its penalised marginal likelihood.
     tried = [estimated(model, stated, None) for model in models]
     fitted = max(tried, key=lambda one: one.merit)
     chance = _chance(fitted, tried)
     if fitted.model.shape is None and np.abs(np.log(fitted.found.factor)).max() < SAME:
         return survey, replace(refined, noise=_noise(fitted, stated, stated.survey, chance))
     adjustment = stated
+    # Alternate readjustment and estimation until the factors are stable.
     for _ in range(PASSES):
         used = fitted
         adjustment = continued(adjustment, _learnt(used, stated.survey))
         fitted = estimated(used.model, adjustment, used.found.factor)
         if np.abs(np.log(fitted.found.factor / used.found.factor)).max() < SAME:
             break
-    # What is told is what the result was adjusted with.
+    # Report the sigmas with which the result was adjusted.
     noise = _noise(used, adjustment, stated.survey, chance)
     return _learnt(used, survey), replace(
         refined, adjustment=adjustment, noise=noise, stated=stated
@@ -164,24 +171,25 @@ def _with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refine
 
 
 def _as_stated(stated: Adjustment, redundancy: float) -> _Model:
-    """Nothing is learnt but the noise of the picks, and a roughness that was stated."""
+    """Return the model that learns only the noise of the picks, and a stated roughness."""
     return _components(None, stated.problem, stated, 1.0 if redundancy < LITTLE else 0.0)
 
 
 def _grown(stated: Adjustment, *, fits: bool) -> list[_Model]:
-    """Other shapes of the ground that are worth trying: none where all fits or little is known."""
+    """Return other ground shapes worth trying: none where all fits or the redundancy is small."""
     shown = (name for name in ("pixels", "matches") if name in stated.minimum.blocks)
     if sum(redundancy_of(stated, name) for name in shown) <= LITTLE:
         return []
     uneven = any(ground.roughness_sigma_m > 0 for ground in stated.survey.grounds)
-    if not fits or (uneven and stated.survey.matches.points):  # matches may have shown it: `shown`
+    # Matches may already have shown a roughness (`off_ground/shown.py`).
+    if not fits or (uneven and stated.survey.matches.points):
         return _every_shape(stated)
-    # Heights rest on the ground below, and picks of free points fit on any: they hide misfits.
+    # Free points fit on any ground, and so hide misfits; their heights count from the ground.
     return [_each_its_own(stated)] if stated.survey.is_free.any() else []
 
 
 def _every_shape(stated: Adjustment) -> list[_Model]:
-    """Every other shape of the ground: each point's own departure, and smooth ones."""
+    """Return every other shape of the ground: each point's own departure, and smooth ones."""
     survey, point = stated.survey, stated.state.point[:, :2]
     own = [point[survey.area == area] for area in range(len(survey.grounds))]
     models = [_each_its_own(stated)]
@@ -195,7 +203,7 @@ def _every_shape(stated: Adjustment) -> list[_Model]:
 
 
 def _each_its_own(stated: Adjustment) -> _Model:
-    """Departures of each point, and nothing smooth."""
+    """Return the model with a departure of each point, and without smooth relief."""
     return _model("plane", stated, [None for _ in stated.survey.grounds])
 
 
@@ -228,18 +236,18 @@ def _model(shape: SurfaceShape, stated: Adjustment, relief: Sequence[Relief | No
 def _components(
     shape: SurfaceShape | None, problem: SurveyProblem, adjustment: Adjustment, smallest: float
 ) -> _Model:
-    """What is to be learnt of a likelihood in units.
+    """List the variance components of a likelihood in units.
 
     Parameters
     ----------
     shape
-        Of the ground.
+        Shape of the ground.
     problem
         The likelihood.
     adjustment
-        Of the survey as it was stated: what it says of sigmas is a prior.
+        Adjustment with the stated sigmas, which are priors.
     smallest
-        Factor of the picks' sigmas that they never fall below.
+        Lower limit of the factor of the picks' sigmas.
     """
     stated = adjustment.survey
     targets = stated.pick_is_target
@@ -271,7 +279,7 @@ def _components(
 
 
 def _is_taped(survey: Survey) -> Bools:
-    """(L,) which lengths people taped: not those of plates, whose tape has a prior of its own."""
+    """Mark lengths (L,) that people taped, not those of plates, whose tape has its own prior."""
     plates = {name for name, _ in survey.own_scale_sigma}
     taped = [tape not in plates for tape in survey.line_tape]
     return np.array(taped or [True] * len(survey.line_start), dtype=np.bool_)
@@ -280,16 +288,16 @@ def _is_taped(survey: Survey) -> Bools:
 def _fitted(
     model: _Model, adjustment: Adjustment, few: Mapping[str, Outstanding], first: Floats | None
 ) -> _Fitted:
-    """A model with the factors that are likeliest about an adjustment.
+    """Estimate the likeliest factors of a model, linearised about an adjustment.
 
     Parameters
     ----------
     model
-        What is to be learnt.
+        The components to be estimated.
     adjustment
-        About whose state the model is linear.
+        The adjustment about whose state the model is linearised.
     few
-        Observations that stand out of all noise.
+        Outliers, which get little weight.
     first
         (C,) factors to start from.
     """
@@ -300,7 +308,7 @@ def _fitted(
         blocks[name] = _with_little_weight(blocks[name], one)
     begin = np.ones(len(model.components)) if first is None else first
     found = Linearised(blocks, layout.size, layout.structure).estimate(model.components, begin)
-    # Unknowns with a prior add the logarithm of its sigma: with it, models of different unknowns
+    # Add the log of the prior sigma of each unknown, so that models with different unknowns
     # can be compared.
     unit = sum(
         float(np.log(blocks[k].jacobian).sum()) for k in ("roughness", "relief") if k in blocks
@@ -310,19 +318,20 @@ def _fitted(
 
 
 def _picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None) -> _Fitted:
-    """The likeliest factor of the picks' sigmas, where nothing else is in question.
+    """Estimate the factor of the picks' sigmas, where no other component is in question.
 
     Parameters
     ----------
     model
-        With one component.
+        Model with one component.
     adjustment
-        With the sigmas as stated, or times a factor.
+        Adjustment with the sigmas as stated, or times a factor.
     first
-        (1,) the factor with which it was adjusted; None: one.
+        (1,) the factor of the sigmas of that adjustment; None: one.
     """
     block = adjustment.minimum.blocks["pixels"]
     scale = 1.0 if first is None else float(first[0])
+    # Sum of squares at the stated sigmas, and redundancy n - trace(leverage).
     squares = scale**2 * float(np.sum(block.residual**2))
     leverage = adjustment.covariance.leverage(block)
     found = of_one_group(squares, leverage.size - float(leverage.sum()), model.components[0])
@@ -337,7 +346,7 @@ def _with_little_weight(block: Block, few: Outstanding) -> Block:
 
 
 def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
-    """A survey with the sigmas and the ground as they were learnt; `survey` has them as stated."""
+    """Return the survey with learnt sigmas and ground; `survey` has the stated ones."""
     factor = fitted.found.factor
     grounds = list(fitted.model.problem.survey.grounds)
     for one, area, scale in zip(
@@ -371,7 +380,7 @@ def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
 
 
 def _chance(fitted: _Fitted, tried: Sequence[_Fitted]) -> float:
-    """Probability that so uneven a ground is found by chance; the first of all is as stated."""
+    """Return the probability of such uneven ground by chance; `tried[0]` is the model as stated."""
     own = len(fitted.model.components) - len(tried[0].model.components)
     if fitted.model.shape is None or own < 1:
         return 1.0
@@ -380,19 +389,20 @@ def _chance(fitted: _Fitted, tried: Sequence[_Fitted]) -> float:
 
 
 def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: float) -> Noise:
-    """What was learnt, for people.
+    """Describe the learnt noise for the report.
 
     Parameters
     ----------
     fitted
         The factors of the sigmas.
     adjustment
-        With them.
+        The adjustment with them.
     stated
-        The survey as it was stated.
+        The survey with the stated sigmas.
     chance
-        Probability of so uneven a ground by chance.
+        Probability of such uneven ground by chance.
     """
+    # Sigmas of the factors are relative.
     factor, sigma = fitted.found.factor, fitted.found.factor * fitted.found.sigma
     components = zip(fitted.model.components, fitted.model.areas, sigma.tolist(), strict=True)
     rough = {area: own for one, area, own in components if one.block == "roughness"}

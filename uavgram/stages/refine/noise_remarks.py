@@ -1,4 +1,4 @@
-"""What a survey shows of the size of its errors, in words."""
+"""Messages on the size of the errors that a survey shows."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ CARELESS = 2.5
 """Factor of the stated identification beyond which tape and picks no longer mean the same point."""
 
 WORSE, BETTER = 1.3, 0.75
-"""Factors of the stated sigma of picks beyond which it is worth a word."""
+"""Factors of the stated sigma of picks beyond which a message is issued."""
 
 BY_CHANCE = 0.001
-"""Level of a whole survey: so often a plane ground is told to be none."""
+"""Significance level for a whole survey: frequency of a plane ground being reported as uneven."""
 
 SURE = 3.0
-"""Sigmas by which the factor must differ from one."""
+"""Least difference of the factor from one, in sigmas."""
 
 LOOK = {
     "hand": "Look whether each label is at the same place in all photos.",
@@ -26,11 +26,11 @@ LOOK = {
     "match": "Look at those with the largest residuals.",
     "tie": "Something may have moved between the photos.",
 }
-"""Where to look for the reason that they are less exact than stated."""
+"""Where to look for the reason of larger errors than stated."""
 
 
 def noise_remarks(noise: Noise | None) -> Iterator[Message]:
-    """Report ground that is no plane, and what is better or worse than stated."""
+    """Report uneven ground, and readings that are more or less exact than stated."""
     if noise is None:
         return
     for area in noise.roughness:
@@ -82,7 +82,7 @@ def _length(size_m: float) -> str:
 
 
 def _picks(picks: PickNoise, what: str) -> Iterator[Message]:
-    """Of what the program found by likeness, that it is more exact is no news."""
+    """Report picks with other errors than stated; not matches that are merely more exact."""
     by_likeness = picks.source in ("match", "tie")
     stated = f"{figures(picks.stated_px)} px stated"
     found = (

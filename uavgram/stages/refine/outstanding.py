@@ -1,6 +1,6 @@
-"""Few observations that stand out of the noise of all others: blunders, and no noise.
+"""Separate outliers from noise before estimating variance components.
 
-What is said of the size of errors must not be learnt from them.
+The size of errors must not be estimated from a few outliers.
 """
 
 from __future__ import annotations
@@ -18,29 +18,29 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
 
 MISFIT = 0.05
-"""Probability below which picks, lengths and ground fit so badly that noise is in question."""
+"""Probability below which picks, lengths and ground fit so badly that the noise is in question."""
 
 FEW = 0.01
-"""Share of the observations, and at least one, that may be blunders and no noise."""
+"""Share of the observations, and at least one, that may be outliers and not noise."""
 
 CLEAR = 0.001
-"""Significance of the test, at the noise of the rest, of what may be a blunder and no noise."""
+"""Significance of the test of a possible outlier at the noise of the rest."""
 
 LEAST_REDUNDANCY = 0.05
-"""Redundancy number from which on the size of an error can be told."""
+"""Least redundancy number with which the size of an error can be estimated."""
 
 
 _Fall = tuple[float, str, int]
-"""By which the sum of squares falls without an observation; its group and row."""
+"""Decrease of the sum of squares without an observation; its group and row."""
 
 
 class Outstanding(NamedTuple):
-    """Observations of a group that stand out.
+    """Outliers of a group.
 
     Attributes
     ----------
     rows
-        (n,) which.
+        (n,) rows of the observations.
     errors
         (n,) size of their errors, in their sigmas.
     """
@@ -50,7 +50,7 @@ class Outstanding(NamedTuple):
 
 
 def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
-    """Rows of few observations that stand out of all noise; and whether everything else fits."""
+    """Find few observations that exceed all noise; also return whether the others fit."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
     squares, degrees, _ = core_fit(adjustment)
     falls: list[_Fall] = []
@@ -58,23 +58,26 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
         if name in blocks:
             fall = falls_without(blocks[name], covariance)
             falls += [(each, name, row) for row, each in enumerate(fall.tolist())]
-    # Of a length and the picks of its ends, which fall alike, the length has fewer axes to chance.
+    # Sort by probability: a length has fewer degrees of freedom than the picks of its ends.
     axes = {name: block.residual.shape[1] for name, block in blocks.items()}
     falls.sort(key=lambda one: log_probability(one[0], axes[one[1]], 1))
+    # The few candidates, then those among them beyond the noise of the rest.
     worst = falls[: max(1, int(FEW * len(falls)))]
     rest = squares - sum(fall for fall, *_ in worst)
     gone = sum(axes[name] for _, name, _ in worst)
+    # Variance factor of the rest, and the critical decrease at that noise.
     noise = max(rest / max(degrees - gone, 1.0), 1.0)
     limit = {name: noise * _limit(blocks[name]) for name in blocks}
     worst = [one for one in worst if one[0] > limit[one[1]]]
     gone = sum(axes[name] for _, name, _ in worst)
+    # Chi-square test of the rest.
     fits = upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT
     groups = dict.fromkeys(name for _, name, _ in worst)
     return {name: _of_group(adjustment, name, worst) for name in groups}, fits
 
 
 def _limit(block: Block) -> float:
-    """Fall of the sum of squares without one of n observations that is hardly chance."""
+    """Return the critical decrease of the sum of squares without one of n observations."""
     n, axes = block.residual.shape
     return float(chdtri(axes, level_of_each(CLEAR, n)))
 

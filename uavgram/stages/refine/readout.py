@@ -1,7 +1,7 @@
-"""Adjust again where the readout time was looked for in the wrong way.
+"""Readjust where the readout time was estimated with the wrong motion.
 
-That is where the adjusted clock puts the exposures into another moment of the flight, or where
-the readout time took up errors of another kind.
+This happens where the adjusted clock moves the exposures to another moment of the flight, or where
+the readout time absorbed errors of another kind.
 """
 
 from __future__ import annotations
@@ -17,22 +17,22 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.continued import continued
 
 BEYOND_BELIEF = 5.0
-"""Prior sigmas from what is known of the readout time: 150 ms where nothing is."""
+"""Largest deviation of the readout time in prior sigmas: 150 ms without prior knowledge."""
 
 
 def with_sound_readout(
     survey: Survey, refined: Refined
 ) -> tuple[Survey, Refined, tuple[Message, ...]]:
-    """Survey and result with the camera's motion at the exposures as they were found.
+    """Update the camera's motion at the exposures to the adjusted clock, and readjust.
 
-    The motion while a photo is read is looked up at the clock beforehand, which may be off by
-    tenths of a second: by then a copter in the wind turns another way. A readout time that no
-    camera has is left out, and said.
+    The motion while a photo is read is looked up at the clock beforehand, which may be wrong by
+    tenths of a second: by then a copter in the wind turns another way. An impossible readout time
+    is left out, and reported.
 
     Parameters
     ----------
     survey
-        As it was handed in.
+        The original survey.
     refined
         Its adjustment.
     """
@@ -48,7 +48,7 @@ def with_sound_readout(
     try:
         moved = with_readout(own, state.telemetry)
         whole = with_readout(survey, state.telemetry)
-    except ValueError:  # the found clock lies at the log's very end
+    except ValueError:  # the adjusted clock is at the very end of the log
         return survey, refined, ()
     if moved.rolling is None:
         return survey, refined, ()
@@ -69,8 +69,8 @@ def _absurd(known: Readout, found_s: float) -> Message:
 
 
 def _again(refined: Refined, survey: Survey) -> Refined:
-    """The same observations with another motion, or none, from where the result stands."""
+    """Readjust the same observations with another motion, or none, from the current estimate."""
     try:
         return replace(refined, adjustment=continued(refined.adjustment, survey))
-    except (SingularError, ValueError):  # only by rounding; or the other motion is impossible here
+    except (SingularError, ValueError):  # by rounding only, or the other motion is impossible here
         return refined

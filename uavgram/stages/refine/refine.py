@@ -1,4 +1,15 @@
-"""Refine: poses, points and all that is shared, in one maximum-likelihood adjustment."""
+"""Refine poses, points and shared unknowns in one maximum-likelihood adjustment.
+
+The steps of `refine`:
+
+1. Test tie points and matches against each other (`sound_ties.py`).
+2. Adjust at the stated noise: remove gross errors by a robust adjustment (`robust.py`), and look
+   for their causes (`causes/`).
+3. With ``outliers: remove``: correct the causes, such as swapped labels, and adjust again.
+4. With ``noise: estimate``: learn the noise from the residuals (`noise.py`).
+5. Remove further outliers at the learnt noise: with ``remove`` by data snooping (`snooping.py`),
+   with ``report`` by a second robust adjustment.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +50,7 @@ from uavgram.stages.refine.sound_ties import (
 )
 
 MOST_MENDS = 24
-"""Mends after which a survey is in disorder, and no more are made."""
+"""Number of corrections after which a survey is in disorder, and no more are made."""
 
 
 def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
@@ -50,22 +61,24 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     survey
         Observations and priors.
     options
-        What to do about blunders: with ``remove`` what was found to be wrong is mended (labels
-        swapped back, a unit put right); then the observation with the largest standardised
-        residual above the critical value is taken out and everything adjusted anew, one at a
-        time, until none is left. With ``report`` all stays as it was written.
+        Treatment of blunders. With ``remove``, identified mistakes are corrected (labels swapped
+        back, a unit put right); then the observation with the largest standardised residual above
+        the critical value is removed and everything is readjusted, one at a time, until none is
+        left. With ``report`` all observations stay as they were written.
 
     Raises
     ------
     GeometryError
-        The observations do not determine the survey; the message names what is missing.
+        The observations do not determine the survey; the message names the missing ones.
     """
+    # First poses from ties; then remove wrong ties and matches.
     stated, far_off = with_tied_frames(survey)
     stated = with_motion_by_photos(stated)
     sound = with_sound_ties(stated, learn=options.noise == "estimate")
     sound = replace(sound, ties_left_out=sound.ties_left_out | far_off)
     tied, shown = tuple(remarks_on_ties(survey, sound)), sound.shown.off_ground
     removed = np.zeros(len(survey.pick_frame), dtype=np.bool_)
+    # Adjust at the stated noise, correct one cause after the other, and readjust.
     begun = adjusted_as_stated(sound.survey, removed, options, shown)
     mends: tuple[Removal, ...] = ()
     while options.outliers == "remove" and len(mends) < MOST_MENDS:
@@ -77,6 +90,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
             mended.survey, begun.refined.pick_removed | mended.without, options, shown
         )
     taken_out = begun.refined.pick_removed
+    # Check the readout time, then learn the noise from the residuals.
     survey, refined, readout = with_sound_readout(begun.survey, begun.refined)
     if options.noise == "estimate":
         survey, refined = with_noise_learnt(survey, refined)
@@ -85,7 +99,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     search: list[Message] = []
     if options.outliers == "remove":
         refined, search = _without_blunders(survey, refined, options.significance)
-    else:  # what stands out of the noise that was learnt takes no part either
+    else:  # remove outliers at the learnt noise, too
         robust = adjust_robustly(participants(survey, refined), refined)
         found_free = [*found_free, *robust.labels]
         search += robust.messages(survey)
@@ -105,7 +119,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     if mirrored is not None:
         refined = replace(refined, mirrored=mirrored)
         search.append(undecided())
-    # A point off the ground is told once, with the height at which it was adjusted.
+    # Report a point off the ground once, with its adjusted height.
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
     told = (*causes, *begun.messages)
     told = (*told, *tied, *off_ground_remarks(refined), *readout, *noise_remarks(refined.noise))
@@ -116,14 +130,14 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
 
 
 def _is_adjusted_so(message: Message, refined: Refined) -> bool:
-    """Whether a message is on a point off the ground that has that height in the result."""
+    """Return whether a message is on a point off the ground that has that height in the result."""
     return message.code == "point-off-ground" and refined.off_ground.issuperset(message.labels)
 
 
 def _without_blunders(
     survey: Survey, refined: Refined, significance: float
 ) -> tuple[Refined, list[Message]]:
-    """Take out one blunder at a time and adjust anew, until none is left or can be chosen."""
+    """Remove one blunder at a time and readjust, until none is left or none can be chosen."""
     most = int(MOST * (len(survey.pick_frame) + len(survey.line_start) + len(survey.known)))
     while True:
         choice, undecided = blunders(refined, significance)
@@ -133,13 +147,13 @@ def _without_blunders(
             return refined, [too_many(len(refined.removals))]
         try:
             after = _adjusted_without(survey, refined, choice)
-        except GeometryError as why:  # nothing is left to solve by: better with it
+        except GeometryError as why:  # not determined without it: keep it
             return refined, [indispensable(refined, choice, why)]
         refined = replace(after, removals=(*refined.removals, choice))
 
 
 def _adjusted_without(survey: Survey, refined: Refined, choice: Removal) -> Refined:
-    """The adjustment without one more observation; what was left out before stays out."""
+    """Readjust without one more observation; those left out before stay out."""
     taking = participants(survey, refined)
     pick, line, known = (
         refined.pick_removed.copy(),

@@ -1,4 +1,4 @@
-"""What the refinement has to say: left out, removed, ambiguous, not at rest."""
+"""Messages of the refinement: observations left out or removed, ambiguity, no convergence."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from uavgram.stages.refine.lengths_in_view import odd_in_view, ratios_in_view
 from uavgram.stages.remedies import read_first
 
 LOWEST_M, HIGHEST_M = 0.3, 1000.0
-"""Heights of a drone's camera above the ground, beyond which lengths or log are in question."""
+"""Heights of a drone's camera above the ground [m], beyond which lengths or log are in question."""
 
 LOW_M, HIGH_M = 3.0, 150.0
-"""Heights from which most drones take photos of the ground: others are ordinary too, if rarer."""
+"""Usual heights of drone photos above the ground [m]; others are possible, if rarer."""
 
 UNITS_M = {
     "millimetres": 1e-3,
@@ -37,22 +37,22 @@ UNITS_M = {
     "yards": 3.0 * FOOT_M,
     "kilometres": 1e3,
 }
-"""Units that lengths may have been written in, in metres."""
+"""Possible units of the lengths as written, in metres."""
 
 MOST_LISTED = 12
-"""Lengths that are listed, oddest first."""
+"""Largest number of lengths in a list, oddest first."""
 
 LOOK_AT_PICKS = "Look at their places and labels."
 
 SAME_SCENE = 1e-3
-"""Relative change of distances up to which two solutions differ in their cameras alone."""
+"""Relative change of distances up to which two solutions differ in their cameras only."""
 
 WEAK = 0.01
-"""Relative sigma of the scene's distances (root mean square) from which the lengths are weak."""
+"""Relative sigma of the scene's distances (root mean square) above which the lengths are weak."""
 
 
 def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
-    """Everything that the result itself shows: picks left out, removals, ambiguity, no rest."""
+    """Collect the messages on the result: picks left out, removals, ambiguity, no convergence."""
     messages = list(_left_out(survey, refined))
     messages += [
         _removal(removal, removal.before)
@@ -67,7 +67,7 @@ def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
 
 
 def _not_converged() -> Message:
-    """No rest: nothing is named, since no residual of such an adjustment shows what is wrong."""
+    """Report missing convergence, without names: such residuals do not show the fault."""
     text = (
         "The picks and lengths lead to no result: do not use these numbers. The adjustment did not "
         "come to rest, and no test can tell from these numbers what is wrong. Look at the other "
@@ -78,7 +78,7 @@ def _not_converged() -> Message:
 
 
 def _contradictory(survey: Survey, refined: Refined) -> Iterator[Message]:
-    """Lengths that contradict each other, where none could be singled out as wrong."""
+    """Report lengths that contradict each other, where none could be singled out as wrong."""
     if survey.telemetry is not None:
         return
     keep = np.zeros(len(survey.pick_frame), dtype=bool)
@@ -93,7 +93,7 @@ def _contradictory(survey: Survey, refined: Refined) -> Iterator[Message]:
 
 
 def contradiction(survey: Survey, keep: Bools) -> str:
-    """Lengths of which one is so odd that no pose explains it, as sentences; else empty."""
+    """Describe lengths with one so odd that no pose explains it, as sentences; otherwise empty."""
     ratio = ratios_in_view(survey, keep)
     if not odd_in_view(ratio).any():
         return ""
@@ -101,13 +101,13 @@ def contradiction(survey: Survey, keep: Bools) -> str:
 
 
 def _oddest(ratio: Floats) -> Ints:
-    """Lengths that can be compared, the oddest first."""
+    """Return the lengths that can be compared, the oddest first."""
     lines = np.flatnonzero(np.isfinite(ratio))
     return lines[np.argsort(-np.abs(ratio[lines]), kind="stable")][:MOST_LISTED]
 
 
 def _listed(survey: Survey, ratio: Floats) -> str:
-    """How the lengths compare with what one sees, as sentences."""
+    """List the ratios of lengths to their view, as sentences."""
     label = survey.label
     values = [
         f"{label[survey.line_start[i]]!r} to {label[survey.line_end[i]]!r} "
@@ -121,7 +121,7 @@ def _listed(survey: Survey, ratio: Floats) -> str:
 
 
 def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
-    """Cameras at a height from which no drone takes photos of the ground."""
+    """Report cameras at a height from which no drone takes photos of the ground."""
     above = adjustment.state.center[:, 2] - adjustment.state.plane[0]
     height = float(np.median(above))
     if LOWEST_M <= height <= HIGHEST_M:
@@ -151,7 +151,7 @@ def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
 
 
 def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
-    """Picks of frames that stayed; and frames of which nothing is left, each once."""
+    """Report left-out picks of the remaining frames, and each frame without any pick once."""
     frames: dict[str, Counter[str]] = {}
     stayed = set(refined.adjustment.survey.frame_id)
     for index, reason in sorted(refined.pick_reason.items()):
@@ -219,7 +219,7 @@ def _removal(removal: Removal, before: Refined) -> Message:
 
 
 def _mended(cause: Cause, before: str, after: str) -> Message:
-    """The message on a cause, with what was done about it."""
+    """Report a cause, with the correction that was made."""
     first, _, rest = cause.message.text.removesuffix(".").partition(". ")
     done = f"It was mended, look whether rightly: {before}; now {after}"
     text = ". ".join(filter(None, (first, done, rest)))
@@ -227,7 +227,7 @@ def _mended(cause: Cause, before: str, after: str) -> Message:
 
 
 def not_located(refined: Refined, suspicion: Suspicion) -> Message:
-    """There is a blunder that no test can tell from its neighbours."""
+    """Report a blunder that no test can separate from its neighbours."""
     names = Names(refined.adjustment)
     text = (
         f"One of these does not fit: the {names.group(suspicion)}; {names.look(suspicion)}, or "
@@ -245,16 +245,16 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
 
 
 def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Message:
-    """What looks like a blunder is needed: without it the survey is not determined.
+    """Report a suspected blunder that is needed to determine the survey.
 
     Parameters
     ----------
     refined
         The adjusted survey.
     removal
-        What looks like a blunder.
+        The suspected blunder.
     why
-        What cannot be determined without it.
+        Error that names the unknown that is undetermined without it.
     """
     names, accused = Names(refined.adjustment), removal.suspicion.accused
     text = (
@@ -310,13 +310,13 @@ def _differences(changes: Sequence[tuple[float, float]]) -> str:
 
 
 def _weak_lengths(refined: Refined) -> Iterator[Message]:
-    """Lengths that leave the scene's distances poorly known, and what to tape next."""
+    """Report lengths that determine the scene's distances poorly, and the line to tape next."""
     adjustment = refined.adjustment
     survey, used = adjustment.survey, adjustment.problem.line_index
     if survey.telemetry is not None or survey.gauge == "world":
         return
     point = adjustment.state.point[:, :2]
-    # Right angles and the like hold what lengths of one direction, or a single one, would not.
+    # Right angles and the like determine what lengths of one direction, or a single one, do not.
     ends = point[survey.line_start[used]], point[survey.line_end[used]]
     faults = () if known_rows(survey) else line_faults(*ends, point)
     advice = next_line(adjustment)
@@ -334,7 +334,7 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
 
 
 def _suggestion(refined: Refined) -> tuple[str, tuple[str, ...]]:
-    """The line to tape next and what it would bring, as the end of a sentence; and its ends."""
+    """Suggest the line to tape next and its effect, as the end of a sentence; return its ends."""
     advice = next_line(refined.adjustment)
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
         return "", ()
@@ -360,7 +360,7 @@ def _ambiguous_control(refined: Refined) -> Iterator[Message]:
 
 
 def too_many(removed: int) -> Message:
-    """The removal was stopped: what is wrong is no single observation."""
+    """Report that the removal was stopped: the fault is not a single observation."""
     text = (
         f"{removed} picks and lengths were taken out and still others do not fit, so that was "
         "stopped: do not use these numbers. Something common to them is wrong: look at labels, "

@@ -1,8 +1,11 @@
-"""Leave gross errors out of a survey: one robust adjustment over every kind of observation.
+"""Remove gross errors from a survey by one robust adjustment over every kind of observation.
 
-Where an ordinary adjustment is in order, that is all. Else robust adjustments begin from several
-first values (`annealing.py`), and the one of least cost decides which observations are gross
-errors. The rest is adjusted as usual; what was left out is reported.
+1. `adjust_robustly` keeps an ordinary adjustment that fits (`_is_in_order`).
+2. Otherwise robust adjustments (`annealing.py`) begin from several first values: with enlarged
+   sigmas, then without single lengths, photos, known things or picks (`_most_agreed`).
+3. The candidate of least cost decides which observations are gross errors.
+4. The remaining observations are adjusted as usual (`_adjusted_without`), and the removed ones are
+   reported.
 """
 
 from __future__ import annotations
@@ -54,42 +57,46 @@ from uavgram.stages.refine.minima import (
 from uavgram.stages.refine.off_ground.shown import photos_of
 
 ORDINARY_SIGMAS = 5.0
-"""Standardised misfit in an ordinary adjustment up to which nothing is asked."""
+"""Standardised misfit up to which an ordinary adjustment is accepted without a robust one."""
 
 MOST_ALTERNATIVES = 4
-"""Other minima of an adjustment from which robust ones begin."""
+"""Largest number of alternative minima of an adjustment from which robust adjustments begin."""
 
 MOST_STARTS = 12
-"""Lengths, or photos, that are left out of the first values in turn: of more, none."""
+"""Largest number of lengths, or photos, that are left out of the first values in turn; with more of
+them the search is skipped."""
 
 MOST_IN_PAIRS = 7
-"""Lengths that are left out in pairs, without a log."""
+"""Largest number of lengths that are left out in pairs, without a log."""
 
 MOST_PICKS = 40
-"""Picks that are left out of the first values in turn, where nothing else makes the rest fit."""
+"""Largest number of picks that are left out of the first values in turn, as the last attempt to
+make the rest fit."""
 
 MISFIT = 1e-6
-"""Probability of the squares of all that is no gross error, below which the rest does not fit."""
+"""Probability of the sum of squares without gross errors, below which the rest does not fit."""
 
 FEW_GROSS = 0.03
-"""Share of all observations, and at least one, that may be gross errors where no other first values
-are tried."""
+"""Share of all observations, and at least one, that may be gross errors without a search from other
+first values."""
 
 RIVAL = 2.0 * float(np.log(20.0))
 """Difference of costs up to which another explanation has odds of more than 1 in 20."""
 
 PROMISING = 0.5
-"""Share of what a gross error explains, from which on, in the linear model, another is tried."""
+"""Share of the gross error's decrease of the sum of squares that another observation must reach, in
+the linear model, to be tried instead."""
 
 OFF_GROUND_M = 0.1
-"""Departure from the ground from which on a point has a height of its own."""
+"""Departure from the ground [m] above which a point has a height of its own."""
 
 LEAST_ROUGHNESS_M, LEAST_TAPE_SCALE = 0.02, 1e-3
-"""Roughness of the ground, and sigma of the scale of tapes, where less is stated: with none, no
-point could be off the ground, and no tape in another unit."""
+"""Least roughness of the ground [m] and least sigma of the scale of tapes. With zero, no point
+could be off the ground, and no tape in another unit."""
 
 NO_PLACE = (LeftOutCause.NO_GROUND, LeftOutCause.MISPLACED_FRAME)
-"""Why picks have no first values, where those contradict others: all else is undetermined."""
+"""Causes of missing first values for picks that contradict others; all other causes are
+undetermined picks."""
 
 MISPLACED = LeftOut(
     LeftOutCause.MISPLACED_FRAME,
@@ -100,24 +107,25 @@ MISPLACED = LeftOut(
 
 @dataclass(frozen=True, eq=False)
 class Robust:
-    """A survey adjusted without its gross errors.
+    """Survey adjusted without its gross errors.
 
     Attributes
     ----------
     survey
-        Without control points that are gross errors, and with heights of its own for each label
-        that is off the ground.
+        Survey without control points that are gross errors, and with a height of its own for each
+        label that is off the ground.
     refined
-        Its adjustment; `line_removed`, `known_removed` and `pick_reason` have the rest.
+        Its adjustment; `line_removed`, `known_removed` and `pick_reason` hold the other gross
+        errors.
     control
-        Control points of the survey handed in that were left out.
+        Rows of the control points of the original survey that were left out.
     labels
         Names of labels off the ground.
     heights
         Names of labels whose stated heights are gross errors: they have heights of their own.
     contradicting
-        Names of labels whose picks contradict each other: they have sigmas as large as their
-        misfit, since nothing shows which of them is wrong.
+        Names of labels whose picks contradict each other. These picks have sigmas as large as their
+        misfit, since no observation shows which of them is wrong.
     """
 
     survey: Survey
@@ -128,7 +136,7 @@ class Robust:
     contradicting: tuple[str, ...] = ()
 
     def messages(self, survey: Survey) -> Iterator[Message]:
-        """Report what of a survey was left out: control, heights, picks that contradict."""
+        """Report control and heights that were left out, and picks that contradict each other."""
         yield from control_left_out(survey, self.refined, self.control)
         yield from heights_left_out(survey, self.refined, self.heights)
         for label in self.contradicting:
@@ -161,9 +169,9 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
     Parameters
     ----------
     taking
-        What takes part.
+        Participating observations.
     plain
-        Its ordinary adjustment, where that is known.
+        Their ordinary adjustment, where it is known.
 
     Raises
     ------
@@ -177,7 +185,7 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         failed = why
     if plain is None or not _is_in_order(taking, plain):
         agreed = _most_agreed(taking)
-        # A photo of another place spoils the others' tests: these are made anew without it.
+        # A photo of another place spoils the tests of the others: repeat them without it.
         while agreed and agreed[0].misplaced:
             best = agreed[0]
             rest = best.taking.without_frames(best.misplaced, MISPLACED)
@@ -193,8 +201,8 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
 
 
 def _with_misplaced(survey: Survey, refined: Refined) -> Refined:
-    """Call photos misplaced that, by the pose their own picks give, see the sky in all of them."""
-    if survey.telemetry is not None:  # else the pose is of the log
+    """Mark photos as misplaced whose pose, from their own picks, shows the sky at all picks."""
+    if survey.telemetry is not None:  # otherwise the pose is that of the log
         return refined
     frame, reason = survey.pick_frame, refined.pick_reason
     sky = [k for k, why in reason.items() if why.cause is LeftOutCause.NO_GROUND]
@@ -205,13 +213,13 @@ def _with_misplaced(survey: Survey, refined: Refined) -> Refined:
 
 
 def _are_most_left(whole: Participants, rest: Participants) -> bool:
-    """Whether few frames were left out: were there more, the fault is not theirs."""
+    """Return whether few frames were left out; if many were, the frames are not at fault."""
     before, after = (np.unique(one.survey.pick_frame[one.keep]) for one in (whole, rest))
     return len(after) >= (1.0 - MOST_OF_A_KIND) * len(before)
 
 
 def _is_in_order(taking: Participants, refined: Refined) -> bool:
-    """Whether all takes part in an ordinary adjustment, and nothing is far off."""
+    """Return whether an ordinary adjustment uses all observations and has no large misfit."""
     adjustment = refined.adjustment
     if not adjustment.minimum.converged or len(refined.pick_reason) > len(taking.reason):
         return False
@@ -221,16 +229,17 @@ def _is_in_order(taking: Participants, refined: Refined) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A robust adjustment from certain first values.
+    """Robust adjustment from certain first values.
 
     Attributes
     ----------
     taking
-        What takes part.
+        Participating observations.
     first
-        The adjustment that it began from; `pick_index` has the picks of the robust adjustment.
+        The adjustment from which it began; its `pick_index` holds the picks of the robust
+        adjustment.
     annealed
-        Where it ended.
+        The robust adjustment.
     """
 
     taking: Participants
@@ -239,7 +248,7 @@ class Candidate:
 
     @property
     def left_out(self) -> tuple[object, ...]:
-        """Which observations take no part: equal where those of another candidate are the same."""
+        """Key of the left-out observations: equal for candidates that leave out the same."""
         gross = ((name, *self.annealed.gross(name).tolist()) for name in self.annealed.misfit)
         return (self.first.pick_index.tobytes(), *gross)
 
@@ -250,7 +259,7 @@ class Candidate:
 
     @property
     def contradicting(self) -> Ints:
-        """Picks without a place that were not just too few."""
+        """Picks without a place for another reason than too few observations."""
         why = self.first.pick_reason
         return np.array(
             [k for k in self.unplaced.tolist() if why.get(k, MISPLACED).cause in NO_PLACE],
@@ -261,28 +270,29 @@ class Candidate:
     def misplaced(self) -> tuple[str, ...]:
         """Names of frames that contradict all the others."""
         survey, frames = self.taking.survey, self.annealed.frames
-        if survey.telemetry is not None:  # else the pose of the log leads to the sky
+        if survey.telemetry is not None:  # otherwise the pose of the log leads to the sky
             return frames
         placed = survey.pick_frame[self.first.pick_index]
         lost = np.setdiff1d(survey.pick_frame[self.contradicting], placed)
         return (*frames, *(survey.frame_id[k] for k in lost.tolist()))
 
     def cost(self, picks: int) -> float:
-        """Of the adjustment; each of so many picks that has no place in it counts as gross."""
+        """Return the cost, with each of `picks` picks without a place as a gross error."""
         return self.annealed.cost + GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
 
     def fits(self) -> bool:
-        """Whether what is no gross error agrees."""
+        """Test whether the observations without the gross errors agree (chi-square test)."""
         found, blocks = self.annealed, self.annealed.minimum.blocks
         gross = {name: len(found.gross(name)) for name in found.misfit}
         left = sum(blocks[name].residual.shape[1] * count for name, count in gross.items())
         numbers = sum(block.residual.size for block in blocks.values())
         degrees = max(numbers - left - found.problem.layout.size, 1)
+        # Sum of squares of the rest: each gross error contributes GROSS_SIGMAS^2 to the cost.
         squares = found.cost - GROSS_SIGMAS**2 * sum(gross.values())
         return bool(squares < chdtri(degrees, MISFIT))
 
     def is_agreed(self) -> bool:
-        """Whether nearly everything takes part, and no other length could be wrong instead."""
+        """Return whether nearly all take part and no other length could be the wrong one."""
         misfit = self.annealed.misfit
         if not self.annealed.minimum.converged:
             return False
@@ -291,25 +301,25 @@ class Candidate:
         if gross > max(1, FEW_GROSS * sum(map(len, misfit.values()))):
             return False
         if gross and not self.checks_lengths():
-            return False  # nothing checks a length any more: it could be wrong instead
+            return False  # an unchecked length could be wrong instead
         lengths = self.annealed.gross("lengths")
         if len(lengths) and self._is_placed_by_lengths():
-            return False  # in another pose another one may be wrong
+            return False  # in another pose another length may be wrong
         if any(_has_rival(self.annealed, row) for row in lengths):
             return False
         return not self._strains_a_prior()
 
     def checks_lengths(self) -> bool:
-        """Whether other observations check every length."""
+        """Return whether other observations check every length."""
         return bool(self.annealed.misfit.get("lengths", np.ones(1)).all())
 
     def _is_placed_by_lengths(self) -> bool:
-        """Whether lengths alone place the photo: a wrong one may lead to another pose."""
+        """Return whether lengths alone place the photo: a wrong length may lead to another pose."""
         survey = self.annealed.problem.survey
         return survey.telemetry is None and len(survey.frame_id) == 1
 
     def _strains_a_prior(self) -> bool:
-        """Whether something that all have in common, as the camera, is far from what is known."""
+        """Return whether a shared unknown, such as the camera, is far from its prior."""
         common = (
             block
             for name, block in self.annealed.minimum.blocks.items()
@@ -321,10 +331,11 @@ class Candidate:
 def _most_agreed(taking: Participants) -> list[Candidate]:
     """Adjust robustly from all first values; return the candidates, that of least cost first.
 
-    First values that leave out more are tried where those before lead to no agreement.
+    First values that leave out more observations are tried where the earlier ones lead to no
+    agreement.
     """
     found = _by_cost(taking, _from_softened(taking))
-    # A photo that contradicts all others spoils every other test: look whether the rest agrees.
+    # A photo that contradicts all others spoils every other test: try the rest without it.
     for name in found[0].misplaced if found else ():
         rest = taking.without_frames([name], MISPLACED)
         others = _by_cost(taking, _from_softened(rest)) if _are_most_left(taking, rest) else []
@@ -332,7 +343,7 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
             return others[:1]
     if found and found[0].is_agreed():
         return found[:1]
-    # First values may depend on what is wrong: leave out one thing, one length, one photo.
+    # First values may depend on a gross error: leave out one known thing, length or photo.
     whole = replace(taking, survey=_softer(taking.survey, 1.0))
     kinds = (_without_a_known_thing, _without_lengths, _without_a_frame)
     for candidate in _from_each(chain(*(kind(whole) for kind in kinds)), whole, taking):
@@ -348,20 +359,20 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
 def _from_each(
     reduced: Iterable[Participants], whole: Participants, taking: Participants
 ) -> Iterator[Candidate]:
-    """Adjust robustly from parts of the observations, of which all take part again."""
+    """Adjust all observations robustly from the minima of subsets of them."""
     for part in reduced:
         for candidate in _from_reduced(part, whole):
             yield replace(candidate, taking=taking)
 
 
 def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Candidate]:
-    """Sort candidates for what takes part, that of least cost first."""
+    """Sort candidates by their cost for all participating picks, that of least cost first."""
     picks = int(taking.keep.sum())
     return sorted(candidates, key=lambda one: one.cost(picks))
 
 
 def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
-    """Leave out each known thing, and all control where a log places the survey."""
+    """Leave out each known thing, and all control points where a log places the survey."""
     things = [one.index for one in whole.survey.known if one.index not in whole.known_removed]
     for thing in things if len(things) <= MOST_STARTS else []:
         yield replace(whole, known_removed=whole.known_removed | {thing})
@@ -371,10 +382,10 @@ def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
 
 
 def _without_lengths(whole: Participants) -> Iterator[Participants]:
-    """Leave out each length; with a log all of them first, without one each pair as well.
+    """Leave out each length; with a log also all lengths together, without a log also each pair.
 
-    First values may depend on a wrong length; and where all lengths are in another unit, they and
-    the log may lead all else to agree with them.
+    First values may depend on a wrong length. Where all lengths are in another unit, they and the
+    log may force all other observations into agreement with them.
     """
     lines, has_log = np.flatnonzero(~whole.line_removed), whole.survey.telemetry is not None
     sets: list[tuple[int, ...]] = [tuple(lines.tolist())] if has_log and len(lines) else []
@@ -392,10 +403,10 @@ def _without_a_frame(whole: Participants) -> Iterator[Participants]:
 
 
 def _with_a_loose_frame(whole: Participants) -> Iterator[Participants]:
-    """Let the picks of each photo weigh nearly nothing, where a log places it.
+    """Give the picks of each photo nearly no weight, where a log places the photo.
 
-    Labels that are swapped in one photo turn and move it, and may lead all first values astray. The
-    log places it well enough to show which of its picks agree with the other photos.
+    Labels that are swapped in one photo rotate and move it, and may spoil all first values. The log
+    places the photo well enough to show which of its picks agree with the other photos.
     """
     survey = whole.survey
     for frame in _few_frames(whole) if survey.telemetry is not None else []:
@@ -405,13 +416,13 @@ def _with_a_loose_frame(whole: Participants) -> Iterator[Participants]:
 
 
 def _few_frames(whole: Participants) -> list[int]:
-    """Photos with picks; none where they are too few to tell one from the others, or too many."""
+    """Return photos with picks; none where they are too few to single one out, or too many."""
     frames: list[int] = np.unique(whole.survey.pick_frame[whole.keep]).tolist()
     return frames if 2 < len(frames) <= MOST_STARTS else []
 
 
 def _without_a_pick(whole: Participants) -> Iterator[Participants]:
-    """Leave out each of few picks, of points that have others."""
+    """Leave out each pick of a point that has others, where the picks are few."""
     survey, keep = whole.survey, whole.keep
     often = np.bincount(survey.pick_label[keep], minlength=len(survey.label)) > 1
     picks = np.flatnonzero(keep & often[survey.pick_label]).tolist()
@@ -422,7 +433,8 @@ def _without_a_pick(whole: Participants) -> Iterator[Participants]:
 def _from_softened(taking: Participants) -> Iterator[Candidate]:
     """Adjust robustly from hundredfold sigmas, and from heights that photos show.
 
-    Where most points are off the ground, as on roofs and cars, none of them pulls the ground then.
+    The second start is for surveys with most points off the ground, as on roofs and cars: there no
+    point pulls the ground plane.
     """
     whole = replace(taking, survey=_softer(taking.survey, 1.0))
     try:
@@ -437,6 +449,8 @@ def _from_softened(taking: Participants) -> Iterator[Candidate]:
     with suppress(SingularError, ValueError):
         placed, problem = _stated_problem(first.adjustment, first, whole)
         survey = problem.survey
+        # Second start: heights are nearly free, then points clear of the main plane leave the
+        # ground.
         grounds = [replace(one, roughness_sigma_m=ANYWHERE_M) for one in survey.grounds]
         anywhere = _with_ground(problem, tuple(grounds))
         start = carried(first.adjustment, anywhere)
@@ -453,9 +467,9 @@ def _from_reduced(reduced: Participants, whole: Participants) -> Iterator[Candid
     Parameters
     ----------
     reduced
-        What takes part, without some of it, or with picks that weigh nearly nothing.
+        Participating observations without some of them, or with picks that have nearly no weight.
     whole
-        What takes part: the robust adjustment decides on what was left out.
+        All participating observations; the robust adjustment decides on those that were left out.
     """
     try:
         first = best_minima(reduced)
@@ -475,12 +489,13 @@ def _from_reduced(reduced: Participants, whole: Participants) -> Iterator[Candid
 def _stated_problem(
     adjustment: Adjustment, first: Refined, whole: Participants
 ) -> tuple[Refined, SurveyProblem]:
-    """Build the likelihood of all observations of points and photos that an adjustment has.
+    """Build the likelihood of all observations of the points and photos in an adjustment.
 
     Parameters
     ----------
     adjustment, first
-        One of the minima of a part of the observations, or with other sigmas; and their record.
+        One of the minima of a part of the observations, or with other sigmas; and the record of
+        that adjustment.
     whole
         All observations, with their sigmas.
 
@@ -491,7 +506,7 @@ def _stated_problem(
     survey, reduced = whole.survey, adjustment.survey
     is_placed = np.zeros(len(whole.keep), dtype=np.bool_)
     is_placed[first.pick_index] = True
-    if not reduced.matches.points + reduced.ties.points:  # else a pick has unknowns of its own
+    if not reduced.matches.points + reduced.ties.points:  # otherwise a pick has unknowns of its own
         is_placed |= (
             whole.keep
             & np.isin(np.array(survey.label)[survey.pick_label], reduced.label)
@@ -522,14 +537,14 @@ def _stated_problem(
 
 
 def _with_ground(problem: SurveyProblem, grounds: tuple[Ground, ...]) -> SurveyProblem:
-    """The likelihood of the same observations on other ground."""
+    """Build the likelihood of the same observations on another ground."""
     used = np.zeros(len(problem.survey.line_start), dtype=np.bool_)
     used[problem.line_index] = True
     return SurveyProblem(replace(problem.survey, grounds=grounds), problem.pivot_m, used)
 
 
 def _clear_of_ground(survey: Survey, point_m: Floats) -> Bools:
-    """(K,) labels clear of the plane that most labels of their area are on, seen in two photos."""
+    """Mark labels (K,), seen in two photos, clear of the plane of most labels of their area."""
     seen = np.flatnonzero((photos_of(survey) > 1) & ~survey.off_ground)
     is_off = np.zeros(len(survey.label), dtype=np.bool_)
     for area in np.unique(survey.area[seen]):
@@ -542,16 +557,16 @@ def _clear_of_ground(survey: Survey, point_m: Floats) -> Bools:
 
 
 CLEAR_M = 0.3
-"""Height above the plane of most points from which on a point begins off the ground."""
+"""Height above the plane of most points [m] above which a point begins off the ground."""
 
 ANYWHERE_M = 3.0
-"""Sigma of the height of a point above the ground, of which nothing is known."""
+"""Sigma of the height of a point above the ground [m] without any knowledge of it."""
 
 
 def _weights_without(
     problem: SurveyProblem, adjustment: Adjustment, first: Refined, taking: Participants
 ) -> dict[str, Floats]:
-    """Weights, by group, with nearly none for what took no part in the first adjustment."""
+    """Return weights by group, nearly none for observations not in the first adjustment."""
     lines = taking.line_removed[first.line_index[problem.line_index]]
     known = [problem.known[k].index in taking.known_removed for k in problem.known_thing]
     control = ~np.isin(problem.survey.control_label, adjustment.survey.control_label)
@@ -560,7 +575,7 @@ def _weights_without(
 
 
 def _softer(survey: Survey, factor: float) -> Survey:
-    """The survey with larger sigmas of readings, and with ground and tapes that may err."""
+    """Return the survey with enlarged sigmas of readings, and with uncertain ground and tapes."""
     grounds = tuple(
         replace(one, roughness_sigma_m=factor * max(one.roughness_sigma_m, LEAST_ROUGHNESS_M))
         for one in survey.grounds
@@ -579,35 +594,36 @@ def _softer(survey: Survey, factor: float) -> Survey:
 
 
 def _has_rival(found: Annealed, row: int) -> bool:
-    """Whether another length explains the misfit of one that was left out, in the linear model."""
+    """Return whether another length explains the misfit of a removed one, in the linear model."""
     whole, falls = _falls_with_length(found, row)
     others = found.misfit["lengths"] <= GROSS_SIGMAS
     return bool((falls["lengths"][others] > whole - RIVAL).any())
 
 
 def _falls_with_length(found: Annealed, row: int) -> tuple[float, dict[str, Floats]]:
-    """Compute what leaving out a length, or another length or pick instead, saves.
+    """Compute the decreases of the sum of squares without a length, or another one instead.
 
     Parameters
     ----------
     found, row
-        A robust adjustment, and the length that it left out.
+        A robust adjustment, and the row of the length that it left out.
 
     Returns
     -------
     whole, falls
-        By how much the sum of squares falls without this length, and (n,) without each length and
-        each pick while this length takes part, in the linear model.
+        Decrease of the sum of squares without this length; and (n,) without each length and each
+        pick while this length takes part, in the linear model.
 
     Notes
     -----
     With the length back, the unknowns move by -S J^T e / v, where S is their covariance, e the
     error of the length's prediction and v = 1 + J S J^T its variance. The residuals r and cofactors
     Q of the others become r - x e / v and Q + x x^T / v, with x = J' S J^T, and the sum of squares
-    falls by r^T Q^-1 r without one of them. Axes that nothing checks then count 0.
+    falls by r^T Q^-1 r without one of them. Axes that no other observation checks then count 0.
     """
     minimum = found.minimum
     block, root = minimum.blocks["lengths"], np.sqrt(found.weight["lengths"])
+    # Gradient J^T of the length at full weight, S J^T, variance v and error e of its prediction.
     gradient = np.zeros((found.problem.layout.size, 1))
     np.add.at(gradient[:, 0], block.columns[row], block.jacobian[row, 0] / root[row])
     pull = minimum.factor.solve(gradient)
@@ -616,9 +632,11 @@ def _falls_with_length(found: Annealed, row: int) -> tuple[float, dict[str, Floa
     covariance, falls = minimum.factor.covariance(), {}
     for name in ("lengths", "pixels"):
         other = minimum.blocks[name]
+        # Residuals and cofactors of the others with the length back: r - x e / v, Q + x x^T / v.
         moved = other.times(slice(None), pull)[:, :, 0]
         residual = other.residual - moved * error / variance
         share = cofactors(other, covariance) + np.einsum("na,nb->nab", moved, moved) / variance
+        # r^T Q^-1 r in the eigenvectors of Q, without unchecked axes.
         redundancy, axes = np.linalg.eigh(share)
         along = np.einsum("nra,nr->na", axes, residual) ** 2
         checked = redundancy > LEAST_REDUNDANCY
@@ -627,14 +645,14 @@ def _falls_with_length(found: Annealed, row: int) -> tuple[float, dict[str, Floa
 
 
 def _clicks_instead(candidate: Candidate) -> dict[str, Adjustment | None]:
-    """Find labels of which one wrong click explains as much as the only gross error, a length.
+    """Find labels of which one wrong pick explains as much as the only gross error, a length.
 
-    Those that the linear model proposes are tried in an adjustment with the length, without the
-    click. A length that a known mistake explains, as another unit, has no such rivals.
+    The picks that the linear model proposes are tried in an adjustment with the length and without
+    the pick. A length that a known mistake explains, such as another unit, has no such rivals.
 
     Returns
     -------
-    The adjustment without the click of each label; None where it has no result.
+    The adjustment without the wrong pick of each label; None where it has no result.
     """
     found = candidate.annealed
     rows = found.gross("lengths")
@@ -666,7 +684,7 @@ def _clicks_instead(candidate: Candidate) -> dict[str, Adjustment | None]:
 
 
 def _is_known_mistake(found: Annealed, row: int) -> bool:
-    """Whether a length that was left out was read in another unit, or with the point misplaced."""
+    """Return whether a removed length has another unit, or a misplaced decimal point."""
     survey, line = found.problem.survey, found.problem.line_index[row]
     taped, sigma = float(survey.length_m[line]), float(survey.length_sigma_m[line])
     root = np.sqrt(found.weight["lengths"][row])
@@ -678,8 +696,8 @@ def _is_known_mistake(found: Annealed, row: int) -> bool:
 def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     """Adjust without the gross errors of the best candidate; None where that has no result.
 
-    Of candidates that explain as much, one that keeps all picks comes first, and one that comes to
-    rest. Others without other lengths are alternatives of the result.
+    Among candidates that explain as much, the one that keeps most picks comes first, and one that
+    converges. Those that leave out other lengths are alternatives of the result.
     """
     if not agreed:
         return None
@@ -687,6 +705,7 @@ def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     least = agreed[0].cost(picks)
     near = [one for one in agreed if one.cost(picks) <= least + RIVAL]
     near.sort(key=lambda one: len(one.annealed.gross("pixels")))
+    # One candidate for each set of left-out observations.
     different = {one.left_out: one for one in reversed(near)}
     each = [one for one in near if different[one.left_out] is one]
     pairs = [(one, candidate) for candidate in each if (one := _adjusted_without(candidate))]
@@ -694,6 +713,7 @@ def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     if not pairs:
         return _without_outliers([one for one in agreed if one not in near])
     (robust, candidate), *others = pairs
+    # Record lengths that rival explanations leave out, and their adjustments.
     refined, rivals = robust.refined, set[str]()
     minima = [*refined.alternatives]
     for rival, _ in others:
@@ -712,10 +732,11 @@ def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
 
 
 def _adjusted_without(candidate: Candidate) -> Robust | None:
-    """The ordinary adjustment of what is no gross error; None where that has no result."""
+    """Adjust without the gross errors of a candidate, as usual; None where that has no result."""
     taking, first, found = candidate.taking, candidate.first, candidate.annealed
     survey, reduced, problem = taking.survey, found.problem.survey, found.problem
     picks = found.gross("pixels")
+    # Picks that contradict each other stay, with a sigma as large as their misfit.
     lost = np.flatnonzero(np.isin(reduced.pick_label, _contradicting(found)))
     sigma_px = survey.pick_sigma_px.copy()
     sigma_px[first.pick_index[lost]] = _spread_px(found, lost)
@@ -726,6 +747,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     removed = taking.line_removed.copy()
     removed[first.line_index[problem.line_index[found.gross("lengths")]]] = True
     known = frozenset(problem.known[problem.known_thing[k]].index for k in found.gross("known"))
+    # Points with gross roughness get heights of their own.
     rough = problem.third.rough[found.gross("roughness")]
     off_ground = rough[np.abs(found.minimum.state.point[rough, 2]) > OFF_GROUND_M]
     names = tuple(reduced.label[k] for k in off_ground)
@@ -755,7 +777,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
 
 
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:
-    """Adjust what is left, from values of the robust adjustment where there are no others."""
+    """Adjust the rest, from the robust adjustment where other first values fail."""
     with suppress(GeometryError):
         return best_minima(left)
     with suppress(GeometryError):
@@ -764,13 +786,13 @@ def _adjusted(left: Participants, found: Annealed) -> Refined | None:
 
 
 def _cost_of_all(refined: Refined, picks: int) -> tuple[bool, float]:
-    """Order adjustments of so many picks: those at rest first, then by their cost."""
+    """Return a sort key of adjustments of so many picks: converged ones first, then by cost."""
     minimum, lost = refined.adjustment.minimum, picks - len(refined.pick_index)
     return not minimum.converged, minimum.cost + GROSS_SIGMAS**2 * lost
 
 
 def _first_values(found: Annealed, survey: Survey) -> FirstValues:
-    """First values of a survey from a robust adjustment of its labels and frames, or of more."""
+    """Return first values from a robust adjustment that has the survey's labels and frames."""
     state, reduced = found.minimum.state, found.problem.survey
     frame = [reduced.frame_id.index(name) for name in survey.frame_id]
     label = [reduced.row_of_label[name] for name in survey.label]
@@ -785,14 +807,16 @@ def _first_values(found: Annealed, survey: Survey) -> FirstValues:
 
 
 def _contradicting(found: Annealed) -> list[int]:
-    """Labels whose picks contradict each other, and nothing shows which of them is wrong.
+    """Find labels whose picks contradict each other, without evidence for which of them is wrong.
 
-    All are gross errors; or others could be in their place, and all the rest fits as well.
+    Either all picks of the label are gross errors, or others of its picks could be the gross errors
+    with an equally good fit of the rest.
     """
     gross = np.zeros(len(found.problem.survey.pick_label), dtype=np.bool_)
     gross[found.gross("pixels")] = True
     label = found.problem.survey.pick_label
     number, wrong = (np.bincount(of, minlength=label.max() + 1) for of in (label, label[gross]))
+    # Labels with at least half of their picks gross.
     asked = np.flatnonzero((number > 1) & (2 * wrong >= number)).tolist()
     return [
         k
@@ -806,9 +830,10 @@ def _contradicting(found: Annealed) -> list[int]:
 
 
 def _shows_photo_at_fault(found: Annealed, gross: Bools, own: Bools) -> bool:
-    """Whether some of the picks that contradict each other are of a photo in which others left too.
+    """Return whether contradicting picks are of a photo in which picks of other points left too.
 
-    Errors go together, as of two labels that are swapped: the photo is in doubt, and not the point.
+    Such errors go together, as of two labels that are swapped: the photo is in doubt, not the
+    point.
     """
     frame = found.problem.survey.pick_frame
     others = np.bincount(frame[gross & ~own], minlength=frame.max() + 1)
@@ -817,7 +842,7 @@ def _shows_photo_at_fault(found: Annealed, gross: Bools, own: Bools) -> bool:
 
 
 def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
-    """Whether picks of a point that left may take the place of those that did not.
+    """Return whether removed picks of a point may take the place of its remaining ones.
 
     Parameters
     ----------
@@ -827,6 +852,7 @@ def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
         Picks that take no part, and picks of the point.
     """
     problem = found.problem
+    # Exchange the roles of the point's picks, and decide again.
     weight = {**found.weight, "pixels": np.where(gross ^ own, NEARLY_NONE, 1.0)}
     try:
         other = decide(problem, weighted_minimum(problem, found.minimum.state, weight), weight)
@@ -837,10 +863,10 @@ def _is_as_good(found: Annealed, gross: Bools, own: Bools) -> bool:
 
 
 def _spread_px(found: Annealed, rows: Ints) -> Floats:
-    """Sigmas (n,) of picks of points whose picks contradict each other: their mean may be any.
+    """Compute sigmas (n,) [px] of picks of points whose picks contradict each other.
 
-    As large as what all else shows, and such that the mean of a point's picks has a sigma of half
-    the distance between them.
+    Each is at least as large as the misfit of a gross pick, and such that the mean of a point's
+    picks has a sigma of half the distance between them.
     """
     survey, misfit = found.problem.survey, found.misfit["pixels"][rows]
     blocks = found.problem.evaluate(found.minimum.state)
@@ -848,11 +874,12 @@ def _spread_px(found: Annealed, rows: Ints) -> Floats:
     own_px = survey.pick_sigma_px
     off_px = np.linalg.norm(blocks["pixels"].residual, axis=1) * own_px
     label = survey.pick_label[rows]
+    # sigma = distance / 2 * sqrt(n), so that the mean of n picks has half the distance as sigma.
     spread_px = np.zeros(len(survey.label))
     for one in np.unique(label):
         mine = np.flatnonzero(survey.pick_label == one)
         takes_part = (found.misfit["pixels"][mine] <= GROSS_SIGMAS).any()
-        # Where some take part, the point lies at these; else it lies between all.
+        # The point is at the picks that take part, or, if none does, between all of them.
         apart_px = off_px[mine].max() * (1.0 if takes_part else 2.0)
         spread_px[one] = apart_px / 2.0 * np.sqrt(len(mine))
     gross = misfit > GROSS_SIGMAS
@@ -860,7 +887,7 @@ def _spread_px(found: Annealed, rows: Ints) -> Floats:
 
 
 def _far_off(found: Annealed, row: int) -> LeftOut:
-    """Why a pick takes no part."""
+    """Describe the reason why a pick is a gross error."""
     blocks = found.problem.evaluate(found.minimum.state)
     assert blocks is not None  # noqa: S101  (the iterations ended there)
     sigma_px = found.problem.survey.pick_sigma_px[row]

@@ -1,4 +1,4 @@
-"""Which observation to take out as a blunder, if any can be told from the others."""
+"""Choose the observation to remove as a blunder, if it can be separated from the others."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.observations.observation import Suspicion
 
 STATED = ("lengths", "known")
-"""Groups of readings that bear on several points each."""
+"""Groups of readings that concern several points each."""
 
 MOST = 0.25
-"""Share of the observations beyond which what is taken out is no blunder but the model."""
+"""Share of the observations beyond which removals point to a wrong model, not to blunders."""
 
 
 class Blunders(NamedTuple):
-    """What could be taken out.
+    """Possible removals.
 
     Attributes
     ----------
     choice
         The pick, length or known thing that is the likeliest blunder; None where everything fits or
-        nothing can be chosen.
+        none can be chosen.
     undecided
         Suspicions in which none can be chosen.
     """
@@ -33,12 +33,12 @@ class Blunders(NamedTuple):
 
 
 def blunders(refined: Refined, significance: float) -> Blunders:
-    """Choose the pick, length or known thing to take out.
+    """Choose the pick, length or known thing to remove.
 
-    Of a length and the picks of its ends that no test can part, the length goes: its points keep
-    their places; and so with whatever else is known. A group with two lengths, with two picks
-    alone, or with a prior in it, stays: nothing tells which of them is wrong. Where a prior alone
-    is suspected, nothing is taken out on its account.
+    If no test can separate a length from the picks of its ends, the length is removed, since its
+    points keep their places; likewise any other known thing. A group with two lengths, with two
+    picks only, or with a prior in it stays: no observation shows which of them is wrong. Where a
+    prior alone is suspected, nothing is removed because of it.
     """
     undecided = []
     groups = observed(refined.adjustment)

@@ -1,8 +1,8 @@
-"""Which matches and ties are wrong, and how exact the others are, before anything rests on them.
+"""Find wrong matches and ties, and the noise of the others, before the adjustment uses them.
 
-The program found them, so no person is asked: what does not fit is left out. They are tested
-against each other and the flight log, with what people picked and measured nearly without a say:
-a label in the wrong place must not cost the matches that would show it.
+Since the program found them, no person is asked: those that do not fit are left out. They are
+tested against each other and the flight log, with observations by people at nearly no weight: a
+label in the wrong place must not remove the matches that would reveal it.
 """
 
 from __future__ import annotations
@@ -36,42 +36,44 @@ SOFTER = 10.0
 """Factor of the sigmas of picks and lengths while matches and ties are tested."""
 
 WRONG = 20.0
-"""Fall of the sum of squares from which a sighting is wrong: chi-square of two degrees of freedom
-is beyond it in one of 20,000."""
+"""Decrease of the sum of squares above which a sighting is wrong: chi-square with two degrees of
+freedom exceeds it with a probability of 1 in 20,000."""
 
 WORST = 3.0
-"""Factor by which the sigmas of sightings may be too small, at the most: a wrong one among very few
-is no scatter of all."""
+"""Largest factor by which the sigmas of sightings may be too small: a wrong one among very few must
+not count as scatter of all."""
 
 MEDIAN = 2.0 * float(np.log(2.0))
-"""Of the chi-square distribution of two degrees of freedom."""
+"""Median of the chi-square distribution with two degrees of freedom."""
 
 ROUNDS = 12
-"""In each, the worst sighting of every point that has a wrong one is left out."""
+"""Largest number of rounds; each leaves out the worst sighting of every point that has a wrong
+one."""
 
 BENT = 0.2
-"""Share of the largest fall below which a sighting may only look wrong, as worse ones bend all."""
+"""Share of the largest decrease below which a sighting may only seem wrong, distorted by worse
+ones."""
 
 STATED_WEIGHT = 20.0
-"""Of their stated sigmas, as so many residuals."""
+"""Weight of the stated sigmas, as a number of residuals."""
 
 SMALLEST = 0.5
-"""Factor of them that the sigmas never fall below."""
+"""Lower limit of the factor of the stated sigmas."""
 
 
 @dataclass(frozen=True, eq=False)
 class SoundTies:
-    """A survey whose matches and ties fit each other.
+    """Survey whose matches and ties fit each other.
 
     Attributes
     ----------
     survey
-        Without wrong ones, and with the ground as these show it; with sigmas as they show them,
-        where these are asked for.
+        Survey without wrong ones, and with the ground as the others show it; with sigmas learnt
+        from them, if requested.
     shown
-        What matches and ties show of the ground.
+        Properties of the ground that matches and ties show.
     noise
-        Of matches and of ties, where there are any.
+        Noise of matches and of ties, where there are any.
     matches_left_out, ties_left_out
         Rows of the picks, and of the ties, that are wrong.
     """
@@ -84,10 +86,10 @@ class SoundTies:
 
 
 def with_sound_ties(survey: Survey, *, learn: bool = True) -> SoundTies:
-    """The survey without matches and ties that do not fit the others; `learn`: with their sigmas.
+    """Leave out matches and ties that do not fit the others; `learn`: estimate their sigmas.
 
-    Matches are tested as ties are, each chain a point of its own anywhere in space: whether it lies
-    where the ground is, is a question to the ground.
+    Matches are tested as ties are, each chain a point of its own anywhere in space: the test
+    whether it is on the ground comes later.
     """
     if not survey.matches.points + survey.ties.points:
         return SoundTies(survey)
@@ -96,14 +98,16 @@ def with_sound_ties(survey: Survey, *, learn: bool = True) -> SoundTies:
         keep, _ = in_lens(survey)
         begun = Participants(_softened(survey), keep, every, {})
         adjustment = best_minima(begun).adjustment
+        # Keep the rolling shutter only if ties fit much better with it.
         if is_in_question(survey):
             still = replace(begun.survey, rolling=None)
             plain = best_minima(replace(begun, survey=still)).adjustment
             if not ask_for_shutter(plain, adjustment):
                 survey, adjustment = replace(survey, rolling=None), plain
-    except GeometryError:  # what is missing is told of the survey as it is
+    except GeometryError:  # the main adjustment reports what is missing
         return SoundTies(replace(survey, rolling=None) if is_in_question(survey) else survey)
     wrong: list[tuple[bool, int]] = []
+    # Remove the worst sighting of each point and readjust, until none is wrong.
     for left in reversed(range(ROUNDS)):
         out = _wrong(adjustment)
         if not out.any():
@@ -128,7 +132,7 @@ def with_sound_ties(survey: Survey, *, learn: bool = True) -> SoundTies:
 
 
 def _softened(survey: Survey) -> Survey:
-    """The survey with little weight for what people observed, and chains as ties."""
+    """Give observations by people little weight, and treat chains of matches as ties."""
     matches, ties = survey.matches, survey.ties
     joined = Sightings(
         frame=np.concatenate([matches.frame, ties.frame]),
@@ -149,12 +153,12 @@ def _softened(survey: Survey) -> Survey:
 
 
 def _is_match(ties: Sightings) -> Bools:
-    """(N,) which sightings are of chains of matches."""
+    """Mark sightings (N,) that belong to chains of matches."""
     return np.asarray(ties.pick[ties.point] >= 0)
 
 
 def _is_picked(survey: Survey) -> Bools:
-    """(N,) which sightings are the picked pixels of chains."""
+    """Mark sightings (N,) that are the picked pixels of chains."""
     ties = survey.ties
     pick = ties.pick[ties.point]
     same = (pick >= 0) & (survey.pick_frame[pick] == ties.frame)
@@ -162,10 +166,10 @@ def _is_picked(survey: Survey) -> Bools:
 
 
 def _wrong(adjustment: Adjustment) -> Bools:
-    """(N,) the worst sighting of each point that has one that is wrong.
+    """Mark the worst sighting (N,) of each point that has a wrong one.
 
-    Sightings are wrong beside the scatter of the others: their sigmas may be too small for all. The
-    picked pixel of a chain is never wrong, as it says by itself what the chain is of.
+    The test is relative to the scatter of all sightings, since all their sigmas may be too small.
+    The picked pixel of a chain is never wrong, as it defines the point of the chain.
     """
     ties = adjustment.survey.ties
     if not ties.points:
@@ -176,6 +180,7 @@ def _wrong(adjustment: Adjustment) -> Bools:
     worst = order[np.unique(ties.point[order], return_index=True)[1]]
     limit = np.zeros(len(fall))
     for own in (_is_match(ties), ~_is_match(ties)):
+        # Robust variance factor of each kind: median of the decreases over that of chi-square.
         scatter = np.median(fall[own & (fall > 0)]) / MEDIAN if (own & (fall > 0)).any() else 1.0
         limit[own] = WRONG * float(np.clip(scatter, 1.0, WORST**2))
     limit = np.maximum(limit, BENT * float(fall.max()))
@@ -185,7 +190,7 @@ def _wrong(adjustment: Adjustment) -> Bools:
 
 
 def _without(adjustment: Adjustment, out: Bools) -> Adjustment:
-    """Adjusted without some sightings, from where it stands."""
+    """Readjust from the current estimate without some sightings."""
     survey = adjustment.survey
     ties, points = survey.ties.without(out)
     less = replace(survey, ties=ties)
@@ -204,7 +209,7 @@ def _without(adjustment: Adjustment, out: Bools) -> Adjustment:
 
 
 def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
-    """How exact matches and ties are, as their residuals show it."""
+    """Estimate the noise of matches and ties from their residuals."""
     ties, block = adjustment.survey.ties, adjustment.minimum.blocks.get("ties")
     if block is None:
         return
@@ -225,32 +230,32 @@ def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
 
 
 def _sound(sightings: Sightings, wrong: frozenset[int], factor: float) -> Sightings:
-    """Sightings without those of some rows, with sigmas times a factor.
+    """Leave out sightings of some rows, and scale the sigmas of the others.
 
     Parameters
     ----------
     sightings
-        Of a survey.
+        Sightings of a survey.
     wrong
-        Rows of the table that they are from.
+        Rows of the table to leave out.
     factor
-        Of the sigmas.
+        Factor of the sigmas.
     """
     some, _ = sightings.without(np.isin(sightings.row, list(wrong)))
     return replace(some, sigma_px=factor * some.sigma_px)
 
 
 def with_noise_of_ties(noise: Noise | None, stated: Survey, sound: SoundTies) -> Noise | None:
-    """What was learnt of picks and ground, with what was learnt before of matches and ties.
+    """Add the noise of matches and ties to the learnt noise of picks and ground.
 
     Parameters
     ----------
     noise
-        Of the survey with the ground as matches show it.
+        Noise of the survey with the ground as matches show it.
     stated
-        The survey as it was handed over.
+        The original survey.
     sound
-        What is left of it.
+        The survey without wrong matches and ties.
     """
     if noise is None:
         return None
@@ -266,14 +271,14 @@ def with_noise_of_ties(noise: Noise | None, stated: Survey, sound: SoundTies) ->
 
 
 def remarks_on_ties(survey: Survey, sound: SoundTies) -> Iterator[Message]:
-    """What was left out, by name where it was found from a pick.
+    """Report left-out sightings, by name where they were found from a pick.
 
     Parameters
     ----------
     survey
-        As it was handed over.
+        The original survey.
     sound
-        What is left of it.
+        The survey without wrong matches and ties.
     """
     matches = survey.matches
     for row in sorted(sound.matches_left_out):

@@ -1,4 +1,4 @@
-"""What the observations of a survey leave free: which picks hang on it, and what would help."""
+"""Unknowns that the observations do not determine: their picks, and a possible remedy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uavgram.model.survey.survey import Survey
 
 
 class UndeterminedError(GeometryError):
-    """The observations leave something free; `picks` (P,) are those that hang on it alone."""
+    """Undetermined unknown; `picks` (P,) are the picks that depend on it alone."""
 
     def __init__(self, message: str, picks: Bools) -> None:
         self.picks = picks
@@ -21,16 +21,16 @@ class UndeterminedError(GeometryError):
 
 
 def hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
-    """(P,) the picks of the point, or of the frame, that an unknown belongs to.
+    """Mark the picks (P,) of the point, or of the frame, that an unknown belongs to.
 
     Parameters
     ----------
     index
         Column of the unknown.
     layout
-        Where each unknown stands.
+        Columns of all unknowns.
     survey
-        With P picks.
+        Survey with P picks.
     """
     if layout.first_tie <= index < layout.first_frame:
         return np.zeros(len(survey.pick_label), dtype=np.bool_)
@@ -41,12 +41,12 @@ def hanging_on(index: int, layout: Layout, survey: Survey) -> Bools:
 
 
 def weakness(survey: Survey, values: FirstValues, line_used: Bools) -> str:
-    """What is wrong with the lengths as a set, if anything is, as the end of a sentence.
+    """Describe the weakness of the lengths as a set, if any, as the end of a sentence.
 
     Parameters
     ----------
     survey
-        With L known lengths.
+        Survey with L known lengths.
     values
         First values, among them the places of the points.
     line_used

@@ -1,8 +1,9 @@
-"""Effects of faults in a flight log: frames that they touch, and messages.
+"""Effects of faults in a flight log: affected frames, and messages.
 
-A jump does not say which side of it is right. The side with the most photos keeps its sigmas; of
-every other the size of the jump is added to each frame's own variance. What all frames share (the
-biases of the flight) has to cover the other case, so it is widened by as much.
+A jump does not show which side of it is right. The side with the most photos keeps its sigmas; for
+every other side the size of the jump is added to each frame's own variance. The common errors of
+all frames (the biases of the flight) have to cover the other case, so their sigmas are enlarged by
+as much.
 """
 
 from __future__ import annotations
@@ -45,24 +46,24 @@ class Freed(NamedTuple):
 
     @property
     def frames(self) -> Bools:
-        """(N,) which frames are freed."""
+        """Mask (N,) of frames with added variances."""
         return np.asarray((self.position > 0).any(axis=1) | (self.attitude > 0).any(axis=1))
 
 
 def freed_by(faults: Faults, time_s: Floats, unsure_s: Floats) -> Freed:
-    """What faults of a log add to the variances of N frames.
+    """Compute the variances that faults of a log add to N frames.
 
-    Horizontal directions are treated alike: the size of a jump is known, which of the places about
-    it is right is not.
+    Horizontal directions are treated alike: the size of a jump is known, but not which of the
+    places before and after it is right.
 
     Parameters
     ----------
     faults
-        In the order of time.
+        Faults in the order of time.
     time_s
         (N,) instants of the frames.
     unsure_s
-        (N,) by how much these may be wrong: so near a jump, a frame may be on its other side.
+        (N,) possible errors of the instants: so near a jump, a frame may be on its other side.
     """
     jumps, turns = (
         [f for f in faults if f.kind == kind] for kind in ("position-jump", "attitude-jump")
@@ -80,13 +81,13 @@ def freed_by(faults: Faults, time_s: Floats, unsure_s: Floats) -> Freed:
 
 
 def unsure_s(frames: Frames) -> Floats:
-    """(N,) by how much the instants of the matched frames may be wrong: three sigmas."""
+    """Return possible errors (N,) of the instants of the matched frames: three sigmas."""
     own_s = np.nan_to_num(frames.sigma_time_s[frames.matched], nan=0.0)
     return np.asarray(3.0 * np.hypot(own_s, frames.clock_offset_sigma_s))
 
 
 def _by_jumps(jumps: Faults, time_s: Floats, unsure_s: Floats) -> tuple[Floats, Floats]:
-    """(N, 3) variances of frames off the level on which most of them are; (3,) the largest."""
+    """Return variances (N, 3) of frames off the most common level, and the largest (3,)."""
     level = np.zeros((len(time_s), 3))
     between = np.zeros((len(time_s), 3))
     side = np.zeros(len(time_s), dtype=np.int64)
@@ -94,7 +95,7 @@ def _by_jumps(jumps: Faults, time_s: Floats, unsure_s: Floats) -> tuple[Floats, 
         behind = time_s >= jump.end_s
         level[behind] += jump.change
         side[behind] += 1
-        # Between two samples the way bends to and fro: as wrong as the whole jump.
+        # During the jump the interpolated path may be wrong by the whole jump.
         during = (time_s > jump.start_s - unsure_s) & (time_s < jump.end_s + unsure_s)
         between[during] += _square(np.array(jump.change))
     if not len(time_s) or not jumps:
@@ -105,7 +106,7 @@ def _by_jumps(jumps: Faults, time_s: Floats, unsure_s: Floats) -> tuple[Floats, 
 
 
 def _square(change: Floats) -> Floats:
-    """(..., 3) squares, both horizontal ones that of the horizontal size."""
+    """Compute squares (..., 3), with that of the horizontal size for both horizontal axes."""
     horizontal = np.sum(change[..., :2] ** 2, axis=-1)
     return np.stack([horizontal, horizontal, change[..., 2] ** 2], axis=-1)
 
@@ -118,24 +119,24 @@ _LOOK = (
 
 
 def fault_messages(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
-    """A warning on each fault, with the photos that are freed of the log by it.
+    """Report each fault, with the photos whose log prior it weakens.
 
-    And a remark on what the autopilot says it reset amid the photos without any trace in the track.
+    Also report resets by the autopilot amid the photos without any trace in the track.
 
     Parameters
     ----------
     faults
-        In the order of time.
+        Faults in the order of time.
     evidence
-        Which holds the stated resets.
+        Evidence with the stated resets.
     frames
-        Of which the matched ones have an instant.
+        Frames, of which the matched ones have an instant.
     """
     for code in dict.fromkeys(fault.kind for fault in faults):
         alike = [fault for fault in faults if fault.kind == code]
         freed = _freed(alike, frames)
         for k, fault in enumerate(alike):
-            # Jumps free photos together: which, follows from all of them.
+            # Photos affected by jumps follow from all jumps together.
             last = k == len(alike) - 1
             own = freed if fault.is_jump else _freed([fault], frames)
             effect = _effect(own) if last or not fault.is_jump else ""
@@ -160,11 +161,11 @@ _OPENINGS: dict[FaultKind, str] = {
         "The log's position lies off what the GPS receiver itself states, {count} times"
     ),
 }
-"""Of several faults of a kind."""
+"""Opening of the message on several faults of a kind."""
 
 
 def _what(fault: LogFault) -> str:
-    """What happens, as the beginning of a sentence."""
+    """Describe the fault, as the beginning of a sentence."""
     size = _size(fault)
     return {
         "position-jump": f"The log's position jumps {size}",
@@ -184,7 +185,7 @@ def _what(fault: LogFault) -> str:
 
 
 def _size(fault: LogFault) -> str:
-    """``by 3.0 m``, ``for 2.6 s``."""
+    """Return ``by 3.0 m``, ``for 2.6 s``."""
     along, up = fault.horizontal, abs(fault.change[2])
     tilt, yaw = np.degrees([along, up])
     if fault.kind == "position-jump":
@@ -199,13 +200,13 @@ def _size(fault: LogFault) -> str:
 
 
 def _larger_part(one: tuple[float, str], other: tuple[float, str]) -> str:
-    """Two parts of a jump, each with its format; a part below a fifth of the other is left out."""
+    """Join two parts of a jump, each with its format; omit a part below a fifth of the other."""
     largest = max(one[0], other[0])
     return " and ".join(form.format(size) for size, form in (one, other) if size >= 0.2 * largest)
 
 
 def _where(start_s: float, end_s: float, frames: Frames) -> str:
-    """``between photo a.jpg and b.jpg (10:03:12 UTC)``."""
+    """Return ``between photo a.jpg and b.jpg (10:03:12 UTC)``."""
     order = [k for k in np.argsort(frames.time_utc_s) if frames.matched[k]]
     before = [frames.frame_id[k] for k in order if frames.time_utc_s[k] <= start_s]
     after = [frames.frame_id[k] for k in order if frames.time_utc_s[k] >= end_s]
@@ -234,7 +235,7 @@ def _freed(faults: list[LogFault], frames: Frames) -> tuple[str, ...]:
 
 
 def _effect(names: tuple[str, ...]) -> str:
-    """What follows for which photos, and what to do."""
+    """Describe the effect on photos, and the action."""
     if not names:
         return " No photo depends on that, so nothing was changed."
     return (

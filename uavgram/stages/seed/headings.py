@@ -1,8 +1,8 @@
-"""Headings and tilts that the photos' poses do not state, from what the photos share.
+"""Estimate headings and tilts that the photos' poses do not state, from common points.
 
-From half a turn off, no iteration finds back: so the seeds are turned before the adjustment to
-where the common points, the positions and known points agree. How uncertain they are stays as it
-was: what is found here are first values, and the adjustment decides.
+The iterations cannot correct a heading that is wrong by half a turn; so the seeds are rotated
+before the adjustment to the agreement of common points, positions and known points. Their
+uncertainty is kept: these are first values, and the adjustment decides.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 
 BESIDE = 4.0
-"""Sigmas of the positions (root mean square) up to which tied poses go with them."""
+"""Largest misfit of tied poses to the positions, in sigmas (root mean square)."""
 
 
 def attitudes_by_ties(survey: Survey) -> Floats | None:
-    """(F, 3, 3) world from camera; NaN for frames that no ties join; None where nothing is told.
+    """Return world from camera (F, 3, 3) by ties; NaN for untied frames; None if undetermined.
 
-    Poses from ties alone, laid onto the positions of the seeds.
+    Poses from ties alone, transformed onto the positions of the seeds.
     """
     seeds = survey.seeds
     if seeds is None or not survey.ties.points + survey.matches.points:
@@ -49,28 +49,28 @@ def attitudes_by_ties(survey: Survey) -> Floats | None:
 
 
 def turns_about_up(rotation: Floats, seed: Floats) -> Floats:
-    """(F,) by how much attitudes (F, 3, 3) are turned about up from others; NaN where missing."""
+    """Compute rotations (F,) about up between attitudes (F, 3, 3) and others; NaN where missing."""
     turn = rotation @ seed.transpose(0, 2, 1)
     return np.asarray(np.arctan2(turn[:, 1, 0] - turn[:, 0, 1], turn[:, 0, 0] + turn[:, 1, 1]))
 
 
 def tilts_between(rotation: Floats, seed: Floats) -> Floats:
-    """(F,) angles between the ups of attitudes (F, 3, 3) and of others; NaN where missing."""
+    """Compute angles (F,) between the ups of attitudes (F, 3, 3) and others; NaN where missing."""
     cosine = np.einsum("fi,fi->f", rotation[:, 2], seed[:, 2])
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
 def with_attitudes(survey: Survey, rotation: Floats, which: Bools) -> Survey:
-    """The survey with other attitudes of some photos, as first values of something unknown.
+    """Replace attitudes of some photos, as first values of unknown attitudes.
 
     Parameters
     ----------
     survey
-        Its seeds are the photos' own.
+        Survey whose seeds are the photos' own.
     rotation
         (F, 3, 3) world from camera.
     which
-        (F,) the photos; the others stay as they are.
+        (F,) mask of the photos; the others are unchanged.
     """
     seeds, prior, track = survey.seeds, survey.telemetry, survey.track
     assert seeds is not None  # noqa: S101  (the photos have poses)
@@ -78,7 +78,7 @@ def with_attitudes(survey: Survey, rotation: Floats, which: Bools) -> Survey:
     assert isinstance(track, PhotoExposures)  # noqa: S101  (a log states attitudes)
     turned = np.where(which[:, None, None], rotation, seeds.world_from_camera)
     turn = turned @ seeds.world_from_camera.transpose(0, 2, 1)
-    # The attitude's error stands in camera axes, which turn.
+    # The attitude's error is in camera axes, which rotate.
     axes = np.tile(np.eye(6), (len(which), 1, 1))
     axes[:, 3:, 3:] = turned.transpose(0, 2, 1) @ seeds.world_from_camera
     unknown = np.zeros((len(which), 6, 6))
@@ -98,22 +98,22 @@ def with_attitudes(survey: Survey, rotation: Floats, which: Bools) -> Survey:
 
 
 UNKNOWN_RAD = 1.0
-"""Sigma of a heading from which on it is no prior, but says that it is unknown."""
+"""Sigma of a heading [rad] above which it counts as unknown."""
 
 CONTRADICTED = 4.0
-"""Sigmas by which the points must put a course aside before it counts as unknown."""
+"""Sigmas by which the points must contradict a course before it counts as unknown."""
 
 LOWEST = np.sin(np.radians(5.0))
-"""Sine of the angle below the horizon at which a ray's place on the ground means nothing."""
+"""Sine of the angle below the horizon under which a ray's place on the ground is unusable."""
 
 
 def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
-    """The survey with its seeds turned to the headings that its ties, or else its picks, tell.
+    """Rotate the seeds to the headings that ties, or else picks, determine.
 
-    Of photos without a stated attitude, and of those whose stated heading is as good as unknown.
-    Where ties show that a photo without a stated attitude looks quite another way than the mount
-    was taken to say, they tell its tilt too. A log's, and surveys whose photos all state theirs,
-    are left as they are.
+    For photos without a stated attitude, and those whose stated heading is nearly unknown. Where
+    ties show that a photo without a stated attitude looks in a very different direction than the
+    assumed mount, its tilt is taken from them, too. Surveys with a log, or whose photos all state
+    their attitudes, are unchanged.
 
     Parameters
     ----------
@@ -123,10 +123,10 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     Returns
     -------
     survey
-        Seeds, and the photos' own poses, turned about the vertical, or wholly.
+        Seeds, and the photos' own poses, rotated about the vertical, or entirely.
     messages
-        Photos whose course the picks contradict: their heading counts as unknown. And those whose
-        tilt the ties contradict: their attitude does.
+        Photos whose course the picks contradict: their heading counts as unknown. Also those whose
+        tilt the ties contradict: their attitude counts as unknown.
     """
     track = survey.track
     if survey.seeds is None or not isinstance(track, PhotoExposures):
@@ -158,7 +158,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
 
 
 def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
-    """What the photos see of the ground at their seeds."""
+    """Project the picks to the ground at the seeds, with sigmas."""
     seeds = survey.seeds
     assert seeds is not None  # noqa: S101  (the caller asked)
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
@@ -178,7 +178,7 @@ def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
     above = np.maximum(seeds.center_world_m[:, 2] - height, 1.0)
     variance = np.einsum("fii->fi", seeds.covariance)
     rise = np.sqrt(variance[:, 2] + survey.ground.height_sigma_m**2) / above
-    # A tilt moves what lies below the camera by h, alike; what lies far out by h / sin^2.
+    # A tilt moves points below the camera by h, all alike; points far out by h / sin^2.
     frame, label, offset, down = frame[usable], label[usable], offset[usable], down[usable]
     beyond = above[frame] * (1.0 / down**2 - 1.0) * tilt_sigma[frame]
     rough = survey.ground.roughness_sigma_m / down
@@ -198,10 +198,11 @@ def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
 
 
 def _turned(survey: Survey, track: PhotoExposures, turn: Floats, doubted: Bools) -> Survey:
-    """Seeds and exposures turned about up; a contradicted course has the sigma of none.
+    """Rotate seeds and exposures about up; a contradicted course gets the sigma of an unknown one.
 
-    The sigmas of a photo's attitude are those of its tilt and its yaw, and its position's those of
-    all horizontal axes alike: a turn about up changes no covariance in the camera's axes.
+    The sigmas of a photo's attitude are those of its tilt and its yaw, and all horizontal axes of
+    its position have the same sigma: a rotation about up changes no covariance in the camera's
+    axes.
     """
     seeds, prior = survey.seeds, survey.telemetry
     assert seeds is not None  # noqa: S101  (the caller asked)

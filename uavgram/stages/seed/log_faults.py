@@ -1,10 +1,10 @@
-"""Contradictions in a flight's track, found before any adjustment.
+"""Detect contradictions in a flight's track before any adjustment.
 
-Jumps of place that the stated velocity does not explain, jumps of attitude, values that stand
-still while the vehicle flies, silence at an exposure, and a receiver that goes another way than
-the estimator. What is unusual the track itself says: a change counts where it exceeds the stated
-sigmas and is far out of the changes about it. Only what lies between the first and the last
-exposure parts photos from each other.
+Jumps of position that the stated velocity does not explain, jumps of attitude, repeated values
+while the vehicle flies, gaps at an exposure, and a receiver whose path differs from the
+estimator's. The track itself defines which changes are unusual: a change counts where it exceeds
+the stated sigmas and is far larger than the changes around it. Only faults between the first and
+the last exposure separate photos from each other.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from uavgram.model.flight.log import FaultKind, FlightEvidence, LogFault, Track
 
 FEWEST_ROWS = 8
 FROZEN_STEPS = 4
-"""Repetitions that are no standstill yet: some firmware logs faster than it estimates."""
+"""Number of repetitions that are no standstill yet: some firmware logs faster than it estimates."""
 _FROZEN_S = 1.0
 _NEARLY = 0.2  # of a stated movement
 # Undamaged logs (ArduPilot, PX4, real and simulated): a change departs from what explains it by at
@@ -32,16 +32,16 @@ _UNUSUAL, _ABOUT = 5.0, 61
 
 
 def stands_still(change: Floats, stated: Floats, least: Floats) -> Bools:
-    """(M,) where nothing changes, or hardly anything of a movement that the log states.
+    """Mark steps (M,) without any change, or with hardly any of a movement that the log states.
 
     Parameters
     ----------
     change
         (M, 3) from sample to sample.
     stated
-        (M, 3) how much it should be; NaN where the log is silent.
+        (M, 3) stated change; NaN where the log has none.
     least
-        (M,) of what is stated that counts as a movement.
+        (M,) stated change above which it counts as a movement.
     """
     moves = np.linalg.norm(np.nan_to_num(stated), axis=1)
     nearly = np.linalg.norm(change, axis=1) < _NEARLY * moves
@@ -49,7 +49,7 @@ def stands_still(change: Floats, stated: Floats, least: Floats) -> Bools:
 
 
 def _closed(still: Bools) -> Bools:
-    """One or two noisy steps in a standstill do not end it: dilated, then eroded by three steps."""
+    """Close gaps of one or two noisy steps in a standstill: dilate, then erode by three steps."""
     wide = still.copy()
     wide[1:] |= still[:-1]
     wide[:-1] |= still[1:]
@@ -59,7 +59,7 @@ def _closed(still: Bools) -> Bools:
 
 
 def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
-    """First and last row of every long run of steps (M,) that stand still; none where most do."""
+    """Return first and last row of each long standstill of steps (M,); none if most stand still."""
     if len(time) < FEWEST_ROWS:
         return []
     if same.mean() > 0.5:
@@ -73,12 +73,12 @@ def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
 
 
 def stated_way(known: Floats, velocity: Floats, time: Floats) -> Floats:
-    """(M, 3) way between instants by what is stated of the velocity; NaN outside of that.
+    """Integrate the stated velocity between instants (M, 3); NaN outside its samples.
 
     Parameters
     ----------
     known, velocity
-        (V,) times [s] and (V, 3) velocities, or rates of turn.
+        (V,) times [s] and (V, 3) velocities, or angular rates.
     time
         (M + 1,) instants [s].
     """
@@ -88,7 +88,7 @@ def stated_way(known: Floats, velocity: Floats, time: Floats) -> Floats:
     travelled = np.vstack(
         [np.zeros(3), np.cumsum((velocity[1:] + velocity[:-1]) / 2 * step, axis=0)]
     )
-    # Between its samples the velocity is a line, the way a parabola.
+    # Between samples the velocity is linear, the path a parabola.
     row = np.clip(np.searchsorted(known, time, side="right") - 1, 0, len(known) - 2)
     since = (time - known[row])[:, None]
     slope = (velocity[row + 1] - velocity[row]) / step[row]
@@ -99,7 +99,7 @@ def stated_way(known: Floats, velocity: Floats, time: Floats) -> Floats:
 
 
 def spacing(known: Floats, time: Floats) -> Floats:
-    """(M,) how far apart the samples (V,) are between instants (M + 1,); inf without any."""
+    """Return the spacing (M,) of the samples (V,) between instants (M + 1,); inf without any."""
     if len(known) < 2:
         return np.full(len(time) - 1, np.inf)
     row = np.clip(np.searchsorted(known, time[:-1], side="right") - 1, 0, len(known) - 2)
@@ -107,7 +107,7 @@ def spacing(known: Floats, time: Floats) -> Floats:
 
 
 def unlike_neighbours(time: Floats, change: Floats) -> Floats:
-    """(M, 3) changes less what the neighbouring rates make of them, the kindest of these."""
+    """Subtract the closest prediction by neighbouring rates from changes (M, 3)."""
     step_s = np.diff(time)[:, None]
     rate = change / step_s
     before, after = np.vstack([rate[1:2], rate[:-1]]), np.vstack([rate[1:], rate[-2:-1]])
@@ -117,12 +117,12 @@ def unlike_neighbours(time: Floats, change: Floats) -> Floats:
 
 
 def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tuple[Floats, Floats]:
-    """Turns between instants by the stated rates, NaN where these are silent; how far to trust it.
+    """Integrate the stated rates between instants, NaN without them; and bound the error.
 
     Parameters
     ----------
     evidence
-        Whose rates are those of the gyroscopes.
+        Evidence with the rates of the gyroscopes.
     time
         (M + 1,).
     rotation
@@ -130,8 +130,9 @@ def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tup
 
     Returns
     -------
-    (M, 3) about the world's axes, and (M,) the angle by which the rates differ from the sample
-    before the interval to the one behind it: between samples a turn may be faster than both.
+    (M, 3) rotations about the world's axes, and (M,) the angle by which the rates differ between
+    the sample before the interval and the one after it: between samples a rotation may be faster
+    than both.
     """
     known, rate = evidence.turn_time_s, evidence.turn_body_rad_s
     step_s = np.diff(time)
@@ -147,26 +148,26 @@ def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tup
 
 
 def usual_size(size: Floats) -> Floats:
-    """(M, K) above which sizes (M, K) are unusual among those about them."""
+    """Return the limits (M, K) above which sizes (M, K) are unusual among those around them."""
     about = min(_ABOUT, len(size))
     return np.asarray(_UNUSUAL * running_rank(size, about, about * 9 // 10))
 
 
 def interpolated(at: Floats | float, time: Floats, value: Floats) -> Floats:
-    """(..., K) values at other times, on straight lines between those that are known.
+    """Interpolate values (..., K) linearly at other times.
 
     Parameters
     ----------
     at
         (...) times.
     time, value
-        (N,) and (N, K) what is known.
+        (N,) and (N, K) samples.
     """
     return np.stack([np.interp(at, time, column) for column in value.T], axis=-1)
 
 
 MARGIN_S = 15.0
-"""Of the track looked at before the first exposure and after the last one."""
+"""Time before the first exposure and after the last one that is examined."""
 _SMALLEST_M, _SMALLEST_RAD = 0.1, np.radians(3.0)
 _ACCELERATION_M_S2 = 6.0
 # A multicopter tilts by up to 30 degrees within a quarter of a second.
@@ -181,7 +182,7 @@ _APART_SIGMAS, _SMOOTH_S = 6.0, 5.0
 
 
 class _Steps(NamedTuple):
-    """M changes from sample to sample that nothing explains, and what is usual.
+    """Set of M unexplained changes from sample to sample, and their usual limits.
 
     Attributes
     ----------
@@ -199,14 +200,14 @@ class _Steps(NamedTuple):
 
 
 def find_faults(track: Track, evidence: FlightEvidence, exposure_s: Floats) -> tuple[LogFault, ...]:
-    """Faults of a track between the first and the last exposure, in the order of time.
+    """Find faults of a track between the first and the last exposure, in the order of time.
 
     Parameters
     ----------
     track
-        As it goes into the seed poses.
+        Track of the seed poses.
     evidence
-        What it can be held against.
+        Independent data for comparison.
     exposure_s
         (N,) UTC instants of the photos.
     """
@@ -227,7 +228,7 @@ def find_faults(track: Track, evidence: FlightEvidence, exposure_s: Floats) -> t
 def _places(
     track: Track, evidence: FlightEvidence, first: float, last: float
 ) -> tuple[list[LogFault], _Steps]:
-    """Runs of one place, and the changes of place less the way that the velocity makes."""
+    """Find standstills, and changes of position less the path by the velocity."""
     rows = _within(track.position_time_s, first, last)
     time, place = track.position_time_s[rows], track.position_world_m[rows]
     known = evidence.velocity_time_s, evidence.velocity_world_m_s
@@ -237,7 +238,7 @@ def _places(
     still = stands_still(np.diff(place, axis=0), stated_way(*known, time), _SLOW_M_S * step_s)
     for start, end in still_runs(time, still):
         flown = stated_way(*known, time[[start, end]])[0]
-        if np.isnan(flown).any():  # as fast as before
+        if np.isnan(flown).any():  # extrapolate the previous speed
             before = max(start - FROZEN_STEPS, 0)
             share = (time[end] - time[start]) / max(time[start] - time[before], 1e-9)
             flown = (place[start] - place[before]) * share
@@ -249,7 +250,7 @@ def _places(
 
 
 def _place_steps(track: Track, evidence: FlightEvidence, time: Floats, place: Floats) -> _Steps:
-    """Changes between places (N, 3); where no velocity is stated, against the neighbouring ones."""
+    """Compute changes between positions (N, 3) less the stated velocity, or neighbouring rates."""
     if len(time) < FEWEST_ROWS:
         return _no_steps()
     change, step_s = np.diff(place, axis=0), np.diff(time)
@@ -267,7 +268,7 @@ def _place_steps(track: Track, evidence: FlightEvidence, time: Floats, place: Fl
 def _attitudes(
     track: Track, evidence: FlightEvidence, first: float, last: float
 ) -> tuple[list[LogFault], _Steps]:
-    """Runs of one attitude, and turns that neither the stated rates nor those about explain."""
+    """Find constant attitudes, and rotations that stated and neighbouring rates do not explain."""
     rows = _within(track.attitude_time_s, first, last)
     time, xyzw = track.attitude_time_s[rows], track.world_from_body_xyzw[rows]
     if len(time) < FEWEST_ROWS:
@@ -277,7 +278,7 @@ def _attitudes(
     turn = log_so3(rotation[1:] @ np.swapaxes(rotation[:-1], 1, 2))
     frozen = []
     keep = np.ones(len(time), dtype=np.bool_)
-    turn[(np.diff(xyzw, axis=0) == 0).all(axis=1)] = 0.0  # not what rounding leaves
+    turn[(np.diff(xyzw, axis=0) == 0).all(axis=1)] = 0.0  # exact, without rounding errors
     stated = stated_turn(evidence, time, rotation)
     still = stands_still(turn, stated[0], _TURNING_RAD_S * np.diff(time))
     for start, end in still_runs(time, still):
@@ -286,22 +287,22 @@ def _attitudes(
             caught_up = np.abs(turn[min(end, len(turn) - 1)])
             may_turn = caught_up + _TURNING_RAD_S * (time[end] - time[start])
             frozen.append(_fault("attitude-frozen", time[start], time[end], may_turn))
-    # The turn that ends a standstill is no jump of its own.
+    # The rotation at the end of a standstill is not a jump.
     moving = keep[1:] & keep[:-1]
     return frozen, _turn_steps(time, stated, np.where(moving[:, None], turn, np.nan))
 
 
 def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _Steps:
-    """Turns (M, 3) less what explains them best: the stated rates, or the turns beside them.
+    """Subtract the better explanation from rotations (M, 3): stated or neighbouring rates.
 
     Parameters
     ----------
     time
         (M + 1,).
     stated
-        As `stated_turn` has it.
+        Result of `stated_turn`.
     turn
-        About the world's axes; NaN is none.
+        Rotations about the world's axes; NaN for none.
     """
     by_gyroscopes, uneven = stated
     known = np.isfinite(by_gyroscopes).all(axis=1)
@@ -310,10 +311,10 @@ def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _S
     better = known & (np.linalg.norm(by_rates, axis=1) < np.linalg.norm(change, axis=1))
     change = np.where(better[:, None], by_rates, change)
     change[np.isnan(turn).any(axis=1)] = 0.0
-    # Between two known rates a turn can only swell and ebb: half of what it else could.
+    # Between two known rates a rotation has half its otherwise possible deviation.
     agility = np.where(known, _TURN_RAD_S2 / 4, _TURN_RAD_S2 / 2)
     floor = np.maximum(_SMALLEST_RAD, agility * np.diff(time) ** 2)
-    # A jump stands alone: where the vehicle turns fast before or after, it turns.
+    # A jump is isolated: next to other fast rotations it is a rotation.
     turning = np.delete(windows(_sizes(np.nan_to_num(turn)), 5), 2, axis=-1).max(axis=-1)
     slack = np.where(known, _UNEVEN * uneven, _CALM * turning.max(axis=1))
     allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + slack[:, None]
@@ -321,7 +322,7 @@ def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _S
 
 
 def _jumps(steps: _Steps, kind: FaultKind, first: float, last: float) -> Iterator[LogFault]:
-    """One fault for every run of neighbouring unusual changes."""
+    """Yield one fault for every run of neighbouring unusual changes."""
     rows = np.flatnonzero((_sizes(steps.change) > steps.allowed).any(axis=1))
     for run in np.split(rows, np.flatnonzero(np.diff(rows) > 2) + 1):
         if not len(run):
@@ -334,7 +335,7 @@ def _jumps(steps: _Steps, kind: FaultKind, first: float, last: float) -> Iterato
 
 
 def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
-    """Exposures between two samples that lie far apart; of a camera's direction told once."""
+    """Yield exposures between distant samples; each direction of a camera once."""
     kinds: tuple[tuple[FaultKind, Floats], ...] = (
         ("position-gap", track.position_time_s),
         ("attitude-gap", track.attitude_time_s),
@@ -363,7 +364,7 @@ def _gaps(track: Track, exposure_s: Floats) -> Iterator[LogFault]:
 def _receiver_apart(
     track: Track, evidence: FlightEvidence, first: float, last: float
 ) -> Iterator[LogFault]:
-    """Stretches over which estimator and receiver lie apart, less lag and common distance."""
+    """Yield periods in which estimator and receiver differ, less lag and common distance."""
     inside = _within(evidence.receiver_time_s, first, last)
     span = track.position_time_s[[0, -1]]
     time = evidence.receiver_time_s[inside]
@@ -375,6 +376,7 @@ def _receiver_apart(
     apart = (here - other)[:, :2]
     way = np.gradient(here[:, :2], time, axis=0)
     apart = apart - np.median(apart, axis=0)
+    # Remove the time lag (regression on the velocity) and the common offset.
     lag_s = float(np.vdot(way, apart) / max(np.vdot(way, way), 1e-9))
     apart = apart - np.clip(lag_s, -1.0, 1.0) * way
     apart = apart - np.median(apart, axis=0)
@@ -391,7 +393,7 @@ def _receiver_apart(
 
 
 def _explained(fault: LogFault, evidence: FlightEvidence) -> LogFault:
-    """The fault with what the autopilot says of that moment."""
+    """Add the resets that the autopilot states at that moment."""
     noted = [
         what
         for time, what in evidence.resets
@@ -410,7 +412,7 @@ def _within(time: Floats, first: float, last: float) -> Bools:
 
 
 def _sizes(change: Floats) -> Floats:
-    """(M, 2) horizontal and vertical sizes of changes (M, 3)."""
+    """Return horizontal and vertical sizes (M, 2) of changes (M, 3)."""
     return np.stack([np.hypot(*change[:, :2].T), np.abs(change[:, 2])], axis=1)
 
 
@@ -419,5 +421,5 @@ def _no_steps() -> _Steps:
 
 
 def _sigma(track: Track, time: Floats | float) -> Floats:
-    """Stated sigmas of a place, horizontal and vertical, (..., 2)."""
+    """Interpolate stated sigmas of positions, horizontal and vertical, (..., 2)."""
     return interpolated(time, track.sigma_time_s, track.sigma_position_m)

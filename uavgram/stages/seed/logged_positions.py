@@ -1,4 +1,4 @@
-"""Places of photos from a log that never says how the vehicle was turned."""
+"""Positions of photos from a log without vehicle attitudes."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from uavgram.model.flight.pose import PhotoPoses
 from uavgram.stages.seed.photo_exposures import HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M
 
 EARTH_M = 6.371e6
-"""Radius, for speeds."""
+"""Radius of the earth [m], for speeds."""
 
 
 def positions_at(frames: Frames, boot: Boot, clock: BootClock) -> PhotoPoses:
-    """Poses without attitudes of the matched frames, between the log's positions.
+    """Interpolate the log's positions at the matched frames, without attitudes.
 
-    Each photo moves by itself within what its instant is uncertain by, as poses of photos know no
-    clock: the offset that all share is taken for an error of each.
+    The error of each photo is independent within the uncertainty of its instant, as poses of photos
+    have no clock: the common offset is treated as an error of each.
 
     Parameters
     ----------
     frames
-        At their instants.
+        Frames at their instants.
     boot, clock
-        The boot that has the photos, and its line to UTC.
+        The boot of the photos, and its line to UTC.
 
     Raises
     ------
@@ -41,6 +41,7 @@ def positions_at(frames: Frames, boot: Boot, clock: BootClock) -> PhotoPoses:
 
     columns = positions.latitude_deg, positions.longitude_deg, positions.height_m
     latitude, longitude, height = (np.interp(instant, logged, column) for column in columns)
+    # Velocity by differences, for the error from the uncertain instant.
     north = EARTH_M * np.gradient(np.radians(positions.latitude_deg), logged)
     east = EARTH_M * np.gradient(np.radians(positions.longitude_deg), logged)
     east *= np.cos(np.radians(positions.latitude_deg))

@@ -1,9 +1,9 @@
-"""Is the camera mounted as the project says? A turn of all photos alike shows before adjusting.
+"""Test the stated mount of the camera by a common rotation of all photos, before the adjustment.
 
-A camera that stands the wrong way round in its mount (image up at the tail, pitch 0 for -90) turns
+A camera that is mounted with a wrong orientation (image up at the tail, pitch 0 for -90) rotates
 every photo against the log by the same angle, far more than its sigmas allow. The adjustment then
-comes to rest nowhere and accuses lengths and labels. But points that several photos see fall apart
-on the ground under the wrong mount, and together under the right one.
+does not converge and suspects lengths and labels. But points in several photos are far apart on the
+ground under the wrong mount, and close together under the right one.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 
 BETTER = 0.2
-"""Share of the scatter that another mount must leave to be told. Errors of the log scatter the
-points alike under every mount."""
+"""Largest remaining share of the scatter for another mount to be reported. Errors of the log
+scatter the points alike under every mount."""
 
 SEEN = 0.9
 """Share of the picks whose rays must meet the ground under the other mount."""
@@ -30,21 +30,22 @@ SEEN = 0.9
 _TURNS = [
     (tilt, turn) for tilt in (0, 90, -90) for turn in (0, 90, 180, -90) if (tilt, turn) != (0, 0)
 ]
-"""Degrees about the camera's x axis, then about its optical axis: the slips of a mount."""
+"""Rotations [deg] about the camera's x axis, then about its optical axis: usual mistakes of a
+mount."""
 
 
 def turned_mount(survey: Survey) -> Message | None:
-    """Say so where another mount brings the points of several photos together far better.
+    """Report another mount that reduces the scatter of points in several photos by far.
 
     Parameters
     ----------
     survey
-        With telemetry; one without says nothing of its mount.
+        Survey with telemetry; without it, the mount is unknown.
 
     Returns
     -------
     Message or None
-        None where the mount is in order, or nothing tells.
+        None where the mount is in order, or undetermined.
     """
     seeds = survey.seeds
     if seeds is None:
@@ -72,12 +73,12 @@ def turned_mount(survey: Survey) -> Message | None:
 
 
 def _turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Message | None:
-    """Say so where other headings of all photos bring their points together far better.
+    """Report a common rotation of all headings that reduces the scatter of points by far.
 
     Parameters
     ----------
     survey
-        With telemetry.
+        Survey with telemetry.
     ray_camera
         (P, 3) rays of the picks.
     least_m
@@ -104,14 +105,14 @@ def _turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Messa
 
 
 def _rotation(tilt_deg: float, turn_deg: float) -> Floats:
-    """(3, 3) of the camera as it would be mounted, in the camera as it is."""
+    """Return the rotation (3, 3) of the camera in another mount, in the present camera axes."""
     return matrix_from_ypr(np.radians(turn_deg), 0.0, np.radians(tilt_deg))
 
 
 def _scatter_m(
     survey: Survey, seeds: Poses, ray_camera: Floats, camera_from_mounted: Floats
 ) -> float:
-    """Root mean square by which the photos disagree on where a point lies; infinite in the sky."""
+    """Return the RMS scatter [m] of points on the ground between photos; infinite in the sky."""
     frame, label = survey.pick_frame, survey.pick_label
     rotation = seeds.world_from_camera[frame] @ camera_from_mounted
     ground = intersect_ground(
@@ -130,6 +131,7 @@ def _scatter_m(
     shared = count[owner] > 1
     if not shared.any():
         return np.inf
+    # Distances from the mean of each point in several photos.
     mean = np.stack([np.bincount(owner, axis) for axis in place.T], axis=1)[owner]
     apart = place - mean / count[owner][:, None]
     return float(np.sqrt(np.mean(np.sum(apart[shared] ** 2, axis=1))))

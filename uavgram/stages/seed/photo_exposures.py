@@ -1,8 +1,8 @@
 """Poses of the photos themselves (EXIF, XMP, MRK, geo.txt, CSV) in the local world.
 
-Standard deviations where a source states none. Position: 3 m, a consumer receiver's. Attitude:
-3 degrees of tilt and of yaw; against surveyed targets a Mavic's gimbal pitch was 3.2 degrees off,
-its compass 2.3 (Narrabeen, resection of the targets).
+Default standard deviations where a source states none. Position: 3 m, a consumer receiver's.
+Attitude: 3 degrees of tilt and of yaw; against surveyed targets a Mavic's gimbal pitch was 3.2
+degrees off, its compass 2.3 (Narrabeen, resection of the targets).
 """
 
 from __future__ import annotations
@@ -23,21 +23,22 @@ from uavgram.stages.seed.stated_mount import with_stated_mount
 HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M = 3.0, 3.0
 TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0
 # A fixed camera tilts with the vehicle, and a vehicle crabs in the wind. At a turn the course
-# before and the one after differ, and nobody says which of them the photo has.
+# before and the one after differ, and the photo may have either.
 COURSE_TILT_SIGMA_DEG, COURSE_YAW_SIGMA_DEG, TURN_YAW_SIGMA_DEG = 6.0, 15.0, 30.0
 UNKNOWN_YAW_SIGMA_DEG = 180.0
 UNKNOWN_HEIGHT_SIGMA_M = 1000.0
 ABOVE_GROUND_M = 60.0
-"""Of a survey by drone: the law ends it at 120 m in most countries, and few fly below 20 m."""
+"""Usual flying height of a survey by drone [m]: the law limits it to 120 m in most countries, and
+few fly below 20 m."""
 CLOSE_S = 5.0
-"""Time from photo to photo up to which a drone is taken to fly on along its nose."""
+"""Time from photo to photo [s] up to which a drone is assumed to fly along its nose."""
 _TURN_DEG = 30.0
 _DROWNED = 10.0  # times the positions' own sigma
-_SHORTEST_LEG_SIGMAS = 3.0  # of one position: below, the course is noise
+_SHORTEST_LEG_SIGMAS = 3.0  # of one position; the course of a shorter leg is noise
 
 
 def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
-    """Take-off as the photos know it: below the first one, by its height above take-off.
+    """Return the take-off point by the photos: below the first one, by its height above take-off.
 
     Raises
     ------
@@ -45,7 +46,7 @@ def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
         No photo has a height above take-off.
     """
     take_off_m = poses.height_m - poses.height_home_m
-    if not np.isfinite(take_off_m).any():  # no altitude is believed: heights count from there
+    if not np.isfinite(take_off_m).any():  # no valid altitude: heights count from take-off
         take_off_m = 0.0 * poses.height_home_m
     known = np.flatnonzero(np.isfinite(take_off_m))
     if not known.size:
@@ -73,23 +74,23 @@ def place_photos(
     telemetry: TelemetryOptions,
     file_time_s: Floats | None = None,
 ) -> tuple[PhotoExposures, tuple[Message, ...]]:
-    """Turn the photos' poses into exposures in the local world.
+    """Convert the photos' poses to exposures in the local world.
 
-    Photos without attitude look as `mount` says from a level vehicle. Where they follow each other
-    within seconds, its heading is the course from photo to photo, with wide sigmas; else it is
-    unknown (north, with a sigma of 180 degrees), and the picks have to tell it.
+    Photos without attitude look as `mount` states from a level vehicle. Where they follow each
+    other within seconds, its heading is the course from photo to photo, with wide sigmas; otherwise
+    it is unknown (north, with a sigma of 180 degrees), and the picks have to determine it.
 
     Parameters
     ----------
     poses
-        As read, in the order in which they were taken (or of their names).
+        Poses as read, in the order in which they were taken (or of their names).
     origin
-        Of the world: latitude, longitude [deg], height [m] in the poses' datum.
+        Origin of the world: latitude, longitude [deg], height [m] in the poses' datum.
     mount, telemetry
         Nominal view, and sigmas where they are not ``auto``.
     file_time_s
-        (N,) when the photos' files say they were taken, on one clock; NaN where they do not. Used
-        where `poses` has no times of its own.
+        (N,) times of the photos by their files, on one clock; NaN where unknown. Used where `poses`
+        has no times of its own.
     """
     height, is_known = _heights(poses, origin)
     position = enu_from_geodetic(poses.latitude_deg, poses.longitude_deg, height, origin)
@@ -97,6 +98,7 @@ def place_photos(
     sigma_position[~is_known, 1] = UNKNOWN_HEIGHT_SIGMA_M
     has_attitude = np.asarray(np.isfinite(poses.ypr_rad).all(axis=1))
     time_s = _times(poses, file_time_s)
+    # Heading of the vehicle: stated, by its attitude, or the course between photos.
     course, turning = _courses_in_time(time_s, position, sigma_position)
     nose = poses.vehicle_ypr_rad[:, 0]
     course, turning = np.where(np.isfinite(nose), nose, course), turning & np.isnan(nose)
@@ -104,6 +106,7 @@ def place_photos(
     ypr, stated = with_stated_mount(mount, poses.ypr_rad, heading, poses.source)
     messages = (*_messages(poses, has_attitude, course), *stated)
     ned_from_body = _vehicle(poses, heading)
+    # Attitude of the camera: stated, or by the mount on a level vehicle.
     ned_from_gimbal = matrix_from_ypr(*np.nan_to_num(ypr).T)
     guessed = _level(heading) @ matrix_from_ypr(*np.radians(mount.angles_deg()))
     ned_from_gimbal = np.where(has_attitude[:, None, None], ned_from_gimbal, guessed)
@@ -121,7 +124,7 @@ def place_photos(
 
 
 def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> Iterator[Message]:
-    """Say so where a common bias as of a consumer receiver drowns what RTK knows."""
+    """Report a common bias, as of a consumer receiver, that hides the precision of RTK."""
     horizontal, vertical = np.median(sigma_position, axis=0)
     bias = telemetry.position_bias_sigma_m
     if bias[0] < _DROWNED * horizontal:
@@ -137,22 +140,22 @@ def _bias_hint(sigma_position: Floats, telemetry: TelemetryOptions) -> Iterator[
 
 
 def _vehicle(poses: PhotoPoses, heading: Floats) -> Floats:
-    """(N, 3, 3) the vehicle's attitude; level where unknown."""
+    """Return the vehicle's attitudes (N, 3, 3); level where unknown."""
     stated = poses.vehicle_ypr_rad
     known = np.asarray(np.isfinite(stated).all(axis=1))[:, None, None]
     return np.where(known, matrix_from_ypr(*np.nan_to_num(stated).T), _level(heading))
 
 
 def _level(heading: Floats) -> Floats:
-    """(N, 3, 3) level attitudes; to the north where the heading is unknown."""
+    """Return level attitudes (N, 3, 3); to the north where the heading is unknown."""
     yaw = np.nan_to_num(heading)
     return matrix_from_ypr(yaw, np.zeros_like(yaw), np.zeros_like(yaw))
 
 
 def _heights(poses: PhotoPoses, origin: Origin) -> tuple[Floats, Bools]:
-    """(N,) heights in the poses' datum [m], and which of them are known: if only above take-off.
+    """Return heights (N,) in the poses' datum [m], and the mask of known ones (any reference).
 
-    The others are those of the other photos, or usual ones.
+    Unknown heights are replaced by those of the other photos, or usual ones.
     """
     take_off = poses.height_m - poses.height_home_m
     take_off = take_off[np.isfinite(take_off)]
@@ -164,7 +167,7 @@ def _heights(poses: PhotoPoses, origin: Origin) -> tuple[Floats, Bools]:
 
 
 def _times(poses: PhotoPoses, file_time_s: Floats | None) -> Floats:
-    """(N,) instants on one clock: the source's own, else the files'; NaN where neither has all."""
+    """Return instants (N,) on one clock: the source's own, or the files'; NaN if incomplete."""
     if np.isfinite(poses.time_utc_s).all() or file_time_s is None:
         return poses.time_utc_s
     return file_time_s
@@ -173,7 +176,7 @@ def _times(poses: PhotoPoses, file_time_s: Floats | None) -> Floats:
 def _courses_in_time(
     time_s: Floats, position: Floats, sigma_position: Floats
 ) -> tuple[Floats, Bools]:
-    """Courses (N,) [rad from north] where photos follow closely in time, else NaN; if they turn."""
+    """Compute courses (N,) [rad from north] of close photos, otherwise NaN; and mark turns."""
     course = np.full(len(time_s), np.nan)
     turning = np.zeros(len(time_s), dtype=np.bool_)
     known = np.flatnonzero(np.isfinite(time_s))
@@ -187,7 +190,7 @@ def _courses_in_time(
 
 
 def _messages(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterator[Message]:
-    """What was assumed of photos without attitude."""
+    """Report the assumptions on photos without attitude."""
     guessed = ~has_attitude & np.isfinite(course)
     unknown = np.flatnonzero(~has_attitude & np.isnan(course))
     way_out = "give yaw_deg, pitch_deg and roll_deg in a CSV file (`poses`)"
@@ -215,13 +218,13 @@ def _messages(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterato
 
 
 def _courses(position_m: Floats, sigma_m: Floats, close: Bools) -> tuple[Floats, Bools]:
-    """Courses (N,) [rad from north] through points (N, 2) in order, and where they turn.
+    """Compute courses (N,) [rad from north] through points (N, 2) in order, and mark turns.
 
-    Only legs that are flown within seconds count, `close` (N - 1,): over a longer time a drone
-    turns as it likes.
+    Only legs that are flown within seconds count, `close` (N - 1,): over a longer time a drone may
+    turn freely.
 
-    The mean direction of the leg before and the one after; of a single leg, its own; where both
-    differ by more than a turn, the shorter one, which lies within a flight line.
+    The course is the mean direction of the legs before and after; of a single leg, its own; where
+    both differ by more than a turn, that of the shorter one, which is within a flight line.
     """
     legs = np.diff(position_m, axis=0)
     length = np.hypot(*legs.T)
@@ -240,7 +243,7 @@ def _courses(position_m: Floats, sigma_m: Floats, close: Bools) -> tuple[Floats,
 
 
 def _position_sigmas(poses: PhotoPoses, options: TelemetryOptions) -> Floats:
-    """(N, 2) horizontal and vertical [m]."""
+    """Return horizontal and vertical sigmas (N, 2) [m]."""
     count = len(poses.frame_id)
     if options.position_sigma_m != "auto":
         return np.tile(np.array(options.position_sigma_m), (count, 1))
@@ -255,7 +258,7 @@ def _attitude_sigmas(
     course: Floats,
     turning: Bools,
 ) -> Floats:
-    """(N, 2) of roll and pitch, and of yaw [rad]; what is only guessed is never made certain."""
+    """Return sigmas (N, 2) of roll and pitch, and of yaw [rad]; guesses keep their wide sigmas."""
     stated = poses.sigma_attitude_rad[:, None]
     sigma = np.where(np.isfinite(stated), stated, np.radians([TILT_SIGMA_DEG, YAW_SIGMA_DEG]))
     yaw = np.where(turning, TURN_YAW_SIGMA_DEG, COURSE_YAW_SIGMA_DEG)

@@ -1,4 +1,4 @@
-"""Seed: the pose of each frame at its exposure, from the telemetry alone, with its covariance."""
+"""Compute the pose of each frame at its exposure from the telemetry alone, with its covariance."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed.fault_effects import Faults, freed_by, unsure_s
 
 STEADY_CLOCK = 1e-9
-"""Drift sigma of instants that are the flight's own: an unknown needs one, no quartz is better."""
+"""Drift sigma of a flight's own instants: an unknown needs one, and no quartz is better."""
 
 
 def seed(
@@ -33,26 +33,28 @@ def seed(
     telemetry: TelemetryOptions,
     faults: Faults = (),
 ) -> Telemetry:
-    """Look every matched frame up in the flight and turn its exposure into a camera pose.
+    """Look up every matched frame in the flight and convert its exposure to a camera pose.
 
     Parameters
     ----------
     frames
-        A matched one has an instant within the track, or a row in the photo exposures.
+        Frames; a matched one has an instant within the track, or a row in the photo exposures.
     flight
         A log's track, or the poses of the photos themselves.
     mount, telemetry
-        How the camera sits, and how far to trust what is known of the flight.
+        Mount of the camera, and sigmas of the flight.
     faults
-        Where the log contradicts itself: the frames behind are believed no further than that.
+        Contradictions of the log with itself: affected frames get larger variances.
 
-    The covariance is made of the flight's sigmas, the frame's timing sigma times speed and turn
-    rate, and, in the marginal, of what all frames share: clock, boresight, lever arm, biases.
-    An error of the attitude turns the camera and swings it about the autopilot.
+    Notes
+    -----
+    The covariance consists of the flight's sigmas, the frame's timing sigma times speed and angular
+    rate, and, in the marginal, of the errors that all frames share: clock, boresight, lever arm,
+    biases. An error of the attitude rotates the camera and moves it about the autopilot.
     """
     matched = np.flatnonzero(frames.matched)
     names = tuple(frames.frame_id[i] for i in matched)
-    # Photo poses may come without any time, and need none: what stands still has no speed.
+    # Photo poses may have no time, and need none, as they have no speed.
     time_s = np.nan_to_num(frames.time_utc_s[matched], nan=0.0)
     sigma_time_s = np.nan_to_num(frames.sigma_time_s[matched], nan=0.0)
     exposures = exposures_by_time(flight, names)(time_s)
@@ -99,7 +101,7 @@ def seed(
 
 
 def nominal_mount(mount: MountOptions, *, gimbal: bool) -> Floats:
-    """(3, 3) camera axes in the frame of what carries it: the gimbal, or the body."""
+    """Return the camera axes (3, 3) in the frame of its carrier: the gimbal, or the body."""
     if gimbal:
         return np.array(GIMBAL_FROM_CAMERA)
     yaw, pitch, roll = np.deg2rad(mount.angles_deg())
@@ -109,7 +111,7 @@ def nominal_mount(mount: MountOptions, *, gimbal: bool) -> Floats:
 def _shared(
     frames: Frames, mount: MountOptions, telemetry: TelemetryOptions
 ) -> tuple[Floats, Floats]:
-    """Values and prior sigmas (12,) of what all frames share."""
+    """Return values and prior sigmas (12,) of the unknowns that all frames share."""
     shared, sigma = np.zeros(SHARED_SIZE), np.zeros(SHARED_SIZE)
     shared[LEVER_ARM] = mount.lever_arm_m
     horizontal, vertical = telemetry.position_bias_sigma_m
@@ -123,7 +125,7 @@ def _shared(
 
 
 def _sigmas(flight: Flight, names: tuple[str, ...], time_s: Floats) -> tuple[Floats, Floats]:
-    """Position (N, 2) and attitude (N, 2) sigmas of the frames."""
+    """Return position (N, 2) and attitude (N, 2) sigmas of the frames."""
     if isinstance(flight, PhotoExposures):
         index = flight.rows_of(names)
         return flight.sigma_position_m[index], flight.sigma_attitude_rad[index]
@@ -138,10 +140,10 @@ def _own_covariance(
     jacobian: Floats,
     sigma_time_s: Floats,
 ) -> Floats:
-    """(N, 6, 6) what is independent from frame to frame.
+    """Compute the covariance (N, 6, 6) of errors that are independent from frame to frame.
 
     Vehicle and gimbal take their attitude from one estimator: its error a about the world's axes
-    turns both, the camera by R^T a (in its own axes) and its place by a x arm.
+    rotates both, the camera by R^T a (in its own axes) and its position by a x arm.
     """
     # Roll and pitch tilt about horizontal axes, yaw turns about up: diagonal in the world.
     position, world = variances
@@ -155,5 +157,5 @@ def _own_covariance(
 
 
 def _at(time_s: Floats, value: Floats, at_s: Floats) -> Floats:
-    """Piecewise linear sigmas (N, 2), constant beyond the ends."""
+    """Interpolate sigmas (N, 2) linearly, constant beyond the ends."""
     return np.column_stack([np.interp(at_s, time_s, column) for column in value.T])

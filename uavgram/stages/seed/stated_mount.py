@@ -1,4 +1,4 @@
-"""Angles of the camera that the project states, in the place of those that a gimbal states."""
+"""Camera angles that the project states, in place of those by the gimbal."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from uavgram.model.options import MountOptions
 def with_stated_mount(
     mount: MountOptions, ypr_rad: Floats, heading_rad: Floats, source: str
 ) -> tuple[Floats, tuple[Message, ...]]:
-    """Replace those angles of a gimbal that the project states, and say by how much they differ.
+    """Replace angles of a gimbal by those that the project states, and report the difference.
 
     Parameters
     ----------
     mount
-        A stated yaw counts from the vehicle's nose, pitch and roll from the horizon.
+        Mount; a stated yaw counts from the vehicle's nose, pitch and roll from the horizon.
     ypr_rad
-        (N, 3) the gimbal's yaw from north, pitch and roll; where they are NaN, what is returned
-        means nothing.
+        (N, 3) the gimbal's yaw from north, pitch and roll; where they are NaN, the result is
+        meaningless.
     heading_rad
         (N,) of the vehicle, from north.
     source
-        Where the gimbal's angles are from.
+        Source of the gimbal's angles.
     """
     stated = np.array(mount.angles_deg((np.nan,) * 3))
     known = np.isfinite(ypr_rad).all(axis=1)

@@ -1,4 +1,4 @@
-"""Track of one boot in the local world on the UTC clock, with home and second opinions."""
+"""Track of one boot in the local world on the UTC clock, with home and independent evidence."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _NONE = np.zeros(0), np.zeros((0, 3))
 
 
 def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvidence:
-    """Velocities, the receiver's own places, rates of turn and the stated resets of a boot.
+    """Collect velocities, receiver positions, angular rates and the stated resets of a boot.
 
     Parameters
     ----------
@@ -67,11 +67,11 @@ def gather_evidence(boot: Boot, clock: BootClock, origin: Origin) -> FlightEvide
     )
 
 
-# What a log says of itself is not believed below these. Against the truth of simulated flights the
+# Lower limits of the sigmas stated by a log. Against the truth of simulated flights the
 # estimator claimed 0.17 to 0.20 m (square roots of XKV1's variances) and was off by 0.2 m rms in
 # calm air, by 0.9 (copter) and 2.7 m (plane) in wind; its yaw by 0.5 to 0.75 degrees in calm air,
-# 1.5 to 2.9 in wind. The floors stand for what changes from frame to frame; what stays wrong all
-# through a flight is `position_bias_sigma_m` and `heading_bias_sigma_deg`, shared unknowns.
+# 1.5 to 2.9 in wind. The limits are for errors that change from frame to frame; those constant
+# in a flight are the shared unknowns of `position_bias_sigma_m` and `heading_bias_sigma_deg`.
 POSITION_FLOOR_M = 0.5
 # With a fixed RTK solution of centimetres the stated sigmas hold, down to what base, antenna and
 # timing add: horizontal and vertical, as of the photos' own RTK positions. (A simulator claims a
@@ -89,7 +89,7 @@ Home = tuple[float, float, float]
 def find_home(
     boot: Boot, clock: BootClock, first_exposure_utc_s: float
 ) -> tuple[Home, HeightDatum, tuple[Message, ...]]:
-    """Home as it was in force at the first matched exposure.
+    """Return the home in force at the first matched exposure.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def find_home(
     -------
     home : (latitude_deg, longitude_deg, height_m)
     datum
-        What its height is above.
+        Datum of its height.
     messages
         Where the log states none: that the first position was taken, at its altitude minus its
         height above home.
@@ -136,7 +136,7 @@ def find_home(
 def _stated_home(
     home: HomeSamples, first_boot_s: float
 ) -> tuple[Home, HeightDatum, tuple[Message, ...]]:
-    """The last statement before the exposure; the first of all where there is none before it."""
+    """Return the last statement before the exposure, or the first of all."""
     k = max(int(np.searchsorted(home.time_boot_s, first_boot_s, side="right")) - 1, 0)
     place = (
         float(home.latitude_deg[k]),
@@ -158,7 +158,7 @@ def build_track(
     mount: MountOptions,
     telemetry: TelemetryOptions,
 ) -> tuple[Track, tuple[Message, ...]]:
-    """Turn a boot's tables into a track.
+    """Convert a boot's tables to a track.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def build_track(
     origin
         Latitude, longitude [deg] and height [m] of the world's origin, in the positions' datum.
     mount
-        ``gimbal: auto`` takes the log's gimbal where it has one.
+        Mount; ``gimbal: auto`` takes the log's gimbal where it has one.
     telemetry
         Sigmas, or ``auto``.
 
@@ -207,7 +207,7 @@ def build_track(
 
 
 def _sources(boot: Boot, gimbal: GimbalSamples | None, options: TelemetryOptions) -> Message:
-    """Which messages the seeds are made of, and where the sigmas come from."""
+    """Report the log messages used for the seeds, and the source of the sigmas."""
     position = "none" if boot.positions is None else boot.positions.source
     attitude = "none" if boot.attitudes is None else boot.attitudes.source
     camera = "the mount's angles" if gimbal is None else gimbal.source
@@ -227,7 +227,7 @@ def _sources(boot: Boot, gimbal: GimbalSamples | None, options: TelemetryOptions
 def _gimbal_track(
     gimbal: GimbalSamples | None, attitudes: AttitudeSamples, mount: MountOptions
 ) -> tuple[Floats, Floats, tuple[Message, ...]]:
-    """Gimbal attitudes (L, 4) in the world at their boot times (L,), over the attitudes' span."""
+    """Return gimbal attitudes (L, 4) in the world at boot times (L,), over the attitudes' span."""
     if gimbal is None:
         return np.zeros(0), np.zeros((0, 4)), ()
     vehicle_time = attitudes.time_boot_s
@@ -241,6 +241,7 @@ def _gimbal_track(
     time = gimbal.time_boot_s[inside]
     ned_from_body, _ = interpolate_rotation(vehicle_time, attitudes.ned_from_body_xyzw, time)
     heading = ypr_from_matrix(ned_from_body)[0]
+    # Yaw from north, not from the nose.
     ypr = np.stack([gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad], axis=1)[inside]
     ypr[:, 0] += heading if gimbal.yaw_frame == "vehicle" else 0.0
     ypr, stated = with_stated_mount(mount, ypr, heading, gimbal.source)
@@ -253,7 +254,7 @@ def _gimbal_track(
 def _held_to(
     time: Floats, xyzw: Floats, span: tuple[float, float], source: str
 ) -> tuple[Floats, Floats, tuple[Message, ...]]:
-    """Hold the first and last gimbal attitude to the ends of the flight."""
+    """Extend the first and last gimbal attitude to the ends of the flight."""
     before, after = time[0] - span[0], span[1] - time[-1]
     messages: tuple[Message, ...] = ()
     if max(before, after) > _LONG_HOLD_S:
@@ -273,13 +274,13 @@ def _held_to(
 def _sigmas(
     sigmas: EstimatorSigmas | None, options: TelemetryOptions
 ) -> tuple[Floats, Floats, Floats]:
-    """Boot times (S,), position sigmas (S, 2) [m] and attitude sigmas (S, 2) [rad]."""
+    """Return boot times (S,), position sigmas (S, 2) [m] and attitude sigmas (S, 2) [rad]."""
     time = np.zeros(1) if sigmas is None else sigmas.time_boot_s
     count = len(time)
     silent = np.full(count, np.nan)
     if options.position_sigma_m == "auto":
         stated = (silent, silent) if sigmas is None else (sigmas.horizontal_m, sigmas.vertical_m)
-        # fmax takes the floor where the log is silent (NaN)
+        # fmax takes the limit where the log states none (NaN)
         position = np.stack(stated, axis=1)
         fixed = np.zeros(1, np.bool_) if sigmas is None else sigmas.is_fixed
         fixed = (fixed & (position[:, 0] < RTK_MOST_M))[:, None] & np.isfinite(position)

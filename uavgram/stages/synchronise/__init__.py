@@ -1,4 +1,4 @@
-"""Which instant of the flight belongs to which photo, by file times and camera events."""
+"""Stage: assign instants of the flight to photos, by file times and camera events."""
 
 from uavgram.stages.synchronise.matching import Synchronised, synchronise
 

@@ -21,14 +21,14 @@ _COMMAND_LAG_SIGMA_S = 0.1
 
 @dataclass(frozen=True, eq=False)
 class ClockedBoot:
-    """A boot that can be used: with positions and a clock."""
+    """Usable boot: with positions and a clock."""
 
     boot: Boot
     clock: BootClock
     messages: tuple[Message, ...]
 
     def event_rows(self) -> Ints:
-        """(E,) rows of the boot's camera events: those with feedback where the log has any."""
+        """Return rows (E,) of the camera events: those with feedback where the log has any."""
         events = self.boot.events
         if events is None:
             return np.zeros(0, dtype=np.int64)
@@ -36,20 +36,20 @@ class ClockedBoot:
         return np.flatnonzero(confirmed if confirmed.any() else ~confirmed)
 
     def event_utc_s(self) -> Floats:
-        """(E,) instants of these events."""
+        """Return the instants (E,) of these events."""
         events = self.boot.events
         if events is None:
             return np.zeros(0)
         return to_utc(self.clock, events.time_boot_s[self.event_rows()])
 
     def span_utc_s(self) -> tuple[float, float]:
-        """Between which instants position and attitude are both known."""
+        """Return the interval in which position and attitude are both known."""
         tables = [t for t in (self.boot.positions, self.boot.attitudes) if t is not None]
         ends = np.array([to_utc(self.clock, t.time_boot_s[[0, -1]]) for t in tables])
         return float(ends[:, 0].max()), float(ends[:, 1].min())
 
     def lag_sigma_s(self) -> float:
-        """Of an exposure after its event, common to the flight."""
+        """Return the sigma of the common lag of exposures after their events."""
         events = self.boot.events
         feedback = events is not None and events.instant == "feedback"
         return _FEEDBACK_LAG_SIGMA_S if feedback else _COMMAND_LAG_SIGMA_S
@@ -62,7 +62,7 @@ NO_POSITIONS = (
 
 
 def usable_boots(log: FlightLog) -> list[ClockedBoot]:
-    """Boots with positions and UTC."""
+    """Return boots with positions and UTC."""
     found: list[ClockedBoot] = []
     refusal = ""
     for boot in log.boots:
@@ -80,34 +80,34 @@ def usable_boots(log: FlightLog) -> list[ClockedBoot]:
 
 
 def has_events(log: FlightLog) -> bool:
-    """Whether the log says when the camera was released."""
+    """Return whether the log has camera events."""
     return any(boot.events is not None and len(boot.events.time_boot_s) for boot in log.boots)
 
 
 def is_inside(time_utc_s: Floats, clocked: ClockedBoot) -> Bools:
-    """(F,) whether position and attitude are both known at these instants."""
+    """Mark instants (F,) at which position and attitude are both known."""
     first, last = clocked.span_utc_s()
     return np.asarray((time_utc_s >= first) & (time_utc_s <= last))  # NaN compares False
 
 
 def photos_span(time_s: Floats) -> str:
-    """First and last of the photos' instants, in words; NaN is left out."""
+    """Describe first and last of the photos' instants; NaN is left out."""
     return f"{utc_text(float(np.nanmin(time_s)))} to {utc_text(float(np.nanmax(time_s)))}"
 
 
 def log_spans(usable: list[ClockedBoot]) -> str:
-    """From when to when each boot knows position and attitude, in words."""
+    """Describe the intervals in which each boot has position and attitude."""
     spans = (clocked.span_utc_s() for clocked in usable)
     return " and ".join(f"{utc_text(first)} to {utc_text(last)}" for first, last in spans)
 
 
 def apart(time_utc_s: Floats, usable: list[ClockedBoot]) -> tuple[float, str]:
-    """How far photos and log are apart in time [s], and both spans in words.
+    """Compute the time between photos and log [s], and describe both intervals.
 
     Parameters
     ----------
     time_utc_s
-        (F,) the photos' instants as far as they are known; NaN where a file has none.
+        (F,) known instants of the photos; NaN where a file has none.
     usable
         Boots of the log.
     """

@@ -1,4 +1,4 @@
-"""Instants of photos from tie points: for a camera clock that no camera event of the log tells."""
+"""Instants of photos from tie points, for a camera clock without camera events in the log."""
 
 from __future__ import annotations
 
@@ -24,26 +24,27 @@ from uavgram.stages.synchronise.event_times import HOW, Timing, file_sigma_s
 from uavgram.stages.tied import ties_of
 
 FEWEST = 6
-"""Photos with a time that ties must join: four already have more observations than unknowns, but
-hardly any to spare."""
+"""Least number of photos with a time that ties must join: four already have more observations than
+unknowns, but with hardly any redundancy."""
 
 MOST_MISFIT = 4.0
-"""Sigmas of a log by which photos may miss it at the best offset: beyond, it is another's."""
+"""Largest misfit of photos to a log at the best offset, in sigmas: above, the log is of another
+flight."""
 
 
 def by_ties(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions, tied: TiedPoses | None
 ) -> tuple[ClockedBoot, Timing]:
-    """Offset of the camera's clock from where ties say that photos stand to each other.
+    """Estimate the offset of the camera's clock from the relative poses of photos by ties.
 
     Parameters
     ----------
     photos
-        Of the project, with their file times.
+        Photos of the project, with their file times.
     usable
         Boots of the log with positions and a clock.
     options
-        What was asked for.
+        Requested options.
     tied
         Poses of the photos, in their order, from ties alone; None where these join none.
 
@@ -60,6 +61,7 @@ def by_ties(
             f"time.offset_s is auto, the log has no camera events, and tie points join only "
             f"{len(rows)} photos with a time ({FEWEST} tell how the flight went): {HOW}"
         )
+    # Fit the offset of the camera's clock to each boot.
     found = [(clocked, _clock(photos, clocked, level, rows)) for clocked in usable]
     fitting = [(c, clock) for c, clock in found if clock and clock.misfit <= MOST_MISFIT]
     if not fitting:
@@ -77,6 +79,7 @@ def by_ties(
             "time.offset_s is auto, the log has no camera events, and its track goes with the tie "
             f"points of the photos under several offsets of the camera's clock: {listed}. {HOW}"
         )
+    # Truncation or rounding of file times: root mean square step / sqrt(8).
     sigma = float(np.hypot(clock.sigma_s, np.nanmax(photos.file_time_resolution_s) / np.sqrt(8.0)))
     text = (
         f"The camera's clock is {clock.offset_s:+.2f} +- {sigma:.2f} s ahead of UTC: so the log's "
@@ -94,16 +97,16 @@ def by_ties(
 
 
 def poses_of(ties: TiePicks, frame_id: tuple[str, ...], camera: Calibration) -> TiedPoses | None:
-    """Poses of photos, in their order, from their tie points alone; None where these join none.
+    """Compute poses of photos, in their order, from tie points alone; None where these join none.
 
     Parameters
     ----------
     ties
-        By name.
+        Tie points by name.
     frame_id
-        Of the photos.
+        Names of the photos.
     camera
-        Of all of them.
+        Camera of all photos.
     """
     seen = ties_of(ties, {name: k for k, name in enumerate(frame_id)})
     at, sizes = (seen.frame, seen.point), (len(frame_id), seen.points)
@@ -111,7 +114,7 @@ def poses_of(ties: TiePicks, frame_id: tuple[str, ...], camera: Calibration) -> 
 
 
 def _clock(photos: Photos, clocked: ClockedBoot, tied: TiedPoses, rows: Ints) -> TiedClock | None:
-    """What the ties of some photos say of one boot; None where it has no track."""
+    """Estimate the clock from the ties of some photos and one boot; None without a track."""
     boot, clock = clocked.boot, clocked.clock
     positions, attitudes = boot.positions, boot.attitudes
     if positions is None or attitudes is None:

@@ -1,16 +1,16 @@
-"""Instants of photos from camera events, and frames placed at their instants.
+"""Instants of photos from camera events, and frames at their instants.
 
-Where each number comes from:
+Sources of the numbers:
 
-* An instant is its event's where the pair is certain. Else it is the photo's own time, put on the
-  log's clock by the fitted offset and drift: a wrong event can then do no harm.
+* An instant is its event's where the pair is certain. Otherwise it is the photo's own time,
+  converted to the log's clock by the fitted offset and drift: then a wrong event has no effect.
 * `sigma_time_s`, a frame's own: at an event, the scatter of photos about events (fine file times),
-  or `EVENT_JITTER_S` (coarse ones cannot tell it); off an event, the file time's step as a uniform
-  error, the scatter of the shutter, and the fitted line's own sigma there.
+  or `EVENT_JITTER_S` (with coarse ones it cannot be estimated); off an event, the file time's step
+  as a uniform error, the scatter of the shutter, and the fitted line's own sigma there.
 * `offset_sigma_s`, common to all frames: that of the fitted offset, and the lag of exposures after
-  events (`ClockedBoot.lag_sigma_s`), which no alignment can see; at most the project's
-  `offset_sigma_s`. The boot clock's error against UTC is no part of it: events and positions carry
-  it alike.
+  events (`ClockedBoot.lag_sigma_s`), which no alignment can determine; at most the project's
+  `offset_sigma_s`. The boot clock's error against UTC is not included: events and positions share
+  it.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ HOW = (
     "Set time.offset_s (camera clock minus UTC, in seconds; compare a photo's time with the "
     "flight), and time.offset_sigma_s to how well it is known"
 )
-EVENT_JITTER_S = 0.01  # of a shutter after its event: one step of ArduPilot's 50 Hz loop is 0.02
-_LEAST_JITTER_S = 0.002  # no shutter was seen to be steadier
+EVENT_JITTER_S = 0.01  # of a shutter after its event; one step of ArduPilot's 50 Hz loop is 0.02 s
+_LEAST_JITTER_S = 0.002  # no steadier shutter was observed
 _MOST_JITTER_S = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """Instants of F photos and where they come from, before the log's span is looked at.
+    """Instants of F photos and their source, without regard to the log's span.
 
     `drift_sigma` is that of the camera's clock where the instants are its own (0 where they are
     those of camera events, which are on the flight's clock).
@@ -62,31 +62,33 @@ def event_timing(
     options: TimeOptions,
     messages: tuple[Message, ...],
 ) -> Timing:
-    """Event times where the pair is certain, the photos' own times elsewhere.
+    """Take event times where the pair is certain, and the photos' own times elsewhere.
 
     Parameters
     ----------
     photos
-        F, some perhaps without a file time.
+        F photos, some perhaps without a file time.
     chosen
-        The boot whose events they were aligned with.
+        The boot with whose events they were aligned.
     alignment
-        Of the photos that have a file time; unique.
+        Alignment of the photos that have a file time; unique.
     options
-        Its `offset_sigma_s` is the largest that the common sigma may be.
+        Options; `offset_sigma_s` limits the common sigma.
     messages
-        To go before those about the pairs.
+        Messages to precede those about the pairs.
     """
     timed = np.flatnonzero(np.isfinite(photos.file_time_s))
     event_utc = chosen.event_utc_s()
     time, sigma = np.full(len(photos.frame_id), np.nan), np.full(len(photos.frame_id), np.nan)
     certain = alignment.certain
+    # Photos' own times by the fitted line; sigma of step, line and shutter together.
     line_sigma = alignment.clock.sigma_at(alignment.photo_event_s)
     time[timed] = alignment.photo_event_s
     sigma[timed] = np.linalg.norm(
         [file_sigma_s(photos)[timed], line_sigma, np.full(len(timed), alignment.clock.scatter_s)],
         axis=0,
     )
+    # Certain pairs take the time of their events.
     time[timed[certain]] = event_utc[alignment.event_index[certain]]
     sigma[timed[certain]] = _jitter_s(photos, alignment)
     common = float(np.hypot(alignment.clock.offset_sigma_s, chosen.lag_sigma_s()))
@@ -102,14 +104,14 @@ def event_timing(
 
 
 def _jitter_s(photos: Photos, alignment: Alignment) -> float:
-    """Of an exposure about its event."""
+    """Return the sigma of an exposure about its event."""
     if float(np.nanmax(photos.file_time_resolution_s)) > COARSE_S:
         return EVENT_JITTER_S
     return float(np.clip(alignment.clock.scatter_s, _LEAST_JITTER_S, _MOST_JITTER_S))
 
 
 def file_sigma_s(photos: Photos) -> Floats:
-    """(F,) of a file time: its step (uniform: step / sqrt(12)) and the camera's jitter."""
+    """Return the sigma (F,) of file times: step (uniform: step / sqrt(12)) and camera jitter."""
     return np.asarray(np.maximum(photos.file_time_resolution_s / np.sqrt(12), _LEAST_JITTER_S))
 
 
@@ -117,16 +119,16 @@ _NAMED = 5  # frames that a message names
 
 
 def pairing_of(photos: Photos, chosen: ClockedBoot, alignment: Alignment) -> Pairing:
-    """Spread the alignment of the photos with a file time over all photos and events.
+    """Extend the alignment of the photos with a file time to all photos and events.
 
     Parameters
     ----------
     photos
-        Of the project, with their file times.
+        Photos of the project, with their file times.
     chosen
-        The boot that the photos lie in.
+        The boot of the photos.
     alignment
-        Of the photos that have a file time, with the camera events of that boot.
+        Alignment of the photos that have a file time with the camera events of that boot.
     """
     count = len(photos.frame_id)
     timed = np.flatnonzero(np.isfinite(photos.file_time_s))
@@ -178,7 +180,7 @@ def _unused_reasons(event_utc_s: Floats, photo_utc_s: Floats) -> tuple[str, ...]
 
 
 def pairing_messages(pairing: Pairing) -> Iterator[Message]:
-    """What stays alone on either side, and which pairs are in doubt."""
+    """Report unpaired photos and events, and uncertain pairs."""
     alone = [k for k, s in enumerate(pairing.status) if s == "none"]
     doubtful = [k for k, s in enumerate(pairing.status) if s in ("crowded", "hidden")]
     if alone:
@@ -221,7 +223,7 @@ LOOK = "Look whether it is of this flight, and at time.offset_s."
 
 
 def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames:
-    """Frames with the reason why one has no place in the log.
+    """Return frames, with the reason where one has no place in the log.
 
     Parameters
     ----------
@@ -269,7 +271,7 @@ def _outside(time: float, first: float, last: float) -> str:
 
 
 def _to_nearest(time: Floats, samples: Floats) -> Floats:
-    """(F,) distance to the nearest sample."""
+    """Return the distance (F,) to the nearest sample."""
     if not len(samples):
         return np.full(len(time), np.inf)
     right = np.clip(np.searchsorted(samples, time), 0, len(samples) - 1)
@@ -278,7 +280,7 @@ def _to_nearest(time: Floats, samples: Floats) -> Floats:
 
 
 def unmatched_messages(frames: Frames) -> tuple[Message, ...]:
-    """One warning for each frame that has no place in the log."""
+    """Report each frame that has no place in the log."""
     return tuple(
         Message(
             "warning",

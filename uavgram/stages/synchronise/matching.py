@@ -1,8 +1,8 @@
-"""Which instant of the flight belongs to which photo.
+"""Assign to each photo its instant in the flight.
 
 The log's boot clock is tied to UTC (estimation/clocks/clock_line.py); the photos' clock is tied to
 it by a stated offset, or by aligning photos with the log's camera events. Photos are never paired
-with events by their order alone, unless both are equally many and the project asks for it.
+with events by their order alone, unless both are equally many and the project requests it.
 """
 
 from __future__ import annotations
@@ -36,9 +36,10 @@ class Synchronised:
     boot, clock
         The boot that contains them, and its line to UTC.
     messages
-        What was chosen, and what is odd.
+        Messages on the choice, and on anomalies.
     pairing
-        Photos and camera events, pair by pair, where they were aligned by their times; else None.
+        Photos and camera events, pair by pair, where they were aligned by their times; otherwise
+        None.
     """
 
     frames: Frames
@@ -51,25 +52,25 @@ class Synchronised:
 def synchronise(
     photos: Photos, log: FlightLog, options: TimeOptions, ties: Ties | None = None
 ) -> Synchronised:
-    """Give every photo its instant in the flight.
+    """Assign to every photo its instant in the flight.
 
     Parameters
     ----------
     photos
-        With their file times, in the order of their names.
+        Photos with their file times, in the order of their names.
     log
         The flight; of several boots the one that contains the photos is taken.
     options
         Source of the times; offset of the camera's clock, or ``auto``.
     ties
-        Gives the poses of the photos from their tie points alone; asked where no camera event says
-        the offset.
+        Function that returns the poses of the photos from their tie points alone; called where no
+        camera event determines the offset.
 
     Raises
     ------
     UavgramError
-        No boot has UTC, no photo lies in the flight, the alignment with the camera events is not
-        unique, or there is nothing that could tell the offset. The message says how to settle it.
+        No boot has UTC, no photo is within the flight, the alignment with the camera events is not
+        unique, or no observation determines the offset. The message names the remedy.
     """
     usable = usable_boots(log)
     known_s = 0.0 if options.offset_s == "auto" else float(options.offset_s)

@@ -26,7 +26,7 @@ from uavgram.stages.synchronise.event_times import (
 def by_order(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions
 ) -> tuple[ClockedBoot, Timing]:
-    """Photo i is event i, by the order of the names: only where both are equally many.
+    """Pair photo i with event i, by the order of the names, only where both are equally many.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ def _confirmed(boot: Boot) -> int:
 def by_offset(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions, offset_s: float
 ) -> tuple[ClockedBoot, Timing]:
-    """A stated offset; coarse file times take the time of the event that they belong to.
+    """Apply a stated offset; coarse file times take the time of their event.
 
     Parameters
     ----------
@@ -87,8 +87,8 @@ def by_offset(
         raise UavgramError(apart(time, usable)[1])
     resolution = float(np.nanmax(photos.file_time_resolution_s))
     # Common to all frames: the stated offset's sigma, the boot clock's line to UTC (a stated
-    # offset is against UTC, the flight is on the boot clock), and whether the camera cuts its
-    # readings off (half a step on average) or rounds them (nothing): root mean square of the two.
+    # offset is against UTC, the flight is on the boot clock), and whether the camera truncates
+    # readings (half a step on average) or rounds them (zero): root mean square of the two.
     stated = float(np.hypot(options.offset_sigma_s, chosen.clock.sigma_s))
     sigma = float(np.hypot(stated, resolution / np.sqrt(8.0)))
     drift_sigma = options.drift_sigma_ppm * 1e-6
@@ -106,7 +106,7 @@ def _snapped(
     plain: Timing,
     reach_s: float,
 ) -> Timing:
-    """Coarse file times at the events they belong to, where that is beyond doubt."""
+    """Replace coarse file times by those of their events, where these are certain."""
     timed = np.isfinite(photos.file_time_s)
     resolution = float(np.nanmax(photos.file_time_resolution_s))
     bounds = (plain.offset_s - reach_s, plain.offset_s + reach_s)
@@ -130,22 +130,22 @@ def _snapped(
 def by_alignment(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions
 ) -> tuple[ClockedBoot, Timing]:
-    """Offset of the camera's clock from the log's camera events.
+    """Estimate the offset of the camera's clock from the log's camera events.
 
     Parameters
     ----------
     photos
-        Of the project, with their file times.
+        Photos of the project, with their file times.
     usable
         Boots of the log with positions and a clock.
     options
-        What was asked for.
+        Requested options.
 
     Raises
     ------
     UavgramError
         The log has no camera events, or they fit the photos under no single offset: the message
-        lists the offsets that come into question.
+        lists the possible offsets.
     """
     timed = np.isfinite(photos.file_time_s)
     resolution = float(np.nanmax(photos.file_time_resolution_s))

@@ -1,1 +1,1 @@
-"""Tie points: which photos to compare, and which of what was found in them is kept."""
+"""Stage: choose pairs of photos for tie points, and the tie points to keep."""

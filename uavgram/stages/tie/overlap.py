@@ -1,4 +1,4 @@
-"""Which photos show the same ground, and where, by what is known of their poses beforehand."""
+"""Overlap of photos on the ground, and predicted pixels, by prior poses."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ GRID = 8, 6
 """Columns and rows of the pixels by which the overlap of two photos is measured."""
 
 LEAST_SHARE = 0.15
-"""Of a photo's ground that another must show to be compared with it."""
+"""Least share of a photo's ground that another must show to be compared with it."""
 
 MOST_NEIGHBOURS = 8
-"""Photos that each is compared with: those that overlap it most."""
+"""Largest number of photos that each is compared with: those of largest overlap."""
 
 SIGMAS = 3.5
 """Radius of a search in standard deviations of the prediction."""
 
 WIDEST_SEARCH = 0.35
-"""Radius of a search, as a share of the photo's width, from which a prediction helps no more."""
+"""Radius of a search, as a share of the photo's width, above which a prediction is useless."""
 
 VAGUE_RAD = 0.2
-"""Standard deviation of an attitude from which a pose does not say what a photo shows."""
+"""Standard deviation of an attitude [rad] above which a pose does not determine the view of a
+photo."""
 
 FARTHEST = 6.0
-"""Ground that counts as shown, in heights of the camera above it."""
+"""Largest distance of ground that counts as shown, in heights of the camera above it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,9 +44,9 @@ class Seen:
     Attributes
     ----------
     calibration
-        Of the camera.
+        Calibration of the camera.
     poses
-        (N,) of the photos.
+        (N,) poses of the photos.
     ground_m, ground_sigma_m
         Height of the ground in the world, and its standard deviation.
     """
@@ -57,18 +58,18 @@ class Seen:
 
     @property
     def height_m(self) -> Floats:
-        """(N,) of the cameras above the ground."""
+        """Heights (N,) of the cameras above the ground."""
         return np.asarray(np.maximum(self.poses.center_world_m[:, 2] - self.ground_m, 1.0))
 
     @property
     def is_vague(self) -> Bools:
-        """(N,) whether a pose does not say what its photo shows."""
+        """Mask (N,) of poses that do not determine the view of their photos."""
         variance = np.diagonal(self.poses.covariance, axis1=1, axis2=2)
         far = SIGMAS * np.sqrt(variance[:, :3].max(axis=1)) > 2.0 * self.height_m
         return np.asarray((variance[:, 3:].max(axis=1) > VAGUE_RAD**2) | far)
 
     def ground_of(self, photo: int, pixel_px: Floats) -> Floats:
-        """(M, 3) where pixels of a photo meet the ground; NaN where far off or not at all."""
+        """Intersect pixels of a photo with the ground (M, 3); NaN where far away or without one."""
         center = self.poses.center_world_m[photo]
         ray = back_project(self.calibration.model, self.calibration.parameters, pixel_px)
         plane = np.array([self.ground_m, 0.0, 0.0])
@@ -81,26 +82,27 @@ class Seen:
         return np.asarray(world)
 
     def pixels_of(self, photo: int, world_m: Floats) -> Floats:
-        """(M, 2) where a photo shows points of the world; NaN where it does not."""
+        """Project points of the world to a photo (M, 2); NaN where it does not show them."""
         camera = self.calibration
         point = (world_m - self.poses.center_world_m[photo]) @ self.poses.world_from_camera[photo]
         return project(camera.model, camera.parameters, point)
 
 
 class Prediction(NamedTuple):
-    """Where pixels of one photo are in another, (M, 2), NaN where not shown; and how far off."""
+    """Pixels (M, 2) of one photo in another, NaN where not shown; and the search radius."""
 
     pixel_px: Floats
     radius_px: float
 
 
 def overlap(seen: Seen) -> Floats:
-    """(N, N) share of the ground of two photos that both show: the lesser of the two shares."""
+    """Compute the share (N, N) of ground shown by two photos: the lesser of the two shares."""
     count = len(seen.poses.frame_id)
     grid = _grid(seen.calibration)
     ground = np.stack([seen.ground_of(k, grid) for k in range(count)])
     shown = np.asarray(np.isfinite(ground).all(axis=2))
     share = np.zeros((count, count))
+    # Circle around the ground of each photo, to skip distant pairs.
     photos = np.flatnonzero(shown.any(axis=1))
     middle = np.full((count, 3), np.inf)
     middle[photos] = np.nanmean(ground[photos], axis=1)
@@ -112,20 +114,21 @@ def overlap(seen: Seen) -> Floats:
         near = np.flatnonzero(apart <= reach + reach[k])
         pixel = seen.pixels_of(k, ground[near].reshape(-1, 3))
         share[near, k] = _inside(seen.calibration, pixel).reshape(len(near), -1).mean(axis=1)
+    # The lesser of the two shares.
     share = np.minimum(share, share.T)
     np.fill_diagonal(share, 0.0)
     return share
 
 
 def pairs_of(score: Floats, least: float, most: int = MOST_NEIGHBOURS) -> Ints:
-    """Pairs (P, 2) of photos to compare, each of them among the best of one of the two.
+    """Choose pairs (P, 2) of photos to compare, each among the best of one of the two.
 
     Parameters
     ----------
     score
-        (N, N) how much two photos have in common; symmetric.
+        (N, N) overlap of two photos; symmetric.
     least
-        Below it they have nothing.
+        Score below which they have nothing in common.
     most
         Partners that each photo chooses.
     """
@@ -136,7 +139,7 @@ def pairs_of(score: Floats, least: float, most: int = MOST_NEIGHBOURS) -> Ints:
 
 
 def predict(seen: Seen, one: int, other: int, pixel_px: Floats) -> Prediction | None:
-    """Where pixels of one photo are in another; None where that is not known well enough.
+    """Predict pixels of one photo in another; None where the prediction is too uncertain.
 
     Parameters
     ----------
@@ -156,7 +159,7 @@ def predict(seen: Seen, one: int, other: int, pixel_px: Floats) -> Prediction | 
 
 
 def _radius(seen: Seen, one: int, other: int) -> float:
-    """Of the search: what attitudes, places and the ground's height are uncertain by, in pixels."""
+    """Compute the search radius [px] from sigmas of attitudes, positions and ground height."""
     both = seen.poses.covariance[[one, other]]
     variance = np.diagonal(both, axis1=1, axis2=2)
     height = float(seen.height_m[[one, other]].min())
@@ -168,14 +171,14 @@ def _radius(seen: Seen, one: int, other: int) -> float:
 
 
 def _grid(camera: Calibration) -> Floats:
-    """(M, 2) pixels spread over a photo."""
+    """Return pixels (M, 2) spread over a photo."""
     u = (np.arange(GRID[0]) + 0.5) * camera.width_px / GRID[0]
     v = (np.arange(GRID[1]) + 0.5) * camera.height_px / GRID[1]
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
 def _inside(camera: Calibration, pixel_px: Floats, margin: float = 0.0) -> Bools:
-    """(M,) whether pixels lie in a photo, or not farther outside than a margin."""
+    """Mark pixels (M,) inside a photo, or outside by less than a margin."""
     size = np.array([camera.width_px, camera.height_px])
     with np.errstate(invalid="ignore"):
         return np.asarray(((pixel_px > -margin) & (pixel_px < size + margin)).all(axis=1))

@@ -1,4 +1,4 @@
-"""What there is to say of tie points that were found."""
+"""Remarks on tie points that were found."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from uavgram.model.survey.ties import TiePicks
 
 
 def remarks(ties: TiePicks, photos: Sequence[str], file: str) -> Iterator[Message]:
-    """Say how many were found, and which photos they do not reach.
+    """Report the number of tie points, and photos without any.
 
     Parameters
     ----------
     ties
-        As found.
+        Tie points as found.
     photos
         Names of all photos.
     file
@@ -63,7 +63,7 @@ def _untied(photo: str) -> Message:
 
 
 def _apart(ties: TiePicks, photos: Sequence[str]) -> Iterator[Message]:
-    """Groups of photos that no tie point joins."""
+    """Report groups of photos without common tie points."""
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415 - slow to load
 
     at = {name: k for k, name in enumerate(photos)}

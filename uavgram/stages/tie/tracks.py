@@ -15,21 +15,22 @@ from scipy.spatial import cKDTree
 from uavgram.model.arrays import Bools, Floats, Ints
 
 LEAST_SUPPORT = 0.5
-"""Share of the other sightings of a point that each must be matched with directly: what drifts from
-photo to photo, or is seen beside the point in one, is not."""
+"""Least share of the other sightings of a point that each must be matched with directly; this
+excludes sightings that drift from photo to photo, or are beside the point in one."""
 
 
 class Matches(NamedTuple):
-    """M matches, each of two features.
+    """Set of M matches, each of two features.
 
     Attributes
     ----------
     feature
         (M, 2) rows among the features of all photos.
     pair
-        (M,) which pair of photos it is of.
+        (M,) index of the pair of photos.
     across_px
-        (M,) how far off the line that the other place prescribes, less what all have in common.
+        (M,) distance from the epipolar line of the other feature, less that of neighbouring
+        matches.
     """
 
     feature: Ints
@@ -37,12 +38,12 @@ class Matches(NamedTuple):
     across_px: Floats
 
     def take(self, rows: Ints) -> Matches:
-        """Some of them."""
+        """Select matches."""
         return Matches(self.feature[rows], self.pair[rows], self.across_px[rows])
 
 
 class Tracks(NamedTuple):
-    """S sightings of points, those of one point one after the other.
+    """Set of S sightings of points, sorted by point.
 
     Attributes
     ----------
@@ -57,20 +58,20 @@ class Tracks(NamedTuple):
 
 
 def tracks_of(matches: Matches, photo: Ints) -> Tracks:
-    """Features that are matched with each other, directly or through others, are one point.
+    """Join features that are matched, directly or through others, into points.
 
     Parameters
     ----------
     matches
-        Those that were verified.
+        Verified matches.
     photo
-        (F,) of each feature, which photo it is of.
+        (F,) photo of each feature.
 
     Returns
     -------
     Tracks
-        Without points that a photo would show twice (a match in them is wrong), and without
-        sightings that hang by a thread.
+        Without points that a photo would show twice (a match in them is wrong), and without weakly
+        connected sightings.
     """
     if not len(matches.feature):
         return Tracks(np.empty(0, np.int64), np.empty(0, np.int64))
@@ -93,21 +94,21 @@ def tracks_of(matches: Matches, photo: Ints) -> Tracks:
 
 
 LARGE = 4.0
-"""Size of a feature, in pixels of the reduced photo, from which it is seen less well: on rendered
-streets the error is the same below, and grows with the size above."""
+"""Size of a feature, in pixels of the reduced photo, above which its error grows: on rendered
+streets the error is constant below, and grows with the size above."""
 
 TOO_LARGE = 10.0
-"""Size from which it is no point."""
+"""Size above which a feature is not used as a point."""
 
 MOST_SIGMAS = 4.0
-"""Robust sigmas of its pair at which a match stands out."""
+"""Robust sigmas of its pair above which a match is an outlier."""
 
 LEAST_PX = 0.03
-"""Sigma that no feature is better than, in pixels of the reduced photo."""
+"""Lower limit of the sigma of a feature, in pixels of the reduced photo."""
 
 
 def relative_noise(size_px: Floats, scale: float) -> Floats:
-    """(F,) error of features as multiples of that of small ones.
+    """Compute errors (F,) of features as multiples of those of small ones.
 
     Parameters
     ----------
@@ -120,12 +121,12 @@ def relative_noise(size_px: Floats, scale: float) -> Floats:
 
 
 def fitting(matches: Matches, relative: Floats, pairs: int) -> Bools:
-    """(M,) matches of small features that do not stand out of their pair.
+    """Mark matches (M,) of small features that are no outliers of their pair.
 
     Parameters
     ----------
     matches
-        Of all pairs.
+        Matches of all pairs.
     relative
         (F,) `relative_noise` of the features.
     pairs
@@ -142,12 +143,12 @@ def fitting(matches: Matches, relative: Floats, pairs: int) -> Bools:
 
 
 def sigmas(matches: Matches, relative: Floats, pairs: int, scale: float) -> Floats:
-    """(F,) standard deviation of each coordinate of the matched features [px]; NaN of others.
+    """Estimate the sigma (F,) of each coordinate of the matched features [px]; NaN for others.
 
     Parameters
     ----------
     matches
-        Those that fit.
+        Matches that fit.
     relative
         (F,) `relative_noise` of the features.
     pairs
@@ -166,7 +167,7 @@ def sigmas(matches: Matches, relative: Floats, pairs: int, scale: float) -> Floa
 
 
 def _normalised(matches: Matches, relative: Floats) -> Floats:
-    """(M,) distances across, each over what two features of such size would have at sigma 1."""
+    """Divide distances across (M,) by their sigma for two features of such size at sigma 1."""
     of_two: Ints = matches.feature
     return np.asarray(matches.across_px / np.sqrt((relative[of_two] ** 2).sum(axis=1)))
 
@@ -175,43 +176,44 @@ GRID = 10, 8
 """Columns and rows of the cells of a photo: about as many sightings are kept in each photo."""
 
 FINE = 60, 45
-"""Columns and rows of the cells in which a second sighting tells nothing new."""
+"""Columns and rows of the cells in which a second sighting adds no information."""
 
 MOST = 100
-"""Sightings kept in a photo."""
+"""Largest number of sightings kept in a photo."""
 
 ENOUGH = 60
-"""Sightings from which a photo needs no more that share their cells with others."""
+"""Number of sightings above which a photo needs no more that share their cells with others."""
 
 SHARED = 12
-"""Points that two photos which were matched should have in common."""
+"""Wanted number of common points of two matched photos."""
 
 BESIDE = 8
-"""Points beside each pick: they tell how high the ground is there, see stages/refine/near_ties."""
+"""Points beside each pick, which show the height of the ground there; see
+stages/refine/near_ties."""
 
 NEAR = 0.05
-"""How near to a pick those are, as a share of the photo's width."""
+"""Largest distance of these from the pick, as a share of the photo's width."""
 
 SURE = 3
-"""Photos that show each of them, at least: of two, the height is less sure."""
+"""Least number of photos that show each of them: with two, the height is less certain."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sighted:
-    """What is to be chosen from.
+    """Sightings to choose from.
 
     Attributes
     ----------
     tracks
         (S,) sightings.
     photo
-        (S,) of each.
+        (S,) photo of each.
     pixel_px, sigma_px
         (S, 2), (S,).
     width_px, height_px
-        Of the photos.
+        Size of the photos.
     picked_photo, picked_px
-        (P,), (P, 2) what people picked, and where.
+        (P,), (P, 2) picks by people: photos and pixels.
     """
 
     tracks: Tracks
@@ -225,11 +227,11 @@ class Sighted:
 
 
 def choose(sighted: Sighted) -> Ints:
-    """(K,) the points to keep.
+    """Choose the points to keep (K,).
 
-    Long ones first, the better seen first among equally long ones: first where most of their
-    cells are free, then for pairs of photos that have little in common, then for photos that
-    have few.
+    Long tracks come first, those of smaller noise first among equally long ones: first where most
+    of their cells are free, then for pairs of photos with few common points, then for photos with
+    few points.
     """
     return np.array(_Choice(sighted).chosen(), dtype=np.int64)
 
@@ -273,7 +275,7 @@ class _Choice:
                 missing -= 1
 
     def _near_picks(self) -> Iterator[list[int]]:
-        """Points that are sure, near each pick, the nearest first."""
+        """Yield certain points near each pick, the nearest first."""
         sighted = self._sighted
         point, photo = sighted.tracks.point, sighted.photo
         sure = np.bincount(point)[point] >= SURE if len(point) else np.zeros(0, np.bool_)
@@ -290,7 +292,7 @@ class _Choice:
             )
 
     def _left(self) -> Iterator[int]:
-        """Points that are not taken, and do not lie beside those that are."""
+        """Yield points that are neither kept nor close to kept ones."""
         return (
             point
             for point in self._order
@@ -298,7 +300,7 @@ class _Choice:
         )
 
     def _is_free(self, point: int, cells: _Cells) -> bool:
-        """Whether most cells of a point are free."""
+        """Return whether most cells of a point are free."""
         own = cells.of[self._starts[point] : self._starts[point + 1]]
         return 2 * sum(cell not in cells.full for cell in own) > len(own)
 
@@ -318,7 +320,7 @@ class _Choice:
 
 
 class _Cells:
-    """Cells of photos: the one of each sighting, and which are full."""
+    """Cells of photos: the one of each sighting, and the occupied ones."""
 
     def __init__(self, sighted: Sighted, grid: tuple[int, int]) -> None:
         size = np.array([sighted.width_px, sighted.height_px])

@@ -1,1 +1,1 @@
-"""Where adjustments begin: first values, and what leads from them."""
+"""First values of adjustments, and the way from them to the minimum."""

@@ -1,4 +1,4 @@
-"""Frames that may stand in a false pose: of two tilts that show a plane's points nearly alike."""
+"""Find frames whose pose may be the wrong one of the two planar solutions."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ BY_CHANCE = 0.001
 """Probability below which the residuals of a frame's picks put its pose in doubt."""
 
 LOST = 400.0
-"""What a pick that an adjustment had to leave out adds to its cost: one that fits badly."""
+"""Cost of a pick that an adjustment had to leave out: that of a poor fit."""
 
 
 def doubtful_frames(survey: Survey, refined: Refined) -> frozenset[str]:
-    """Names of frames that an adjustment fits badly, or at whose picks it sees no ground.
+    """Find frames that an adjustment fits badly, or at whose picks it sees no ground.
 
     The sum of squares of a frame's picks is compared with chi-square of their redundancy.
     """
     adjustment = refined.adjustment
     block, names = adjustment.minimum.blocks["pixels"], adjustment.survey.frame_id
     frame = adjustment.survey.pick_frame
+    # Redundancy of each pick: trace of its cofactor matrix.
     own = np.einsum("nii->n", cofactors(block, adjustment.covariance))
     redundancy = np.bincount(frame, own, len(names))
     square = np.bincount(frame, np.sum(block.residual**2, axis=1), len(names))
@@ -37,5 +38,5 @@ def doubtful_frames(survey: Survey, refined: Refined) -> frozenset[str]:
 
 
 def cost_with_lost(refined: Refined, picks: int) -> float:
-    """Cost of an adjustment of so many picks, with those that it had to leave out."""
+    """Return the cost of an adjustment of so many picks, including the left-out ones."""
     return refined.adjustment.minimum.cost + LOST * (picks - len(refined.pick_index))

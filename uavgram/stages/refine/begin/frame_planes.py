@@ -1,4 +1,4 @@
-"""Planes under single frames, from which a survey without a log begins; or what it lacks."""
+"""Planes under single frames, from which a survey without a log begins; or the missing inputs."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from uavgram.model.survey.survey import Survey
 
 
 class FramePlanes(NamedTuple):
-    """What lengths and other known things say of the frames of a survey.
+    """Planes and known things of the frames of a survey.
 
     Attributes
     ----------
     seen
-        What each frame sees that sees more than lengths.
+        Known things in each frame with more than lengths.
     counts
-        (F,) how many numbers all of it says of each frame's pose.
+        (F,) number of equations for each frame's pose.
     planes
         Planes (n, 3), likeliest first, of the frames that have any.
     """
@@ -52,7 +52,7 @@ def frame_planes(survey: Survey, ray: Floats) -> FramePlanes:
 def _planes(
     survey: Survey, ray: Floats, seen: Mapping[int, FrameThings], counts: Ints
 ) -> dict[int, Floats]:
-    """Planes (n, 3) of frames; of those whose known things contradict each other, if no others.
+    """Find planes (n, 3) of frames; contradictory frames only where there are no others.
 
     A frame whose lengths determine its pose needs no more than these.
 
@@ -80,7 +80,7 @@ def _planes(
 
 
 def too_little(survey: Survey, found: FramePlanes) -> str:
-    """What a survey lacks that has neither log nor a frame with a plane."""
+    """Describe the missing input of a survey with neither log nor a frame with a plane."""
     seen, counts = found.seen, found.counts
     if not seen:
         return (

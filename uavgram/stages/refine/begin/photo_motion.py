@@ -1,4 +1,4 @@
-"""How cameras moved while their photos were read, where no log says it: by places and times."""
+"""Estimate camera motion during readout from places and times of the photos, without a log."""
 
 from __future__ import annotations
 
@@ -15,47 +15,49 @@ from uavgram.model.flight.log import Track
 from uavgram.model.survey.survey import RollingShutter, Survey
 
 USUAL_M_S = 7.0
-"""Speed of a drone that takes photos of the ground."""
+"""Speed of a drone that takes photos of the ground [m/s]."""
 
 SPEED_SIGMA = 0.65
-"""Of that speed, as a share: from photos while it hovers to 15 m/s."""
+"""Sigma of that speed, as a share of it: from photos while it hovers to 15 m/s."""
 
 RATE_RAD_S = 0.1
-"""Sigma of how fast it turns then, six degrees a second: also what it moves otherwise than to the
-next photo looks like that."""
+"""Sigma of the angular rate, six degrees a second; motion other than towards the next photo has the
+same effect."""
 
 JUMP = 2.0
-"""Times as long as the other: a way to the next photo that is no part of a line of photos."""
+"""Ratio of two adjacent distances between photos, above which the longer one is not part of a line
+of photos."""
 
 STRAIGHT = 0.8
-"""Cosine from which on the way goes on as before: then a long one is of the same line."""
+"""Least cosine of the change of direction within a line: then a long distance is of the same
+line."""
 
 TIMED_SIGMA = 0.05
-"""Of the speed that the photos' times give, as a share: what all of them have in common, as a drone
-flies on between two photos in another way than evenly."""
+"""Sigma of the speed from the photos' times, as a share of it: the error common to all of them, as
+a drone flies unevenly between two photos."""
 
 TIMED_RATE_RAD_S = 0.05
-"""As `RATE_RAD_S`, where times tell each photo's speed: three degrees a second. What is left of the
-speed, some 0.7 m/s at 40 m, is a third of that."""
+"""Sigma of the angular rate, three degrees a second, where times give each photo's speed. The
+remaining error of the speed, some 0.7 m/s at 40 m, is a third of that."""
 
 VAGUE = 0.2
-"""Share of the time between photos by which it may be wrong: beyond it, a photo's own speed is
+"""Largest error of the time between photos, as a share of it: beyond it, a photo's own speed is
 worth less than the mean of all."""
 
 SLOWEST_M_S, FASTEST_M_S = 0.3, 40.0
-"""Of a drone on its way: other speeds come of times that are not those of the exposures (copied
-files, a clock that was set), or of hovering, where nothing is to be found."""
+"""Range of plausible speeds [m/s]: others come from times that are not those of the exposures
+(copied files, a clock that was set), or from hovering, where there is no effect."""
 
 SHUTTER = 1.5
-"""Times by which squares of ties fall, beside those of as many unknowns that say nothing, where a
-shutter is felt. Of flights of 8 photos with 350 to 590 sightings it was 0.95 to 1.0 without one,
-and 2.7 to 12 with 10 ms."""
+"""Least factor by which squares of ties decrease with a rolling shutter, relative to as many
+unknowns without effect. For flights of 8 photos with 350 to 590 sightings it was 0.95 to 1.0
+without one, and 2.7 to 12 with 10 ms."""
 
 
 class _Flown(NamedTuple):
-    """Velocities (F, 3) of the cameras [m/s], and what is not known of them.
+    """Velocities (F, 3) of the cameras [m/s], and their uncertainty.
 
-    `sigma` is that of the speed of all, as a share, `rate_sigma_rad_s` how fast each one may turn.
+    `sigma` is that of the common speed, as a share; `rate_sigma_rad_s` that of each angular rate.
     """
 
     velocity: Floats
@@ -64,12 +66,12 @@ class _Flown(NamedTuple):
 
 
 def with_motion_by_photos(survey: Survey) -> Survey:
-    """The survey with the motion of its cameras as far as its photos tell it.
+    """Add the motion of the cameras as far as the photos determine it.
 
-    Along the way from the photo before to the photo after: in the time between them, where that is
-    known, else all at one usual speed. How wrong that speed is in common is the same unknown as a
-    readout time. Which way the camera turned meanwhile, ties tell for each photo. A survey without
-    ties has none of it, nor has one whose rows are read at once.
+    The motion is along the way from the photo before to the photo after: in the time between them,
+    where that is known, otherwise all at one usual speed. The common error of that speed is the
+    same unknown as a readout time. Ties determine the rotation during each photo. A survey without
+    ties gets no motion, nor does one whose rows are read at once.
     """
     readout = survey.calibration.readout or UNKNOWN_READOUT
     if isinstance(survey.track, Track) or readout == NONE or not survey.ties.points:
@@ -94,20 +96,21 @@ def with_motion_by_photos(survey: Survey) -> Survey:
 
 
 def is_in_question(survey: Survey) -> bool:
-    """Whether nobody says that rows are read one after the other, and no log would show it."""
+    """Return whether a rolling shutter is neither stated nor visible by a log."""
     rolling = survey.rolling
     return rolling is not None and rolling.by_photos and not rolling.readout.value_s
 
 
 def ask_for_shutter(plain: Adjustment, rolling: Adjustment) -> bool:
-    """Whether ties fit much better where each photo may have turned while it was read.
+    """Return whether ties fit much better with rotations during the readout.
 
-    By the median, as wrong ones are still among them, and beyond what so many unknowns explain.
+    The medians are compared, since wrong ties are still among them, and the effect of so many
+    unknowns is subtracted.
 
     Parameters
     ----------
     plain, rolling
-        The same ties without a shutter, and with one.
+        Adjustments of the same ties without a shutter, and with one.
     """
     before, after = (
         float(np.median(np.sum(one.minimum.blocks["ties"].residual ** 2, axis=1)))
@@ -119,7 +122,7 @@ def ask_for_shutter(plain: Adjustment, rolling: Adjustment) -> bool:
 
 
 def _first_poses(survey: Survey) -> tuple[Floats, Floats]:
-    """Centres (F, 3) and rotations (F, 3, 3), of frames in order; NaN where nothing is known."""
+    """Return centres (F, 3) and rotations (F, 3, 3), of frames in order; NaN where unknown."""
     if survey.seeds is not None:
         return survey.seeds.center_world_m, survey.seeds.world_from_camera
     frame = {name: k for k, name in enumerate(survey.frame_id)}
@@ -132,7 +135,7 @@ def _first_poses(survey: Survey) -> tuple[Floats, Floats]:
 
 
 def _at_usual_speed(center: Floats) -> _Flown | None:
-    """Along the way from photo to photo, where nobody says when they were taken."""
+    """Compute velocities along the way from photo to photo, without times."""
     order = np.flatnonzero(np.isfinite(center[:, 0]))
     if len(order) < 2:
         return None
@@ -147,9 +150,9 @@ def _at_usual_speed(center: Floats) -> _Flown | None:
 
 
 def _by_times(survey: Survey, center: Floats) -> _Flown | None:
-    """Along the way from photo to photo, in the time between them; None where it makes no sense.
+    """Compute velocities from photo to photo by their times; None where they are implausible.
 
-    Of times to whole seconds, each photo's own speed says little: then all have the mean one.
+    With times to whole seconds, each photo's own speed is uncertain: then all have the mean one.
     """
     placed = np.flatnonzero(np.isfinite(center[:, 0]))
     time, sigma = survey.time_s[placed], survey.time_sigma_s[placed]
@@ -160,6 +163,7 @@ def _by_times(survey: Survey, center: Floats) -> _Flown | None:
     way, apart = np.diff(center[order], axis=0), np.diff(time[by_time])
     if not np.median(apart) > 0:
         return None
+    # Relative error of the time between photos: with a large one, all get the mean speed.
     doubt = float(np.sqrt(2.0) * np.median(sigma) / np.median(apart))
     if doubt > VAGUE:
         moved = np.linalg.norm(way, axis=1)
@@ -170,6 +174,7 @@ def _by_times(survey: Survey, center: Floats) -> _Flown | None:
         ahead = mean * ahead / np.where(size > 0, size, 1.0)
     else:
         ahead = _ahead(way, np.maximum(apart, VAGUE * np.median(apart)))
+    # Implausible speeds: times that are not those of the exposures, or hovering.
     usual = float(np.median(np.linalg.norm(ahead, axis=1)))
     if not SLOWEST_M_S <= usual <= FASTEST_M_S:
         return None
@@ -180,22 +185,23 @@ def _by_times(survey: Survey, center: Floats) -> _Flown | None:
 
 
 def _ahead(way: Floats, apart: Floats) -> Floats:
-    """(n + 1, 3) how fast each of n + 1 photos moves, by the ways (n, 3) between them.
+    """Compute the velocity (n + 1, 3) of each of n + 1 photos from the ways (n, 3) between them.
 
-    That of the parabola through the photo and both its neighbours; along a line of photos alone,
-    where the way to one of them is none of it.
+    The velocity is that of the parabola through the photo and both its neighbours; along the line
+    of photos only, where the way to one of them is not part of it.
 
     Parameters
     ----------
     way
         (n, 3) from each photo to the next.
     apart
-        (n,) the time that this took.
+        (n,) duration of each.
     """
     ends = [0, *range(len(way))], [*range(len(way)), -1]
     ways, (earlier, later) = [way[k] for k in ends], [apart[k, None] for k in ends]
     long, short = (np.linalg.norm(each, axis=1) for each in ways)
     before, after = ways[0] / earlier, ways[1] / later
+    # Derivative of the parabola at the photo in the middle.
     both = (before * later + after * earlier) / (earlier + later)
     turned = np.sum(ways[0] * ways[1], axis=1) < STRAIGHT * long * short
     both = np.where((turned & (long > JUMP * short))[:, None], after, both)

@@ -1,7 +1,7 @@
-"""Surveys that begin far from their minimum, led there by softer observations.
+"""Adjust surveys that begin far from their minimum with larger sigmas first.
 
-Where the camera is hardly known, focal length, heights and tilts change together. A length to a
-point whose height is free is met on two sides, and first poses may begin it on the wrong one.
+Where the camera is poorly known, focal length, heights and tilts change together. A length to a
+point with a free height has two solutions, and first poses may begin it at the wrong one.
 """
 
 from __future__ import annotations
@@ -24,50 +24,49 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.survey import Survey
 
 POOR_FOCAL = 0.05
-"""Sigma of the focal length, as a share of it, from which a camera is hardly known."""
+"""Relative sigma of the focal length above which a camera is poorly known."""
 
 PATIENCE = 3
-"""So many times the usual iterations. Of two strips of ten photos without a log, each with six
-ordinary drone cameras of 20 to 32 mm in the place of its own, the adjustments took 20 to 72."""
+"""Factor of the usual number of iterations. Two strips of ten photos without a log, each with six
+ordinary drone cameras of 20 to 32 mm in place of its own, took 20 to 72 iterations."""
 
 SOFTER = (30.0, 5.0)
 """Factors of the sigmas of picks, lengths and known things, with which such a survey is adjusted
 first. From first values by a wrong focal length and without distortion, exact picks lead along a
-bent valley
-(40 to 111 iterations in those strips) or into a wrong one (2 of the 12, before photos joined by the
-pose of either tilt); soft ones leave the lens near its prior until the photos lie about where they
-belong."""
+bent valley (40 to 111 iterations in those strips) or into a wrong one (2 of the 12, before photos
+joined by the pose of either tilt); larger sigmas leave the lens near its prior until the photos are
+about where they belong."""
 
 SOFT_LENGTH = 0.5
-"""Sigma of a length to a point whose height is free, as a share of it, until its rays have led to
-the side where it is."""
+"""Relative sigma of a length to a point with a free height, until its rays have led to the correct
+side."""
 
 SOFT_SIGHTINGS = (30.0, 5.0)
 """Factors of the sigmas of matches and ties with which a survey is adjusted first: they are good to
-a tenth of a pixel, and where a log begins the photos they are tens of pixels off."""
+a tenth of a pixel, but tens of pixels off where a log begins the photos."""
 
 SLACK = 1e-9
-"""Damping, as a share of the normal matrix's diagonal, by which what nothing determines may end."""
+"""Damping of undetermined unknowns, as a share of the normal matrix's diagonal."""
 
 EACH = 20
 """Iterations for each factor."""
 
 
 def iterations_for(camera: Calibration) -> int:
-    """Iterations after which a survey that has not come to rest never will."""
+    """Return the number of iterations after which a survey is taken as not convergent."""
     return PATIENCE * MAX_ITERATIONS if is_hardly_known(camera) else MAX_ITERATIONS
 
 
 def is_hardly_known(camera: Calibration) -> bool:
-    """Whether the focal length is that uncertain."""
+    """Return whether the focal length is that uncertain."""
     return bool(np.sqrt(camera.covariance[0, 0]) > POOR_FOCAL * camera.parameters[0])
 
 
 def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> State:
-    """First values nearer to the minimum, where they may be far from it; else `state` itself.
+    """Move first values nearer to the minimum, where they may be far from it.
 
-    A camera that is hardly known needs that where no telemetry says where the photos lie. What
-    nothing determines is no fault here: the adjustment that follows says so.
+    A poorly known camera needs that where no telemetry gives the places of the photos. Undetermined
+    unknowns are no fault here: the adjustment that follows reports them.
 
     Parameters
     ----------
@@ -76,14 +75,14 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
     state
         First values.
     pivot
-        (A, 2) of the slopes of each area [m].
+        (A, 2) pivots of the slopes of each area [m].
     line_used
         (L,) known lengths that take part.
 
     Raises
     ------
     SingularError
-        No observation says anything of an unknown.
+        No observation depends on an unknown.
     """
     for soft in _softer(survey):
         state = iterate(SurveyProblem(soft, pivot, line_used), state, EACH, SLACK).state
@@ -91,7 +90,7 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
 
 
 def _softer(survey: Survey) -> Iterator[Survey]:
-    """The survey with larger sigmas, softest first; nothing where it needs none."""
+    """Yield the survey with larger sigmas, largest first; nothing where it needs none."""
     if survey.telemetry is None and is_hardly_known(survey.calibration):
         for softer in SOFTER:
             yield replace(
@@ -103,7 +102,8 @@ def _softer(survey: Survey) -> Iterator[Survey]:
     if survey.matches.points + survey.ties.points:
         beside = survey.ties.beside
         for softer in SOFT_SIGHTINGS:
-            told = replace(beside, sigma_m=softer * beside.sigma_m)  # by ties that are off yet
+            # These are predicted by ties that are still off.
+            told = replace(beside, sigma_m=softer * beside.sigma_m)
             yield replace(
                 survey,
                 matches=replace(survey.matches, sigma_px=softer * survey.matches.sigma_px),
@@ -122,7 +122,7 @@ def iterate(
     slack: float = 0.0,
     at_rest: float = CONVERGED,
 ) -> Minimum[State]:
-    """The minimum that iterations from a state lead to.
+    """Iterate from a state to a minimum.
 
     Parameters
     ----------
@@ -131,16 +131,16 @@ def iterate(
     state
         First values.
     most
-        Iterations.
+        Largest number of iterations.
     slack
-        Damping of what nothing determines, as a share of the normal matrix's diagonal.
+        Damping of undetermined unknowns, as a share of the normal matrix's diagonal.
     at_rest
-        Predicted fall of the sum of squares that is not worth a step.
+        Predicted decrease of the sum of squares below which the iterations end.
 
     Raises
     ------
     SingularError
-        The observations leave an unknown free.
+        The observations do not determine an unknown.
     """
     layout = problem.layout
     return minimise(

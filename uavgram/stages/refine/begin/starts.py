@@ -32,10 +32,11 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.frame_planes import frame_planes, too_little
 
 FAR_RAD, FAR_HEIGHT = 0.1, 0.15
-"""Tilt, and share of the height, up to which the iterations reach a pose from the seed anyway."""
+"""Tilt [rad], and share of the height, up to which the iterations reach a pose from the seed
+anyway."""
 
 MOST_BASES = 4
-"""Frames whose lengths begin in turn where those of the first led nowhere."""
+"""Frames whose lengths begin in turn where those of the first led to no result."""
 
 BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the calibration of the lens does not reach there")
 NO_GROUND = LeftOut(
@@ -55,7 +56,7 @@ NOT_JOINED = LeftOut(
 
 
 def first_values(survey: Survey) -> list[FirstValues]:
-    """Sets of first values, most likely first; picks they leave without a place are NaN."""
+    """Compute sets of first values, most likely first; unplaced points and frames are NaN."""
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     if survey.telemetry is not None:
         found = [from_telemetry(each, ray) for each in _with_seeds(survey)]
@@ -76,19 +77,19 @@ def first_values(survey: Survey) -> list[FirstValues]:
 def other_values(
     survey: Survey, known: Mapping[str, Pose], doubtful: Collection[str]
 ) -> list[FirstValues]:
-    """First values that lead elsewhere than an adjustment in which some frames are in doubt.
+    """Compute first values that differ from an adjustment with some frames in doubt.
 
-    All that is in doubt joins the others once more. Where these are false themselves, the lengths
-    of other frames begin.
+    All frames in doubt are joined to the others again. Where the others are wrong themselves, the
+    lengths of other frames begin.
 
     Parameters
     ----------
     survey
-        Without telemetry.
+        Survey without telemetry.
     known
         Poses of frames (by name) as adjusted.
     doubtful
-        Names of those in doubt, and perhaps of others.
+        Names of frames in doubt, and perhaps of others.
 
     Raises
     ------
@@ -115,26 +116,26 @@ def other_values(
 
 
 def _elsewhere(values: FirstValues, frame: int, known: Pose | None) -> bool:
-    """Whether a frame has a pose that it had not, or one that iterations need not leave for it."""
+    """Return whether a frame has a new pose, or one too far away for the iterations."""
     if np.isnan(values.center[frame, 0]):
         return False
     return known is None or _far(known, (values.center[frame], values.rotation[frame]))
 
 
 def _far(one: Pose, other: Pose) -> bool:
-    """Whether iterations from one pose may not reach the other, wherever it stands and heads."""
+    """Return whether iterations may not lead from one pose to the other, by tilt and height."""
     tilt = np.arccos(np.clip(one[1][2] @ other[1][2], -1.0, 1.0))
     return bool(tilt > FAR_RAD or abs(one[0][2] - other[0][2]) > FAR_HEIGHT * abs(one[0][2]))
 
 
 def _with_seeds(survey: Survey) -> list[Survey]:
-    """The survey with its seeds; and, where lengths say otherwise, with seeds that fit them.
+    """Return the survey with its seeds and, if lengths contradict these, with seeds that fit them.
 
-    Lengths have a say in a frame that shows three or more whole and whose pose they determine: of
-    the poses that explain them, those that the telemetry allows. Where such a pose and the seed
-    together lie near the seed, the iterations find them by themselves. Where they lie far away, or
-    apart, each is a start of its own: for the frame with most lines; the others take the best of
-    theirs.
+    Lengths are used in a frame that shows three or more whole and whose pose they determine: of the
+    poses that explain them, those that the telemetry allows. Where such a pose and the seed are
+    close together, the iterations find it by themselves. Where they are far from the seed, or from
+    each other, each is a start of its own: for the frame with most lines; the other frames take the
+    best of theirs.
     """
     assert survey.seeds is not None  # noqa: S101  (the caller asked)
     seeds, ground = survey.seeds, survey.ground
@@ -143,11 +144,12 @@ def _with_seeds(survey: Survey) -> list[Survey]:
         center = seeds.center_world_m[frame]
         seed = (center, seeds.world_from_camera[frame], seeds.covariance[frame], ground)
         known = poses.take(np.flatnonzero(poses.converged))
+        # Poses by lengths within the telemetry's prior, likeliest first.
         compared = compare_with_seed(*seed, known)
         order = np.argsort(known.cost + compared.squared_distance, kind="stable")
         order = order[allowed(compared.squared_distance[order])]
         inside, shift = known.take(order), compared.shift[order]
-        # From the seed, and from the likeliest of several.
+        # Distance from the seed, and from the likeliest of several.
         height, *tilt = np.concatenate([shift, shift - shift[:1]]).T
         above = center[2] - ground.height_m
         if (np.hypot(*tilt) > FAR_RAD).any() or (np.abs(height) > FAR_HEIGHT * above).any():
@@ -164,7 +166,7 @@ def _with_seeds(survey: Survey) -> list[Survey]:
 
 
 def _reseeded(survey: Survey, planes: dict[int, Floats]) -> Survey:
-    """The survey with the seeds of some frames moved to the height and level of their planes."""
+    """Move the seeds of some frames to the height and tilt of their planes."""
     assert survey.seeds is not None  # noqa: S101  (the caller asked)
     center = np.array(survey.seeds.center_world_m)
     rotation = np.array(survey.seeds.world_from_camera)
@@ -180,11 +182,11 @@ Chosen = dict[int, Pose]
 """Centre and rotation of some frames, world from camera."""
 
 MOST_CHOICES = 8
-"""Starts from candidate poses: an adjustment each."""
+"""Largest number of starts from candidate poses: each takes an adjustment."""
 
 
 def _choices(survey: Survey) -> list[Chosen]:
-    """Every frame's best candidate pose; then with one frame's next best, nearest rival first."""
+    """List every frame's best pose; then with one frame's next best, nearest rival first."""
     frame_at = {name: k for k, name in enumerate(survey.frame_id)}
     candidates = [
         (frame_at[c.frame_id], c) for c in survey.candidate_poses if c.frame_id in frame_at
@@ -202,18 +204,18 @@ def _choices(survey: Survey) -> list[Chosen]:
 def _grown(
     survey: Survey, ray: Floats, planes: dict[int, Floats], choices: list[Chosen]
 ) -> list[FirstValues]:
-    """First values from every choice of poses: over control points, or else at the gauge.
+    """Compute first values from every choice of poses: over control points, or at the gauge.
 
     Heights of control points above the label's own give the plane's.
 
     Parameters
     ----------
     survey
-        Without telemetry.
+        Survey without telemetry.
     ray
-        (P, 3) of its picks.
+        (P, 3) rays of its picks.
     planes
-        (n, 3) of every frame that has some of its own, likeliest first.
+        (n, 3) planes of every frame that has any, likeliest first.
     choices
         Poses of some frames, which the others join.
     """
@@ -245,7 +247,7 @@ def _grown(
 
 
 def _at_gauge(values: FirstValues) -> FirstValues:
-    """The same turned and shifted so that the first placed frame meets the gauge's conditions."""
+    """Rotate and shift first values so that the first placed frame meets the gauge's conditions."""
     placed = int(np.flatnonzero(np.isfinite(values.center[:, 0]))[0])
     image_up = -values.rotation[placed][:2, 1]
     size = np.linalg.norm(image_up)
@@ -264,7 +266,7 @@ def _at_gauge(values: FirstValues) -> FirstValues:
 
 
 def unusable(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
-    """Picks without first values in front of their camera, and why."""
+    """Find picks without first values in front of their camera, and the reasons."""
     frame, label = survey.pick_frame, survey.pick_label
     up = values.height_m + (survey.height_above_m + values.departure_m)[label]
     world = np.column_stack([values.point_m[label], up])
@@ -279,7 +281,7 @@ def unusable(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
 
 
 def in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
-    """(P,) picks whose rays the lens model tells, and why others take no part."""
+    """Mark picks (P,) within the lens model, and return why others take no part."""
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     keep: Bools = np.isfinite(ray.sum(axis=1))
     return keep, dict.fromkeys(np.flatnonzero(~keep).tolist(), BEYOND_LENS)

@@ -1,4 +1,4 @@
-"""Poses of frames from tie points, where neither log nor photos say where these were."""
+"""Poses of frames from tie points, where neither log nor photos give their places."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from uavgram.model.survey.survey import Survey
 
 
 def with_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
-    """The survey with first poses of the frames that its tie points join, and ties left out by row.
+    """Add first poses of frames joined by tie points; also return left-out ties by row.
 
-    Over the plane that most tie points lie on, in the scale of the known lengths or of the control
-    points; with these, the axes are theirs. Frames that have first poses keep them; so does a
-    survey with telemetry. Ties that contradict these poses by far are left out: iterations would
-    follow them. So are those of frames that have no pose, and too few labels to be given one.
+    The poses are over the plane of most tie points, in the scale of the known lengths or of the
+    control points; with control points, also in their axes. Frames that have first poses keep them;
+    so does a survey with telemetry. Ties that contradict these poses by far are left out, since
+    iterations would follow them. So are ties of frames that have no pose, and too few labels to be
+    given one.
     """
     if survey.telemetry is not None or not survey.ties.points + survey.matches.points:
         return survey, frozenset()
@@ -37,7 +38,7 @@ def with_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
 
 
 def _with_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
-    """With first poses of the frames that ties alone place, and wrong ties left out by row."""
+    """Add first poses of frames that ties alone place; also return wrong ties by row."""
     rays, row = tied_rays(survey)
     found = tied_poses(rays)
     level = None if found is None else levelled(found)
@@ -64,7 +65,7 @@ def _with_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
 
 
 def _placed(survey: Survey, level: TiedPoses) -> TiedPoses | None:
-    """Level poses in the scale, and where control points tell them the axes, of the survey."""
+    """Transform level poses to the survey's scale and, with control points, to its axes."""
     camera = survey.calibration
     ray = back_project(camera.model, camera.parameters, survey.pixel_px)
     point = _ground_places(survey, ray, level)
@@ -75,7 +76,7 @@ def _placed(survey: Survey, level: TiedPoses) -> TiedPoses | None:
 
 
 def _ground_places(survey: Survey, ray: Floats, poses: TiedPoses) -> Floats:
-    """(K, 2) where picks of labels on the ground meet the plane, averaged; NaN without."""
+    """Average the intersections (K, 2) of picks with the plane by label; NaN without any."""
     frame, label = survey.pick_frame, survey.pick_label
     center = poses.center[frame]
     direction = np.einsum("nij,nj->ni", poses.rotation[frame], ray)
@@ -92,17 +93,18 @@ def _ground_places(survey: Survey, ray: Floats, poses: TiedPoses) -> Floats:
 
 
 def _scale(survey: Survey, point: Floats) -> float | None:
-    """By how much the known lengths are longer than in these axes: what most of them say."""
+    """Compute the scale of the known lengths against these axes: the median of the ratios."""
     a, b = survey.line_start, survey.line_end
     here = np.linalg.norm(point[a] - point[b], axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = survey.length_m / here
+    # Median of the ratios: robust against wrong lengths.
     ratio = ratio[np.isfinite(ratio) & (ratio > 0)]
     return float(np.median(ratio)) if len(ratio) else None
 
 
 def _at_control(survey: Survey, level: TiedPoses, point: Floats) -> TiedPoses | None:
-    """The poses turned about up, scaled and shifted onto control points (two at least)."""
+    """Rotate poses about up, scale and shift them onto control points (two at least)."""
     label = survey.control_label
     seen = np.isfinite(point[label, 0])
     if seen.sum() < 2:
@@ -111,6 +113,7 @@ def _at_control(survey: Survey, level: TiedPoses, point: Floats) -> TiedPoses | 
     away = here - here.mean()
     if not np.any(np.abs(away) > 0):
         return None
+    # Similarity in the plane by complex regression: there = factor * here + shift.
     factor = np.vdot(away, there - there.mean()) / np.vdot(away, away)
     scale, cosine, sine = abs(factor), factor.real / abs(factor), factor.imag / abs(factor)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])

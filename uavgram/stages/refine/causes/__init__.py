@@ -1,1 +1,1 @@
-"""Why a survey does not fit: what could be wrong, tested at the stated noise."""
+"""Causes of misfits: hypotheses on mistakes, tested at the stated noise."""

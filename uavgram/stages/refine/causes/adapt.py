@@ -1,4 +1,4 @@
-"""A survey put in order: each mend applied, with what it changed, from what to what."""
+"""Apply corrections to a survey, and record each change from old to new values."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import mended_survey
 
 MOST_LISTED = 4
-"""Changes of a mend that are spelled out; the cause's message names the rest."""
+"""Changes of a correction that are listed; the cause's message names the rest."""
 
 
 class Adapted(NamedTuple):
-    """A survey that was mended.
+    """Corrected survey.
 
     Attributes
     ----------
     survey
-        As it is now taken.
+        The survey with the corrections.
     without
-        (P,) picks that were taken out.
+        (P,) picks that were removed.
     removals
-        A record of each mend.
+        A record of each correction.
     """
 
     survey: Survey
@@ -38,14 +38,14 @@ class Adapted(NamedTuple):
 
 
 def adapted(survey: Survey, causes: Sequence[Cause], before: Refined) -> Adapted:
-    """The survey with what can be mended of these causes.
+    """Apply all possible corrections of certain causes.
 
     Parameters
     ----------
     survey
-        As it was taken before.
+        The survey before the corrections.
     causes
-        Of its misfits, in the order in which they were found.
+        Causes of its misfits, in the order in which they were found.
     before
         Its adjustment.
     """
@@ -72,7 +72,7 @@ def adapted(survey: Survey, causes: Sequence[Cause], before: Refined) -> Adapted
 
 
 def _words(survey: Survey, mend: Mend) -> str:
-    """What a survey has of all that a mend changes."""
+    """Describe a survey's values of all items that a correction changes."""
     label, frame = survey.label, survey.frame_id
     parts = [
         f"{label[survey.pick_label[pick]]!r} in {frame[survey.pick_frame[pick]]!r} at "

@@ -1,4 +1,4 @@
-"""Whether a survey asks for a cause: something does not fit, or was left out for it."""
+"""Detect whether a survey has a misfit, or left-out observations, that need a cause."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ MISFIT = 0.01
 """Probability of the core's sum of squares below which a cause is looked for."""
 
 BY_CHANCE = float(np.log(0.001))
-"""Logarithm of the level of the whole survey: so often a cause is told where nothing is wrong."""
+"""Logarithm of the significance level for the whole survey: the frequency of false causes."""
 
 
 def asks(standing: Standing) -> bool:
-    """Whether something does not fit, or was left out for it."""
+    """Return whether the survey has a misfit, or left-out observations, that need a cause."""
     adjustment = standing.adjustment
     if standing.left_out or not adjustment.minimum.converged:
         return True
@@ -36,9 +36,9 @@ def asks(standing: Standing) -> bool:
 
 
 def _strained(adjustment: Adjustment) -> float:
-    """Logarithm of the probability of the prior that fits worst, at the level of the survey.
+    """Compute the log probability of the prior that fits worst, at the level of the survey.
 
-    Of what a flight and its camera have in common, and of the poses of the log together.
+    Tested are the unknowns common to the flight and its camera, and the poses of the log together.
     """
     priors = list(strained_priors(adjustment))
     found = explained(adjustment, priors)
@@ -48,12 +48,12 @@ def _strained(adjustment: Adjustment) -> float:
         degrees = redundancy_of(adjustment, "telemetry")
         probability = upper_tail(squares, degrees) * (len(priors) + 1)
         worst = min(worst, float(np.log(max(probability, SMALLEST))))
-    # One question about the whole log, as that of its poses, which the linear model cannot answer.
+    # A common rotation of the whole log: one test outside the linear model.
     return min(worst, log_probability(turn_by_places(adjustment).gain, 1, 1))
 
 
 def _worst(adjustment: Adjustment) -> float:
-    """Logarithm of the probability of the worst observation, at the level of the survey."""
+    """Compute the log probability of the worst observation, at the level of the survey."""
     worst = 0.0
     for name in ("pixels", "lengths", "known"):
         if name in adjustment.minimum.blocks:

@@ -1,7 +1,7 @@
-"""What could be wrong with a survey, and how its cost compares with that of others.
+"""Hypotheses on mistakes in a survey, and the comparison of their costs.
 
-Each hypothesis is either a change of what people wrote (a `Mend`, tested by adjusting anew) or an
-error that all observations of a kind have in common (`Moved`, tested in the linear model).
+Each hypothesis is either a change of the input by people (a `Mend`, tested by a readjustment) or an
+error common to all observations of a kind (`Moved`, tested in the linear model).
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from uavgram.stages.refine.begin.doubt import LOST
 from uavgram.stages.refine.minima import Participants
 
 PRICE = 6.0
-"""Logarithm of the odds that an observed number that may have any value is where it is: of the
-range of values that gross errors take over the sigma of the number."""
+"""Logarithm of the odds against a gross error of an observed number at its specific value: the
+range of gross errors over the sigma of the number."""
 
 SPOILT = (LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
-"""Why picks are left out that somebody should look at."""
+"""Causes of left-out picks that a person should check."""
 
 
 class Standing(NamedTuple):
-    """An adjusted survey whose misfits are to be explained.
+    """Adjusted survey whose misfits are to be explained.
 
     Attributes
     ----------
     taking
-        What takes part, and what was left out.
+        Observations that take part, and those that were left out.
     refined
         Its adjustment.
     """
@@ -47,17 +47,17 @@ class Standing(NamedTuple):
 
     @property
     def survey(self) -> Survey:
-        """All observations, as they are taken now."""
+        """All observations, with the corrections so far."""
         return self.taking.survey
 
     @property
     def adjustment(self) -> Adjustment:
-        """The adjustment."""
+        """Present adjustment."""
         return self.refined.adjustment
 
     @property
     def spoilt(self) -> Bools:
-        """(P,) picks that were left out because they contradict the rest."""
+        """Picks (P,) that were left out because they contradict the rest."""
         out = np.zeros(len(self.survey.pick_frame), dtype=np.bool_)
         for index, why in self.refined.pick_reason.items():
             out[index] = why.cause in SPOILT
@@ -65,7 +65,7 @@ class Standing(NamedTuple):
 
     @property
     def cost(self) -> float:
-        """Weighted sum of squares, with what was left out, and lost, at its price."""
+        """Weighted sum of squares, with a price for each left-out or lost observation."""
         used = np.zeros(len(self.taking.keep), dtype=np.bool_)
         used[self.refined.pick_index] = True
         lost = int((self.taking.keep & ~used & ~self.spoilt).sum())
@@ -73,52 +73,55 @@ class Standing(NamedTuple):
 
     @property
     def left_out(self) -> int:
-        """Numbers that were left out because they contradict the rest."""
+        """Count of numbers that were left out because they contradict the rest."""
         return int(2 * self.spoilt.sum() + self.refined.line_removed.sum())
 
 
 @dataclass(frozen=True, eq=False)
 class Hypothesis:
-    """Something that could be wrong.
+    """Possible mistake in a survey.
 
     Attributes
     ----------
     tell
-        The message, of what the linear test found (None where there is none); None where it is no
-        cause of its own to tell of, but what others are compared with: a single wrong pick or
-        length, of which the tests of the residuals speak.
+        Function that makes the message from the result of the linear test (None where there is
+        none). None for a hypothesis that is not a cause to be reported, but a competitor: a single
+        wrong pick or length, which the tests of the residuals report.
     mend
-        What people should change; None where there is nothing of that kind.
+        Correction of the input; None where there is none.
     remedy
-        What is to be done on request, where that is not what it is tested by; None: the mend.
+        Correction on request, where it differs from `mend`; None: `mend`.
     is_clear
-        Whether nothing else would explain the same: else it is told, and not mended on request.
+        Whether no other mistake would explain the same; otherwise it is reported, but not corrected
+        on request.
     back
-        Picks that it leaves as they are, and that take part again where they had been left out.
+        Picks that stay unchanged and take part again where they had been left out.
     is_of_all
-        Whether the whole survey begins elsewhere with it: it is adjusted from first values.
+        Whether the whole survey changes with it: it is adjusted from first values.
     begun
-        The state that its adjustment begins from, of the present one; None: the present one.
+        Function from the present state to the initial state of its adjustment; None: the present
+        state.
     freed
-        The survey with less prior knowledge, by which it is adjusted from then on: no reading is
-        changed by it. Where neither is there, only the linear test judges it.
+        Function that returns the survey with less prior knowledge, for all later adjustments; it
+        changes no reading. Without `mend` and `freed`, only the linear test judges the hypothesis.
     moved
-        How its unknowns move the observations in the linear model; none where nothing is known.
+        Derivatives of the observations with respect to its unknowns in the linear model; empty
+        where unknown.
     amount
         Value of its only unknown, where that is known; None: any.
     checked
-        Share of its directions that has to show in the residuals (see `explained`).
+        Least share of its directions that has to show in the residuals (see `explained`).
     settled
-        Its unknowns (q,) and their covariance (q, q) in the survey that was freed and adjusted,
-        for `tell`; left out, those of the linear test are told.
+        Function that returns its unknowns (q,) and their covariance (q, q) in the adjustment of the
+        freed survey, for `tell`; None: those of the linear test are reported.
     price
-        Logarithm of the number of its kind that are possible, and of the range of its unknowns
-        over what is known of them afterwards (see `PRICE`).
+        Logarithm of the number of possible hypotheses of its kind, and of the prior range of its
+        unknowns over their posterior range (see `PRICE`).
     promise
-        Fall of the sum of squares to be expected, where `moved` does not tell, or tells less
+        Expected decrease of the sum of squares, where `moved` does not give it, or gives less
         because it is linear.
     settles
-        Lengths and frames, by name, of which it explains that they did not fit.
+        Lengths and frames, by name, whose misfit it explains.
     """
 
     tell: Callable[[Explained | None], Message] | None
@@ -141,19 +144,19 @@ class Hypothesis:
 def mended(
     standing: Standing, mend: Mend, back: frozenset[int] = frozenset(), *, lines_back: bool = False
 ) -> Participants:
-    """What takes part once a survey is mended.
+    """Return the participating observations of the corrected survey.
 
-    Picks and lengths that the mend changes take part again where they had been left out, and so do
-    lengths that end where all picks get another label.
+    Picks and lengths that the correction changes take part again where they had been left out, and
+    so do lengths that end where all picks get another label.
 
     Parameters
     ----------
     standing
-        Where it stands.
+        The survey under diagnosis.
     mend
-        By index into its survey.
+        Correction, by index into its survey.
     back
-        Picks that take part again as they are.
+        Picks that take part again unchanged.
     lines_back
         Whether lengths that were left out take part again.
     """
@@ -175,7 +178,7 @@ def mended(
 
 
 def lines_touched(survey: Survey, mend: Mend) -> Bools:
-    """(L,) lengths that a mend changes, or that end where it changes the labels of all picks."""
+    """Mark lengths (L,) that a correction changes, or that end at a fully relabelled point."""
     relabelled = np.zeros(len(survey.pick_label), dtype=np.bool_)
     relabelled[list(mend.label_of_pick)] = True
     changed = np.setdiff1d(survey.pick_label[relabelled], survey.pick_label[~relabelled])
@@ -185,7 +188,7 @@ def lines_touched(survey: Survey, mend: Mend) -> Bools:
 
 
 def taking_part(taking: Participants) -> Bools:
-    """(P,) picks that may take part at all: those within the lens."""
+    """Mark the picks (P,) within the lens, which may take part."""
     may = np.ones(len(taking.keep), dtype=np.bool_)
     beyond = [i for i, why in taking.reason.items() if why.cause is LeftOutCause.BEYOND_LENS]
     may[beyond] = False
@@ -193,14 +196,14 @@ def taking_part(taking: Participants) -> Bools:
 
 
 def mended_survey(survey: Survey, mend: Mend) -> Survey:
-    """The observations as they are once mended; nothing is taken out.
+    """Apply a correction to the observations, without removing any.
 
     Parameters
     ----------
     survey
         All observations.
     mend
-        By index into it.
+        Correction, by index into them.
     """
     label, pixel = survey.pick_label.copy(), survey.pixel_px.copy()
     start, end = survey.line_start.copy(), survey.line_end.copy()

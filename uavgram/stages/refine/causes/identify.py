@@ -1,9 +1,12 @@
-"""The likeliest causes of misfits, one after another, until the rest fits.
+"""Identify the likeliest causes of misfits, one after another, until the rest fits.
 
 Detection, identification, adaptation (Teunissen 1990, "Quality control in integrated navigation
-systems"): where a survey does not fit, hypotheses of all kinds are tested in the linear model, the
-most promising ones by an adjustment of the mended survey, all at the stated noise; the likeliest
-one is told, and the next is looked for in the survey without it.
+systems"). Where a survey does not fit:
+
+1. Hypotheses of all kinds are tested in the linear model (`screened`).
+2. The most promising ones are tested by an adjustment of the corrected survey (`tried`), all at the
+   stated noise.
+3. The likeliest one is reported, and the next is looked for in the survey corrected for it.
 """
 
 from __future__ import annotations
@@ -54,11 +57,13 @@ from uavgram.stages.refine.causes.trials import (
 from uavgram.stages.remedies import with_remedies
 
 MOST_CAUSES, MOST_TRIED, MOST_OF_A_KIND, MOST_DOUBTED = 6, 9, 3, 2
-"""Causes that are told; hypotheses for which a mended survey is adjusted each time, and of each
-kind; and for which it is adjusted with the noise that would explain the misfit instead."""
+"""Largest numbers of reported causes; of hypotheses that are tested by an adjustment each time, and
+of each kind among them; and of those that are also tested with the noise that would explain the
+misfit instead."""
 
 SURE = float(np.log(20.0))
-"""Logarithm of the odds from which on a hypothesis is told, and no longer than others tried."""
+"""Logarithm of the odds above which a hypothesis is reported, or a less likely one no longer
+tried."""
 
 PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     wrong_picks,
@@ -85,22 +90,23 @@ PROPOSALS: tuple[Callable[[Standing], Iterable[Hypothesis]], ...] = (
     other_camera_file,
     photos_of_another_zoom,
 )
-"""What could be wrong, by kind: each looks at a survey that does not fit."""
+"""Functions that propose hypotheses, by kind, for a survey that does not fit."""
 
 
 class Identified(NamedTuple):
-    """What was found.
+    """Result of the identification.
 
     Attributes
     ----------
     causes
-        Likeliest first; none where everything fits.
+        Causes, likeliest first; none where everything fits.
     freed
-        What of the prior knowledge each gives up, for the survey to go on without; None: nothing.
+        For each cause, the function that removes wrong prior knowledge for further adjustments;
+        None: no prior is wrong.
     wrong, right
-        Picks that take part and are wrong, and those that were left out for them.
+        Picks that take part and are wrong, and those that were left out because of them.
     lines
-        Lengths for which picks were left out.
+        Lengths because of which picks were left out.
     """
 
     causes: tuple[Cause, ...]
@@ -111,7 +117,7 @@ class Identified(NamedTuple):
 
 
 def identify(standing: Standing) -> Identified:
-    """Causes of the misfits of a survey.
+    """Identify the causes of the misfits of a survey.
 
     Parameters
     ----------
@@ -120,7 +126,7 @@ def identify(standing: Standing) -> Identified:
     """
     found = _one_after_another(standing)
     if not (found.causes or found.right) and asks(standing):
-        # One length against a log shows beside what the log says of it, and not in a compromise.
+        # A wrong length against a log is visible only in an adjustment without it.
         without = without_lengths(standing)
         other = found if without is standing else _one_after_another(without)
         if other.causes:
@@ -135,7 +141,7 @@ def identify(standing: Standing) -> Identified:
 
 
 def _one_after_another(standing: Standing) -> Identified:
-    """The likeliest cause, then that of what is left, until the rest fits."""
+    """Identify the likeliest cause, then that of the remaining misfit, until the rest fits."""
     causes: list[Cause] = []
     freed: list[Callable[[Survey], Survey] | None] = []
     wrong, right = frozenset[int](), frozenset[int]()
@@ -148,7 +154,7 @@ def _one_after_another(standing: Standing) -> Identified:
         best, rival = found
         if best.hypothesis.tell is not None:
             causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
-            # Of two causes that explain as much, the result rests on neither.
+            # With two causes that explain as much, the result uses neither.
             freed.append(best.hypothesis.freed if rival is None else None)
         if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
             wrong |= best.hypothesis.mend.picks
@@ -160,12 +166,12 @@ def _one_after_another(standing: Standing) -> Identified:
 
 
 def _are_taped_level(standing: Standing) -> bool:
-    """Whether the linear test alone shows it, in a survey in which nothing else is wrong."""
+    """Return whether the linear test alone shows lengths taped level, without another misfit."""
     return any(one.odds > SURE for one in screened(standing, taped_level(standing)))
 
 
 def _cause(best: Judged, rival: Judged | None) -> Cause:
-    """The hypothesis that was found likeliest, for people, and one that explains as much."""
+    """Describe the likeliest hypothesis for people, and mention one that explains as much."""
     hypothesis = best.hypothesis
     assert hypothesis.tell is not None  # noqa: S101  (the caller asked)
     message = hypothesis.tell(best.found)
@@ -176,7 +182,7 @@ def _cause(best: Judged, rival: Judged | None) -> Cause:
         )
     return Cause(
         message=message,
-        # What could as well be something else is told, but mending it would be a guess.
+        # An ambiguous cause is reported, but not corrected.
         mend=(hypothesis.remedy or hypothesis.mend) if hypothesis.is_clear and not rival else None,
         gain=best.gain,
         settles=hypothesis.settles,
@@ -184,10 +190,10 @@ def _cause(best: Judged, rival: Judged | None) -> Cause:
 
 
 def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Survey) -> Cause:
-    """The cause with what would put right what people wrote, and what else could."""
+    """Add corrections for the cause, and for its rivals."""
     one, rivals = best.hypothesis, [] if rival is None else [rival.hypothesis]
     if rival is not None and _blames_tapes(rival) and not _blames_tapes(best):
-        rivals = []  # nobody is to change a right reading by a button
+        rivals = []  # never offer to change a right reading
     mends = [each.remedy or each.mend for each in (one, *rivals)]
     message = cause.message
     if mends[0] is not None and (swapped := labels_instead(written, mends[0])) is not None:
@@ -200,9 +206,9 @@ def _with_remedies(cause: Cause, best: Judged, rival: Judged | None, written: Su
 
 
 def _of_both(message: Message, written: Survey, swapped: Mend) -> Message:
-    """The message on a length with another end, where two labels may be swapped instead.
+    """Mention in the message on another end that two labels may be swapped instead.
 
-    Then what is measured at either of them is in doubt, too.
+    Then the measurements at either of them are in doubt, too.
     """
     pair = [written.label[k] for k in sorted(set(swapped.label_of_pick.values()))]
     named = " and ".join(map(repr, pair))
@@ -215,27 +221,27 @@ def _of_both(message: Message, written: Survey, swapped: Mend) -> Message:
 
 
 def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
-    """The likeliest hypothesis, if neither chance nor noise explains it as well; and its rival."""
+    """Return the likeliest hypothesis, unless chance or noise explains as much; and its rival."""
     kinds = [_nearly_as_likely(screened(standing, propose(standing))) for propose in PROPOSALS]
     every = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
     proposed = list(_each_once(standing.survey, every))
     trials: list[Judged] = []
     for one in proposed[:MOST_TRIED]:
         best = max((each.odds for each in trials if not _blames_tapes(each)), default=-np.inf)
-        # Before a tape is accused, what explains as much is tried, though it is less likely.
+        # Before a tape is reported as wrong, try less likely hypotheses that explain as much.
         accused = any(each.odds > SURE and _blames_tapes(each) for each in trials)
         if one.odds < (-SURE if accused else 0.0) or best > one.odds + SURE:
-            break  # what the linear model promises of the rest is less
+            break  # the others promise less in the linear model
         trials.append(tried(standing, one))
-    # What is left may still be noisier than stated: noise grows last, but must not be blamed. It
-    # is the same for all, or of two that explain nearly all, the noise would decide.
+    # The rest may still be noisier than stated. Use the same noise for all trials; otherwise it
+    # would decide between two that explain nearly all.
     noise = min((one.noise for one in trials if one.after is not None), default=1.0)
     trials = [one.at_noise(noise) for one in trials]
     sure = [one for one in trials if one.odds > SURE]
     noisy: Standing | None = None
     for one in sorted(sure, key=lambda one: -one.odds)[:MOST_DOUBTED]:
         if one.after is not None and not asks(one.after):
-            return _with_rival(one, trials)  # it explains all: no noise is in question
+            return _with_rival(one, trials)  # it explains all, without more noise
         noisy = noisy or as_noisy_as_it_is(standing)
         if noisy is standing or tried(noisy, one).odds > SURE:
             return _with_rival(one, trials)
@@ -243,12 +249,12 @@ def _likeliest(standing: Standing) -> tuple[Judged, Judged | None] | None:
 
 
 def _nearly_as_likely(kind: Sequence[Judged]) -> list[Judged]:
-    """The likeliest of one kind, and others only where the linear model hardly parts them."""
+    """Return the likeliest of one kind, and others of nearly the same odds in the linear model."""
     return [one for one in kind[:MOST_OF_A_KIND] if one.odds > kind[0].odds - 2.0 * SURE]
 
 
 def _each_once(survey: Survey, proposed: Iterable[Judged]) -> Iterator[Judged]:
-    """Of those that give the same picks the same other labels, the first: none is its own rival."""
+    """Drop hypotheses with the same relabelling as an earlier one: none is its own rival."""
     known: set[frozenset[tuple[int, int]]] = set()
     for one in proposed:
         mend = one.hypothesis.mend or Mend()
@@ -261,16 +267,16 @@ def _each_once(survey: Survey, proposed: Iterable[Judged]) -> Iterator[Judged]:
 
 
 def _with_rival(best: Judged, trials: Sequence[Judged]) -> tuple[Judged, Judged | None]:
-    """The hypothesis to tell, and another one that leaves no larger misfit.
+    """Return the hypothesis to report, and another one that leaves no larger misfit.
 
-    Where observations cannot part them, none that blames a tape comes first.
+    If the observations cannot separate them, one that assumes no wrong tape comes first.
     """
     if best.hypothesis.tell is None:
         return best, None
     others = [one for one in trials if one is not best and one.odds > -SURE]
     single = [one for one in others if one.hypothesis.tell is None]
     if best.after is not None and any(one.odds > best.odds - SURE for one in single):
-        return max(single, key=lambda one: one.odds), None  # one wrong reading does as well
+        return max(single, key=lambda one: one.odds), None  # one wrong reading is enough
     rivals = [one for one in others if one.hypothesis.tell is not None and _does(one, best)]
     if not rivals:
         return best, None
@@ -281,10 +287,10 @@ def _with_rival(best: Judged, trials: Sequence[Judged]) -> tuple[Judged, Judged 
 
 
 def _does(one: Judged, best: Judged) -> bool:
-    """Whether a hypothesis does as well as another one: by what is left, or else by its odds.
+    """Return whether a hypothesis does as well as the best: by the remaining cost, or by its odds.
 
-    Against one that changes the whole survey by what is known, as by the ratio of two units, one
-    with unknowns of any size leaves as little, and is still less likely.
+    Against a hypothesis that changes the whole survey by a known amount, such as the ratio of two
+    units, one with free unknowns leaves an equally small cost, but is less likely.
     """
     if one.after is None or best.after is None or best.hypothesis.is_of_all:
         return one.odds > best.odds - SURE

@@ -1,4 +1,4 @@
-"""Readjust a survey in which something was changed, from its present adjustment."""
+"""Readjust a changed survey from its present adjustment."""
 
 from __future__ import annotations
 
@@ -22,23 +22,23 @@ from uavgram.stages.refine.continued import carried
 from uavgram.stages.refine.minima import TRIAL, Participants, trial_adjustment
 
 BENT = 1e-5
-"""Probability of the core's squares below which a state is no place to begin from."""
+"""Probability of the core's squares below which a state is unsuitable as first values."""
 
 
 def readjusted(standing: Standing, taking: Participants, hypothesis: Hypothesis) -> Refined | None:
-    """Adjust what takes part from the present state; None where that has no result.
+    """Adjust the participating observations from the present state; None without a result.
 
-    From first values instead where the present state is of no use: it is not at rest or bent by
-    what does not fit, the hypothesis changes everything, or ties have other points.
+    It begins from first values instead where the present state is of no use: it did not converge or
+    is distorted by misfits, the hypothesis changes everything, or ties have other points.
 
     Parameters
     ----------
     standing
-        The survey as it is adjusted.
+        The survey under diagnosis.
     taking
-        What takes part in the changed one.
+        Participating observations of the changed survey.
     hypothesis
-        By which it was changed.
+        The hypothesis by which it was changed.
     """
     present = standing.adjustment
     survey = without_known(taking.survey, taking.known_removed)
@@ -56,6 +56,7 @@ def readjusted(standing: Standing, taking: Participants, hypothesis: Hypothesis)
     used = ~taking.line_removed[selection.line_index]
     problem = SurveyProblem(selection.survey, present.problem.pivot_m, used)
     try:
+        # Express the interior orientation in the basis of the changed survey.
         lens = np.linalg.pinv(problem.intrinsic_basis) @ present.problem.intrinsic_basis
         start = replace(start, intrinsic=lens @ start.intrinsic)
         present = replace(present, minimum=replace(present.minimum, state=start))
@@ -82,7 +83,7 @@ def _has_ties(selection: Selection) -> bool:
 
 
 def _start(standing: Standing, selection: Selection) -> State | None:
-    """The present state, with the frames and labels of a selection; None where one is unplaced."""
+    """Return the present state for the frames and labels of a selection; None if not placed."""
     present, survey = standing.adjustment, selection.survey
     state, ground = present.state, present.survey
     frame = np.array([_row(ground.frame_id, name) for name in survey.frame_id], dtype=np.int64)
@@ -90,12 +91,14 @@ def _start(standing: Standing, selection: Selection) -> State | None:
     point = state.point[label].copy()
     center, rotation = state.center[frame].copy(), state.rotation[frame].copy()
     known = label >= 0
+    # Frames that took no part: resection from the points on the ground.
     for new in np.flatnonzero(frame < 0).tolist():
         picks = np.flatnonzero((survey.pick_frame == new) & known[survey.pick_label])
         pose = _resected(present, selection, picks, label[survey.pick_label[picks]])
         if pose is None:
             return None
         center[new], rotation[new] = pose
+    # Labels that took no part: intersection of a ray with the ground.
     for new in np.flatnonzero(~known).tolist():
         pick = int(np.flatnonzero(survey.pick_label == new)[0])
         at = survey.pick_frame[pick]
@@ -123,9 +126,9 @@ def _row(names: tuple[str, ...], name: str) -> int:
 
 
 def _former_labels(standing: Standing, selection: Selection) -> Ints:
-    """(K,) labels of the adjustment that show the points of a selection; -1 where none does.
+    """Find the labels (K,) of the adjustment for the points of a selection; -1 where there is none.
 
-    Where all picks of a label had another one before, the point is that one's.
+    Where all picks of a label had another one before, the point is that of the other label.
     """
     survey = selection.survey
     before = standing.survey.pick_label[selection.pick_index]
@@ -142,7 +145,7 @@ def _former_labels(standing: Standing, selection: Selection) -> Ints:
 def _resected(
     present: Adjustment, selection: Selection, picks: Ints, label: Ints
 ) -> tuple[Floats, Floats] | None:
-    """Pose of a photo that took no part, from the points on the ground that it shows."""
+    """Compute the pose of a photo that took no part from its points on the ground."""
     survey = selection.survey
     on_ground = ~survey.off_ground[survey.pick_label[picks]]
     picks, label = picks[on_ground], label[on_ground]

@@ -1,4 +1,4 @@
-"""What speaks for a hypothesis: in the linear model, then by an adjustment of the mended survey."""
+"""Judge hypotheses in the linear model, then by an adjustment of the corrected survey."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ from uavgram.stages.refine.noise import with_noise_learnt
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A hypothesis with what speaks for it.
+    """Hypothesis with its evidence.
 
     Attributes
     ----------
     hypothesis, found
-        It, and what its linear test found.
+        The hypothesis, and the result of its linear test.
     gain
-        Fall of the weighted sum of squares.
+        Decrease of the weighted sum of squares.
     odds
-        Logarithm of its odds against what stands.
+        Logarithm of its odds against the present state.
     after
-        The mended survey, adjusted; None where none was tried.
+        The corrected survey, adjusted; None where that was not tried.
     noise
-        Variance factor of its core, where that does not fit; else one.
+        Variance factor of its core, where that does not fit; otherwise one.
     """
 
     hypothesis: Hypothesis
@@ -49,7 +49,7 @@ class Judged:
     noise: float = 1.0
 
     def at_noise(self, noise: float) -> Judged:
-        """The same where noise of a variance factor is left, whichever is true."""
+        """Rescale the odds to a remaining variance factor, the same for all hypotheses."""
         if self.after is None:
             return self
         gain = self.gain / noise
@@ -57,14 +57,14 @@ class Judged:
 
 
 def screened(standing: Standing, hypotheses: Iterable[Hypothesis]) -> list[Judged]:
-    """Hypotheses with what the linear model says of them, most promising first.
+    """Judge hypotheses in the linear model, and return the most promising first.
 
     Parameters
     ----------
     standing
-        The survey that they are to explain.
+        The survey under diagnosis.
     hypotheses
-        All that could be wrong with it.
+        All possible mistakes.
     """
     every = list(hypotheses)
     found: dict[int, Explained] = {}
@@ -78,7 +78,7 @@ def screened(standing: Standing, hypotheses: Iterable[Hypothesis]) -> list[Judge
 
 
 def _left_out(standing: Standing) -> frozenset[int]:
-    """Picks that were left out because they contradict the rest."""
+    """Return picks that were left out because they contradict the rest."""
     return frozenset(np.flatnonzero(standing.spoilt).tolist())
 
 
@@ -92,10 +92,10 @@ def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None)
 
 
 def _brought_back(standing: Standing, hypothesis: Hypothesis, gain: float) -> int:
-    """Numbers that had been left out, and that it accounts for.
+    """Count left-out numbers that a hypothesis accounts for.
 
-    What is common to a flight may have spoilt any of them: if it explains what takes part as well,
-    or if nothing checks what takes part.
+    An error common to a flight may have spoilt any of them: if it explains participating
+    observations as well, or if these are unchecked.
     """
     if hypothesis.freed is not None and hypothesis.moved:
         shows = gain / 2.0 > hypothesis.price
@@ -108,35 +108,36 @@ def _brought_back(standing: Standing, hypothesis: Hypothesis, gain: float) -> in
 
 
 def tried(standing: Standing, judged: Judged) -> Judged:
-    """What an adjustment of the mended survey says of a hypothesis.
+    """Judge a hypothesis by an adjustment of the corrected survey.
 
     Parameters
     ----------
     standing
-        The survey as it is.
+        The survey under diagnosis.
     judged
-        The hypothesis, as the linear model judges it.
+        The hypothesis, as judged in the linear model.
     """
     hypothesis = judged.hypothesis
     if hypothesis.mend is None and hypothesis.freed is None:
         return screened(standing, [hypothesis])[0]
     mend = hypothesis.mend or Mend()
-    # What is freed may account for all that was left out.
+    # A freed unknown may account for all left-out observations.
     lines_back = hypothesis.freed is not None or hypothesis.is_of_all
     back = hypothesis.back | (_left_out(standing) if lines_back else frozenset())
     taking = mended(standing, mend, back, lines_back=lines_back)
     if hypothesis.freed is not None:
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
     refined = readjusted(standing, taking, hypothesis)
-    # What is freed may end along a valley: its gain is at least that of where it is.
+    # A freed unknown may end along a valley: its gain is at least that of its present state.
     if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
         return Judged(hypothesis, judged.found, 0.0, -np.inf)
     after = Standing(taking, refined)
+    # Variance factor of the corrected survey, where its core still does not fit.
     fit = core_fit(refined.adjustment)
     noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
     gain, found = standing.cost - after.cost, judged.found
     if found is not None and hypothesis.freed is not None:
-        # A survey may be freed of more than the unknowns.
+        # Bound the gain, as `freed` may remove more prior knowledge than that of the unknowns.
         gain = min(gain, judged.gain + 2.0 * PRICE * standing.left_out)
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
@@ -146,10 +147,10 @@ def tried(standing: Standing, judged: Judged) -> Judged:
 
 
 def as_noisy_as_it_is(standing: Standing) -> Standing:
-    """The same with the noise of the picks, and the relief, that would explain the misfit.
+    """Return the survey with the noise of the picks, and the relief, that would explain the misfit.
 
-    What brings little then is no fault of its own: uneven ground bends all around it, and of many
-    picks and lengths one or the other eases that.
+    A hypothesis of little gain then is no mistake: uneven ground distorts everything around it, and
+    some of many picks and lengths always reduce that misfit.
     """
     survey, refined = with_noise_learnt(standing.survey, standing.refined)
     if survey is standing.survey:
@@ -158,10 +159,10 @@ def as_noisy_as_it_is(standing: Standing) -> Standing:
 
 
 def without_lengths(standing: Standing) -> Standing:
-    """The survey adjusted without any length, where the one with them is of no use.
+    """Adjust the survey without any length, where the adjustment with lengths is of no use.
 
-    So it is where it does not come to rest or is bent, or where no length is left in it. What log
-    and photos say of the lengths then shows what is wrong with them.
+    This is the case where it does not converge or is distorted, or where no length is left in it.
+    The difference of the lengths from log and photos then shows the mistake.
     """
     survey, minimum = standing.survey, standing.adjustment.minimum
     is_bent = standing.spoilt.any() and core_fit(standing.adjustment).probability < BENT

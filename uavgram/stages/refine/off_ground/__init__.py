@@ -1,1 +1,1 @@
-"""The search for points that stand off the ground though nobody said so."""
+"""Search for points off the ground that were not stated to be so."""

@@ -1,4 +1,4 @@
-"""Set the heights of labels free, or back on the ground."""
+"""Free the heights of labels, or put the labels back on the ground."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from uavgram.model.survey.survey import Survey
 
 
 def with_free(survey: Survey, names: Sequence[str], before: Sequence[str] = ()) -> Survey:
-    """The survey in which the heights of these labels are to be found.
+    """Make the heights of labels unknowns.
 
     Parameters
     ----------
     survey
-        As it was.
+        The survey before.
     names
-        Labels.
+        Labels whose heights become unknowns.
     before
-        Those whose heights were to be found, and are no more unless they are among them.
+        Labels whose heights were unknowns; those that are not among `names` return to the ground.
     """
     free = survey.is_free & ~np.isin(survey.label, list(before))
     return replace(survey, is_free=free | np.isin(survey.label, list(names)))

@@ -1,4 +1,4 @@
-"""Points off the ground that nobody stated, in words."""
+"""Messages on points off the ground that were not stated to be so."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from uavgram.stages.refine.off_ground.shown import photos_of
 from uavgram.stages.remedies import freed
 
 TWO = 2
-"""Photos that show a point from which on its height can be found, but no pick of it is checked."""
+"""Number of photos that determine the height of a point but leave its picks unchecked."""
 
 
 def off_ground_remarks(refined: Refined) -> Iterator[Message]:
-    """One message for each label that was adjusted with a free height though nobody said so."""
+    """Report each label that was adjusted with a free height without a statement."""
     survey = refined.adjustment.survey
     height, sigma = heights_above_ground(refined.adjustment)
     photos = photos_of(survey)
@@ -36,7 +36,7 @@ def off_ground_remarks(refined: Refined) -> Iterator[Message]:
 
 
 def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int) -> Message:
-    """The message on a label that fits at a height.
+    """Report a label that fits at a height.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
     height_m, sigma_m
         Its height above the ground and the sigma of it, in metres.
     photos
-        How many photos show it.
+        Number of photos that show it.
     """
     side = "above" if height_m > 0 else "below"
     digits = int(np.clip(1 - np.floor(np.log10(max(sigma_m, 1e-4))), 1, 3))

@@ -1,10 +1,10 @@
-"""What matches and ties show of the ground: labels that do not stand on it, how uneven it is.
+"""Detect labels off the ground, and the roughness of the ground, from matches and ties.
 
-A chain of matches says where its point is in space, to a centimetre, and ties do so between them.
-On a plane a roof would bend everything that hangs on it, and a kerb too. So before matches are
-taken for points of the ground, those that are none are told, and the ground gets the roughness that
-the others show. Ties alone show that roughness as well: photos that are held by them would else be
-bent until labels on uneven ground, and the lengths between them, lie in a plane.
+A chain of matches determines its point in space to a centimetre, and so do ties. On a plane a roof
+would distort all connected observations, and so would a kerb. So before matches are used as points
+of the ground, those off the ground are detected, and the ground gets the roughness that the others
+show. Ties alone show that roughness as well: otherwise photos that are held by them would be bent
+until labels on uneven ground, and the lengths between them, are in a plane.
 """
 
 from __future__ import annotations
@@ -22,41 +22,42 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 UNEVEN_M = 0.05
-"""How far a point of the ground may lie off its plane while the plane is looked for."""
+"""Allowed distance of ground points from their plane while the plane is fitted [m]."""
 
 LEAST_OFF_M = 0.25
-"""Height from which on a point does not stand on the ground, however smooth that is."""
+"""Height [m] above which a point is off the ground, even if the ground is smooth."""
 
 FAR = 4.0
-"""Sigmas of the ground's unevenness, and of the height, from which on it is not on the ground."""
+"""Height above which a point is off the ground, in sigmas of the unevenness and of the height."""
 
 FEW = 6
-"""Chains on the ground from which on these alone tell how uneven it is, without the ties."""
+"""Least number of chains on the ground that show its roughness without the ties."""
 
 LEAST_M = 0.003
-"""Unevenness below which a ground is as good as plane."""
+"""Roughness below which a ground counts as plane [m]."""
 
 BY_CHANCE = 0.001
-"""Probability of heights as large on a plane from which on it is taken for one."""
+"""Probability of such heights on a plane above which the ground counts as one."""
 
 BEYOND = 1.25
-"""Reach of the labels about their middle, in which ties are of the same ground."""
+"""Radius about the middle of the labels within which ties count as the same ground, in units of the
+labels' own radius."""
 
 MEDIAN = 0.6745
-"""Of the absolute value of a normal variable, in sigmas."""
+"""Median of the absolute value of a normal variable, in sigmas."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What matches show of the ground.
+    """Properties of the ground that matches show.
 
     Attributes
     ----------
     off_ground
-        Names of labels that do not stand on it.
+        Names of labels off the ground.
     roughness_m, probability
-        Area by index: how far its points lie off its plane, where they do; and the probability of
-        that by chance.
+        Roughness by index of the area: distance of its points from its plane, where it is
+        significant; and the probability of that by chance.
     """
 
     off_ground: frozenset[str] = frozenset()
@@ -65,14 +66,14 @@ class Shown:
 
 
 def shown_by_sightings(adjustment: Adjustment) -> Shown:
-    """Labels off the ground, and the roughness of each area.
+    """Find labels off the ground, and the roughness of each area.
 
-    Which area a tie lies on is not known: of several areas, chains alone tell.
+    The area of a tie is unknown: with several areas, only chains are used.
 
     Parameters
     ----------
     adjustment
-        With chains and ties anywhere in space: see `sound_ties`.
+        Adjustment with chains and ties anywhere in space: see `sound_ties`.
     """
     survey, ties = adjustment.survey, adjustment.survey.ties
     chains = np.flatnonzero(ties.pick >= 0)
@@ -91,8 +92,8 @@ def shown_by_sightings(adjustment: Adjustment) -> Shown:
         departure = _departures(world[points], sigma[points])
         if departure is None:
             continue
-        # A label is told with its height; of ties so many are on the ground that a low thing among
-        # them, a bush or a car's bonnet, stands out.
+        # A label off the ground is reported with its height; among many ties on the ground, a low
+        # object such as a bush or a car's bonnet is detectable.
         least = np.where(ties.pick[points] >= 0, LEAST_OFF_M, 0.0)
         stands = _stands_off(departure, sigma[points], least)
         named = survey.pick_label[ties.pick[own[stands[: len(own)]]]]
@@ -100,7 +101,7 @@ def shown_by_sightings(adjustment: Adjustment) -> Shown:
         level = ~stands
         if level[: len(own)].sum() >= FEW:
             level[len(own) :] = False
-        level &= sigma[points] <= LEAST_OFF_M  # else an error of matching is a hill
+        level &= sigma[points] <= LEAST_OFF_M  # otherwise an error of matching is a hill
         size, chance = _roughness(departure[level], sigma[points][level])
         if size > survey.grounds[area].roughness_sigma_m:
             roughness[area], probability[area] = size, chance
@@ -108,14 +109,14 @@ def shown_by_sightings(adjustment: Adjustment) -> Shown:
 
 
 def with_shown(survey: Survey, shown: Shown) -> Survey:
-    """The survey with free heights of what stands off the ground, and the roughness of the rest.
+    """Free the heights of labels off the ground, and set the roughness of the rest.
 
     Parameters
     ----------
     survey
         All observations.
     shown
-        What its matches show.
+        Properties of the ground that its matches show.
     """
     grounds = tuple(
         replace(ground, roughness_sigma_m=shown.roughness_m.get(k, ground.roughness_sigma_m))
@@ -126,9 +127,9 @@ def with_shown(survey: Survey, shown: Shown) -> Survey:
 
 
 def _about_labels(adjustment: Adjustment) -> Ints:
-    """Ties that no pick is of, as near the middle of the labels on the ground as these are.
+    """Return ties without a pick within the radius of the labels on the ground.
 
-    What photos show beyond, a bank or a meadow, is not the ground that is measured on.
+    Objects further out, such as a bank or a meadow, are not the measured ground.
     """
     survey, tie = adjustment.survey, adjustment.state.tie[:, :2]
     label = adjustment.state.point[~survey.off_ground, :2]
@@ -142,7 +143,7 @@ def _about_labels(adjustment: Adjustment) -> Ints:
 
 
 def _in_space(adjustment: Adjustment) -> tuple[Floats, Floats]:
-    """(T, 3) all chains and ties, and the sigmas (T,) of their heights within the survey."""
+    """Return all chains and ties (T, 3), and the sigmas (T,) of their heights within the survey."""
     world = adjustment.state.tie
     every = np.arange(len(world))
     columns = adjustment.problem.layout.tie_columns(every)
@@ -153,14 +154,14 @@ def _in_space(adjustment: Adjustment) -> tuple[Floats, Floats]:
 
 
 def _departures(world_m: Floats, sigma_m: Floats) -> Floats | None:
-    """(n,) heights over the plane that most points (n, 3) lie on; None where there is none."""
+    """Compute heights (n,) over the plane of most points (n, 3); None where there is none."""
     height = world_m[:, 2]
     plane = plane_of_most(world_m[:, :2], height, np.hypot(sigma_m, UNEVEN_M))
     return None if plane is None else height - plane
 
 
 def _stands_off(departure_m: Floats, sigma_m: Floats, least_m: Floats) -> Bools:
-    """(n,) what lies too high, or too low, for this ground: by some height (n,) at least."""
+    """Mark points (n,) too high or too low for this ground, by at least a height (n,)."""
     near = np.abs(departure_m) < np.maximum(LEAST_OFF_M, FAR * sigma_m)
     spread = float(np.median(np.abs(departure_m[near])) / MEDIAN) if near.any() else 0.0
     limit = np.maximum(least_m, FAR * np.hypot(spread, sigma_m))
@@ -168,10 +169,11 @@ def _stands_off(departure_m: Floats, sigma_m: Floats, least_m: Floats) -> Bools:
 
 
 def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
-    """How far points of the ground lie off its plane, and the probability of that by chance.
+    """Estimate the distance of ground points from their plane, and its probability by chance.
 
-    The likeliest variance beside that of the heights, by Newton's steps (a variance component; see
-    estimation/reliability/variance_components.py). Zero where the ground is as good as plane.
+    The likeliest variance in addition to that of the heights, by Newton's steps (a variance
+    component; see estimation/reliability/variance_components.py). Zero where the ground counts as
+    plane.
     """
     if len(departure_m) < FEW:
         return 0.0, 1.0
@@ -179,6 +181,7 @@ def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
     chance = upper_tail(float(np.sum((departure_m / sigma_m) ** 2)), float(degrees))
     variance = max(float(np.var(departure_m)) - float(np.median(sigma_m**2)), LEAST_M**2)
     for _ in range(20):
+        # Fisher scoring: variance += sum(w^2 d^2 - w) / sum(w^2).
         weight = 1.0 / (variance + sigma_m**2)
         fisher = float(np.sum(weight**2))
         variance += float(np.sum(weight**2 * departure_m**2) - np.sum(weight)) / fisher
@@ -188,5 +191,5 @@ def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
 
 
 def photos_of(survey: Survey) -> Ints:
-    """(K,) how many photos show each label, as a pick or as a match."""
+    """Count the photos (K,) that show each label, as a pick or as a match."""
     return np.bincount(seen_labels(survey)[1], minlength=len(survey.label))

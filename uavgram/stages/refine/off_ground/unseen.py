@@ -1,7 +1,7 @@
-"""Points that only one photo shows, beside others that stand off the ground though nobody said so.
+"""Points in only one photo, beside others that are off the ground without a statement.
 
-One photo says nothing of a height. Where several of the points that two photos show were found off
-the ground, the others may be off it as well, as often and by as much.
+One photo does not determine a height. Where several of the points in two photos were found off the
+ground, the others may be off it as well, with the same frequency and size.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from uavgram.stages.refine.continued import continued
 from uavgram.stages.refine.off_ground.shown import photos_of
 
 SEVERAL = 3
-"""Points off the ground from which on they are no exceptions: one or two are roof corners."""
+"""Least number of points off the ground that are not exceptions: one or two are roof corners."""
 
 
 def with_unseen_heights(
     survey: Survey, refined: Refined, found: Collection[str]
 ) -> tuple[Survey, Refined, tuple[Message, ...]]:
-    """Survey and result with uncertain heights of points that only one photo shows.
+    """Give points in only one photo uncertain heights, and readjust.
 
     Parameters
     ----------
     survey
-        All observations, the heights that were found free.
+        All observations, with the detected heights free.
     refined
         Its adjustment.
     found
@@ -44,7 +44,7 @@ def with_unseen_heights(
         return survey, refined, ()
     share = len(found) / (len(found) + int((on_ground & (photos >= 2)).sum()))
     height = adjustment.state.point[adjustment.label_rows(found), 2]
-    # 0 with the probability 1 - p, else of the mean square s^2: the variance is p s^2.
+    # Height 0 with probability 1 - p, otherwise of mean square s^2: the variance is p s^2.
     sigma_m = float(np.sqrt(share * np.mean(height**2)))
     after = _adjusted(adjustment, _with_sigma(adjustment.survey, unseen, sigma_m))
     if after is None:

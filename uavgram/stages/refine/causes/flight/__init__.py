@@ -1,1 +1,1 @@
-"""What could be wrong with the log of a flight, and with the camera file."""
+"""Hypotheses on mistakes in the flight log, and in the camera file."""

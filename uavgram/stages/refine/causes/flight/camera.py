@@ -1,4 +1,4 @@
-"""What could be wrong with the camera file: another zoom, or the file of another camera."""
+"""Hypotheses on the camera file: another zoom, or the file of another camera."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 
 ANY_ZOOM, ANY_CENTRE = 0.4, 0.1
 """Prior sigmas of the factor of both focal lengths, and of the principal point as a share of the
-photo's width, where the camera file is of no use."""
+photo's width, for a useless camera file."""
 
 SURE, LEAST = 5.0, 0.015
-"""The factor found, in its own sigmas and as a share, from which on it is another zoom."""
+"""Least deviation of the factor from one for another zoom, in its own sigmas and as a share."""
 
 ENOUGH = 30.0
-"""Redundancy of the picks below which a camera could stand for a wrong pick or two."""
+"""Redundancy of the picks below which camera parameters could absorb a wrong pick or two."""
 
 
 def other_camera_file(standing: Standing) -> Iterator[Hypothesis]:
-    """The photos have another focal length than the camera file says, or another middle too."""
+    """Propose another focal length than in the camera file, or also another principal point."""
     adjustment = standing.adjustment
     if redundancy_of(adjustment, "pixels") < ENOUGH or not adjustment.problem.layout.intrinsics:
         return
@@ -45,13 +45,13 @@ def other_camera_file(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def calibration_moved(adjustment: Adjustment, unknowns: Floats) -> Moved:
-    """How unknowns (P, q) of the interior orientation move its prior."""
+    """Return the derivative of the interior orientation's prior by unknowns (P, q)."""
     along: Floats = np.linalg.pinv(adjustment.problem.intrinsic_basis) @ unknowns
     return Moved("calibration", np.arange(len(along)), -along[:, None])
 
 
 def _found(adjustment: Adjustment, *, unknowns: Floats) -> tuple[Floats, Floats]:
-    """How far a camera is from what was stated of it, in units of unknowns (P, q); covariance."""
+    """Compute a camera's deviation from its file in units of unknowns (P, q), and covariance."""
     problem, layout = adjustment.problem, adjustment.problem.layout
     to_unknowns = np.linalg.pinv(unknowns) @ problem.intrinsic_basis
     covariance = adjustment.shared(layout.first_intrinsic, layout.intrinsics)
@@ -60,21 +60,21 @@ def _found(adjustment: Adjustment, *, unknowns: Floats) -> tuple[Floats, Floats]
 
 
 def freed_camera(unknowns: Floats, survey: Survey) -> Survey:
-    """A survey that knows nothing of some combinations (P, q) of its interior orientation."""
+    """Remove the prior of some combinations (P, q) of the interior orientation."""
     stated = survey.calibration
     covariance = stated.covariance + unknowns @ unknowns.T
     return replace(survey, calibration=replace(stated, covariance=covariance))
 
 
 def by_zoom(camera: Calibration) -> Floats:
-    """(P,) change of the interior orientation by a prior sigma of the zoom."""
+    """Return the change (P,) of the interior orientation by a prior sigma of the zoom."""
     change = np.zeros(len(camera.parameters))
     change[:2] = ANY_ZOOM * camera.parameters[:2]
     return change
 
 
 def _by_frame(camera: Calibration) -> Floats:
-    """(P, 3) the same by the zoom, and by the principal point."""
+    """Return the changes (P, 3) by a prior sigma of the zoom, and of the principal point."""
     change = np.zeros((len(camera.parameters), 3))
     change[:, 0] = by_zoom(camera)
     change[2, 1] = change[3, 2] = ANY_CENTRE * camera.width_px
@@ -82,14 +82,14 @@ def _by_frame(camera: Calibration) -> Floats:
 
 
 def other_zoom(survey: Survey, found: Explained | None) -> Message:
-    """The message on photos of another zoom.
+    """Report photos of another zoom.
 
     Parameters
     ----------
     survey
-        With the camera as it was stated.
+        Survey with the camera as stated.
     found
-        The share of `ANY_ZOOM` by which its focal length is another.
+        Difference of its focal length, in units of `ANY_ZOOM`.
     """
     assert found is not None  # noqa: S101  (it is judged by its linear test)
     stated = float(survey.calibration.parameters[0])
@@ -99,14 +99,14 @@ def other_zoom(survey: Survey, found: Explained | None) -> Message:
 
 
 def zoom_message(name: str, stated_px: float, factor: float, sigma: float) -> Message:
-    """The message on photos of another zoom.
+    """Report photos of another zoom.
 
     Parameters
     ----------
     name, stated_px
-        Of the camera; its focal length.
+        Name of the camera; its stated focal length.
     factor, sigma
-        Of that, as it was found.
+        Estimated factor of the focal length, and its sigma.
     """
     text = (
         f"These photos were taken at another zoom than the camera file {name!r} describes: its "

@@ -1,7 +1,7 @@
-"""What could be wrong with a flight log: another clock, camera or compass turned, places that jump.
+"""Hypotheses on the flight log: another clock, a rotated camera or compass, jumping positions.
 
-What a whole flight has in common has priors; where the observations contradict one of them by more
-than its sigma explains, it is told by what it is, and freed.
+Unknowns common to a whole flight have priors. Where the observations contradict one of them by more
+than its sigma explains, it is reported, and freed.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.photos.turned import misplaced_photos
 
 ANY_S, ANY_RAD = 60.0, float(np.radians(60.0))
-"""Prior sigmas of a clock that is wrong, and of a camera or a compass that is turned."""
+"""Prior sigmas of a wrong clock [s], and of a rotated camera or compass [rad]."""
 
 USUAL_S, USUAL_RAD = 20.0, float(np.radians(20.0))
-"""By which these are usually wrong: how likely it is, not how far it may go."""
+"""Usual size of these errors [s, rad], for their probability, not their limit."""
 
 FARTHEST_S, STEP_S = 20.0, 0.5
-"""Corrections of the clock that are looked at."""
+"""Largest correction of the clock in the search, and its step [s]."""
 
 ANY_SHIFT_M, USUAL_SHIFT_M = 1e5, 100.0
-"""The same of control points that are shifted together, as by another datum."""
+"""Prior sigma, and usual size, of a common shift of control points, as by another datum [m]."""
 
 ANY_M = 50.0
-"""Prior sigma of a frame's place beyond a step of the log."""
+"""Prior sigma of a frame's position beyond a step of the log [m]."""
 
 MOST_STEPS = 8
-"""Moments at which the log's places may have jumped, that are looked at."""
+"""Largest number of moments of a possible step that are tested."""
 
 
 def wrong_clock(standing: Standing) -> Iterator[Hypothesis]:
-    """The camera's clock is off by more than was thought possible."""
+    """Propose a larger error of the camera's clock than its prior allows."""
     prior = _telemetry(standing.adjustment)
     if prior is None or isinstance(standing.adjustment.survey.track, PhotoExposures):
         return
@@ -64,10 +64,10 @@ def wrong_clock(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _best_clock(standing: Standing, prior: TelemetryPrior) -> tuple[float, float]:
-    """Clock correction [s] by which the log's places fit the cameras best, and what it brings.
+    """Find the clock correction [s] by which the log's positions fit best, and its gain.
 
-    The adjustment looks for it from where the clock was thought to be, and a way that turns has
-    other minima. 0 where nothing lies far from what was found already.
+    The adjustment searches from the stated clock, and a curved flight path has other minima. 0
+    where the best correction is close to the present one.
     """
     adjustment, every = standing.adjustment, standing.survey.telemetry
     survey, track = adjustment.survey, standing.survey.track
@@ -86,6 +86,7 @@ def _best_clock(standing: Standing, prior: TelemetryPrior) -> tuple[float, float
     at_s = (prior.time_s[None] - tried[:, None]).ravel()
     place = path.at(at_s)[0].reshape(len(tried), len(names), 3)
     weight = 1.0 / prior.covariance[:, [0, 1, 2], [0, 1, 2]]
+    # Squares of the differences from their weighted mean (the common bias), for each correction.
     off = adjustment.state.center[prior.frame_index] - place
     off = off - (np.sum(weight * off, axis=1) / weight.sum(axis=0))[:, None]
     cost = np.sum(weight * off**2, axis=(1, 2))
@@ -95,7 +96,7 @@ def _best_clock(standing: Standing, prior: TelemetryPrior) -> tuple[float, float
 
 
 def shifted_control(standing: Standing) -> Iterator[Hypothesis]:
-    """All control points are shifted by the same vector against the log."""
+    """Propose a common shift of all control points against the log."""
     adjustment = standing.adjustment
     prior = _telemetry(adjustment)
     if prior is None or not len(adjustment.survey.control_label):
@@ -129,14 +130,14 @@ def _control_shifted(survey: Survey, found: Explained | None) -> Message:
 
 
 def shifted_heights(standing: Standing) -> Iterator[Hypothesis]:
-    """All heights of the log are off against the ground's, as by another reference."""
+    """Propose a common shift of the log's heights, as by another height reference."""
     adjustment = standing.adjustment
     prior = _telemetry(adjustment)
     if prior is None or len(adjustment.survey.control_label):
         return
     every = prior_moved(adjustment, kind="position_bias")
     up_m, promise = _too_high(adjustment)
-    # Heights that come with photos may be above anything; a log's are above the home that it has.
+    # Heights in photos may have any reference; those of a log refer to its home.
     is_of_log = not isinstance(adjustment.survey.track, PhotoExposures)
     known = float(np.log(20.0)) if is_of_log else 0.0
     yield Hypothesis(
@@ -151,14 +152,15 @@ def shifted_heights(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _too_high(adjustment: Adjustment) -> tuple[float, float]:
-    """By how much the log's heights are too large [m], and what that costs: a sum of squares.
+    """Compute the excess [m] of the log's heights, and its cost as a sum of squares.
 
-    Known where the adjustment did not come to rest, too, as it may because of them. Cameras keep
+    It is also known where the adjustment did not converge, which may be because of it. Cameras keep
     the height above the ground that picks and lengths give; the ground may have followed the log.
     """
     _, off, covariance = _places_off(adjustment)
     weight = 1.0 / covariance[:, 2, 2]
     mean = float(np.average(off[:, 2], weights=weight))
+    # Adjusted bias, mean residual height, and the shift of the ground that followed the log.
     state, ground = adjustment.state, adjustment.survey.ground
     bias = float(adjustment.minimum.blocks["position_bias"].residual[2, 0])
     followed = float(state.plane[0]) - ground.height_m
@@ -167,14 +169,14 @@ def _too_high(adjustment: Adjustment) -> tuple[float, float]:
 
 
 class Scale(NamedTuple):
-    """How many times too large all lengths are, by the heights of the log.
+    """Common factor of all lengths, by the heights of the log.
 
     Attributes
     ----------
     ratio, relative_sigma
-        The factor, and its sigma as a share of it.
+        The factor by which they are too large, and its relative sigma.
     gain
-        Fall of the weighted sum of squares.
+        Decrease of the weighted sum of squares.
     """
 
     ratio: float
@@ -183,9 +185,9 @@ class Scale(NamedTuple):
 
 
 def scale_by_heights(adjustment: Adjustment) -> Scale | None:
-    """Compare heights above the ground with those of the log; None where it has none above it.
+    """Compare heights above ground with those of the log; None where either is not positive.
 
-    Lengths that are all too large by a factor put the cameras that many times too high.
+    Lengths that are all too large by a factor put the cameras too high by the same factor.
     """
     prior = _telemetry(adjustment)
     if prior is None:
@@ -201,7 +203,7 @@ def scale_by_heights(adjustment: Adjustment) -> Scale | None:
 
 
 def _with_heights(up_m: float, survey: Survey) -> Survey:
-    """A survey that knows nothing of the log's heights in common, with seeds lower by that."""
+    """Remove the prior of the log's common height error, and lower the seeds by `up_m`."""
     prior, seeds = survey.telemetry, survey.seeds
     if prior is None or seeds is None:
         return survey
@@ -214,7 +216,7 @@ def _with_heights(up_m: float, survey: Survey) -> Survey:
 
 
 def _places_off(adjustment: Adjustment) -> tuple[Floats, Floats, Floats]:
-    """Where cameras are (n, 3), by how much off the log's places, and the covariance of that."""
+    """Return camera positions (n, 3), their differences from the log, and its covariance."""
     prior = adjustment.survey.telemetry
     assert prior is not None  # noqa: S101  (only with a log)
     root = np.linalg.inv(adjustment.problem.telemetry_whitening)[:, :3]
@@ -224,7 +226,7 @@ def _places_off(adjustment: Adjustment) -> tuple[Floats, Floats, Floats]:
 
 
 def _up(adjustment: Adjustment) -> tuple[Floats, Floats]:
-    """By how much all heights of the log are too large (1,), and its variance."""
+    """Return the excess of the log's heights (1,), and its variance."""
     value, covariance = _of_flight(adjustment, kind="position_bias")
     return value[2:], covariance[2:, 2:]
 
@@ -244,12 +246,12 @@ def _heights_shifted(found: Explained | None) -> Message:
 
 
 def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
-    """The camera is turned in its mount, or all headings of the log are."""
+    """Propose a rotation of the camera in its mount, or of all headings of the log."""
     adjustment = standing.adjustment
     prior = _telemetry(adjustment)
     if prior is None or adjustment.survey.track is None:
         return
-    # How a camera hung that no gimbal turned was written by hand, or not at all; a gimbal's angles
+    # The mount of a camera without a gimbal is written by hand, or missing; a gimbal's angles
     # are rarely wrong.
     track = adjustment.survey.track
     is_fixed = not isinstance(track, PhotoExposures) and not len(track.gimbal_time_s)
@@ -276,14 +278,14 @@ def turned_camera(standing: Standing) -> Iterator[Hypothesis]:
 
 
 class Turn(NamedTuple):
-    """By how much all cameras together have to turn, for the log's places.
+    """Common rotation of all cameras that fits the log's positions.
 
     Attributes
     ----------
     angle_rad
-        About up, counterclockwise.
+        Angle about up, counterclockwise.
     gain
-        Fall of the weighted sum of squares of the places.
+        Decrease of the weighted sum of squares of the positions.
     """
 
     angle_rad: float
@@ -291,28 +293,29 @@ class Turn(NamedTuple):
 
 
 def turn_by_places(adjustment: Adjustment) -> Turn:
-    """Turn all cameras together about up to where they fit the log's places best.
+    """Rotate all cameras together about up to the best fit with the log's positions.
 
-    The headings of a log hold a survey as it is, and its places are known only to metres. A turn
-    as large as a quarter round is far outside the linear model, which sees half of what it brings
-    there, and nothing of what half a round does. So it is found in closed form, as of two sets of
-    points in the plane.
+    The headings of a log constrain the adjustment, and its positions are known only to metres. A
+    rotation of 90 degrees is far outside the linear model, which predicts half of its gain there,
+    and none of the gain at 180 degrees. So it is computed in closed form, as for two sets of points
+    in the plane.
     """
     prior = _telemetry(adjustment)
     if prior is None or len(prior.frame_index) < 2:
         return Turn(0.0, 0.0)
     center, off, covariance = _places_off(adjustment)
-    # by the axis of which least is known
+    # by the axis of largest variance
     weight = 1.0 / np.linalg.eigvalsh(covariance[:, :2, :2])[:, -1]
     seen, place = center[:, :2], (center - off)[:, :2]
     seen, place = (at - np.average(at, axis=0, weights=weight) for at in (seen, place))
+    # Plane rotation of weighted point sets: tan(angle) = sum(cross) / sum(dot).
     along = float(np.sum(weight[:, None] * seen * place))
     across = float(np.sum(weight * (seen[:, 0] * place[:, 1] - seen[:, 1] * place[:, 0])))
     return Turn(float(np.arctan2(across, along)), 2.0 * (float(np.hypot(along, across)) - along))
 
 
 def stepped_places(standing: Standing) -> Iterator[Hypothesis]:
-    """From a moment on, all places of the log are shifted; a steady drift is the competitor."""
+    """Propose a step of the log's positions at a moment; a steady drift is the competitor."""
     adjustment = standing.adjustment
     prior = _telemetry(adjustment)
     if prior is None or len(prior.time_s) < 4:
@@ -336,7 +339,7 @@ def stepped_places(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _between(adjustment: Adjustment, order: Ints, gap: int) -> tuple[str, str]:
-    """Names of the frames before and behind a gap, in order of time."""
+    """Return the names of the frames before and after a gap, in order of time."""
     prior, survey = adjustment.survey.telemetry, adjustment.survey
     assert prior is not None  # noqa: S101  (there are rows of it)
     before, after = (survey.frame_id[prior.frame_index[row]] for row in order[gap - 1 : gap + 1])
@@ -344,11 +347,12 @@ def _between(adjustment: Adjustment, order: Ints, gap: int) -> tuple[str, str]:
 
 
 def _step_before_lost(standing: Standing) -> Iterator[Hypothesis]:
-    """The log steps where all photos before, or behind, were left out."""
+    """Propose a step of the log where all photos before, or after, were left out."""
     survey, every = standing.survey, standing.survey.telemetry
     lost = misplaced_photos(standing)
     if every is None or not len(lost):
         return
+    # Left-out photos must all be before, or all after, one moment.
     order = every.frame_index[np.argsort(every.time_s, kind="stable")]
     is_lost = np.isin(order, lost)
     ends = np.flatnonzero(np.diff(is_lost.astype(np.int64)))
@@ -368,7 +372,7 @@ def _step_before_lost(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _step(names: frozenset[str], adjustment: Adjustment) -> tuple[Floats, Floats]:
-    """By how much the log has some frames elsewhere (3,), and the covariance, of their mean."""
+    """Compute the mean shift (3,) of some frames in the log, and its covariance."""
     prior = adjustment.survey.telemetry
     assert prior is not None  # noqa: S101  (only with a log)
     some = np.array([adjustment.survey.frame_id[k] in names for k in prior.frame_index])
@@ -379,19 +383,19 @@ def _step(names: frozenset[str], adjustment: Adjustment) -> tuple[Floats, Floats
 
 
 def prior_moved(adjustment: Adjustment, *, kind: str) -> Moved:
-    """How prior knowledge of a group moves, if its mean is wrong by any amount in each row."""
+    """Return the derivative of a group's priors if its mean is wrong by any amount in each row."""
     block = adjustment.minimum.blocks[kind]
     count = len(block.residual)
     return Moved(kind, np.arange(count), -block.jacobian * np.eye(count)[:, None])
 
 
 def widened(count: int, wide: float, stated: float) -> float:
-    """Price of numbers of which less is known than was stated: the widths of both priors.
+    """Return the price of widening the priors of numbers: by the ratio of both widths.
 
     Parameters
     ----------
     count
-        Of numbers.
+        Count of numbers.
     wide, stated
         Prior sigmas.
     """
@@ -399,7 +403,7 @@ def widened(count: int, wide: float, stated: float) -> float:
 
 
 def strained_priors(adjustment: Adjustment) -> Iterator[tuple[Moved, ...]]:
-    """What is known beforehand of a flight and its camera, each as if it were wrong."""
+    """Yield each prior of a flight and its camera as a hypothesis that it is wrong."""
     names = [*TELEMETRY_PARTS, "calibration"]
     for kind in names:
         block = adjustment.minimum.blocks.get(kind)
@@ -412,14 +416,14 @@ def _telemetry(adjustment: Adjustment) -> TelemetryPrior | None:
 
 
 def _of_flight(adjustment: Adjustment, *, kind: str) -> tuple[Floats, Floats]:
-    """What a flight has in common, less what was thought of it, and its covariance."""
+    """Return the deviation of a flight's common unknowns from their priors, and its covariance."""
     problem, part = adjustment.problem, TELEMETRY_PARTS[kind]
     value = adjustment.state.telemetry[part] - problem.telemetry_mean[part]
     return value, adjustment.shared(problem.layout.first_telemetry + part.start, len(value))
 
 
 def _heading(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floats]:
-    """The heading bias, from what was stated."""
+    """Return the heading bias relative to the stated one, and its variance."""
     value, covariance = _of_flight(adjustment, kind="heading_bias")
     prior = adjustment.survey.telemetry
     assert prior is not None  # noqa: S101  (a heading bias is an unknown only with a log)
@@ -427,7 +431,7 @@ def _heading(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Fl
 
 
 def _with_heading(heading_rad: float, survey: Survey) -> Survey:
-    """A survey that knows nothing of its headings in common, with seeds turned to others."""
+    """Remove the prior of the common heading error, and rotate the seeds."""
     prior, seeds = survey.telemetry, survey.seeds
     if prior is None or seeds is None:
         return survey
@@ -440,7 +444,7 @@ def _with_heading(heading_rad: float, survey: Survey) -> Survey:
 
 
 def _with_clock(shift_s: float, survey: Survey) -> Survey:
-    """A survey that knows nothing of the camera's clock, with another place to begin."""
+    """Remove the prior of the camera's clock, and begin from another correction."""
     prior = survey.telemetry
     if prior is None:
         return survey
@@ -450,7 +454,7 @@ def _with_clock(shift_s: float, survey: Survey) -> Survey:
 
 
 def _clock(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floats]:
-    """The clock's correction, from what was stated."""
+    """Return the clock's correction relative to the stated one, and its variance."""
     value, covariance = _of_flight(adjustment, kind="clock")
     prior = adjustment.survey.telemetry
     assert prior is not None  # noqa: S101  (a clock is an unknown only with a log)
@@ -458,21 +462,21 @@ def _clock(stated: TelemetryPrior, adjustment: Adjustment) -> tuple[Floats, Floa
 
 
 def _with_prior(survey: Survey, **sigma: float | Floats) -> Survey:
-    """A survey that knows less of what its flight has in common."""
+    """Widen priors of the flight's common unknowns."""
     if survey.telemetry is None:
         return survey
     return replace(survey, telemetry=replace(survey.telemetry, **sigma))  # type: ignore[arg-type]
 
 
 def _likely_gaps(adjustment: Adjustment, order: Ints, by_place: Floats) -> Ints:
-    """The gaps, by the index of the frame behind, in which a jump would explain most.
+    """Find the gaps, by index of the frame after each, in which a step would explain most.
 
-    As if nothing but the log placed the frames: a cheap bound, for a choice.
+    As if only the log placed the frames: a cheap bound, for a choice.
     """
     residual = adjustment.minimum.blocks["telemetry"].residual
     score = np.einsum("nra,nr->na", by_place, residual)[order].cumsum(axis=0)
     own = np.einsum("nra,nrb->nab", by_place, by_place)[order].cumsum(axis=0)
-    # What all have in common is a bias of the flight: a step is what the earlier ones differ by.
+    # Eliminate the common bias of the flight; a step is the difference of the earlier frames.
     apart = score[:-1] - own[:-1] @ np.linalg.solve(own[-1], score[-1])
     between = own[:-1] - own[:-1] @ np.linalg.solve(own[-1], own[:-1])
     gain = np.einsum("na,nab,nb->n", apart, np.linalg.pinv(between), apart)
@@ -486,7 +490,7 @@ def _names(adjustment: Adjustment, rows: Ints) -> frozenset[str]:
 
 
 def _without_places(names: Iterable[str], survey: Survey) -> Survey:
-    """A survey that knows little of where some of its frames were."""
+    """Remove most of the prior of some frames' positions."""
     prior = survey.telemetry
     if prior is None:
         return survey

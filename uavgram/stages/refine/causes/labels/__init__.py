@@ -1,1 +1,1 @@
-"""What could be wrong with picks, their labels and the heights of their points."""
+"""Hypotheses on picks, their labels and the heights of their points."""

@@ -1,4 +1,4 @@
-"""Single picks of a photo that lie where another label belongs."""
+"""Hypotheses on single picks of a photo at the place of another label."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ SAME = 8.0
 """Distance of two picks of a photo, in sigmas of one, up to which they are of the same point."""
 
 NEARER = 0.1
-"""Distance of a pick from the place of a label that has none in the photo, over that from its own
-place, up to which it may belong there. A wrong pick pulls that place along."""
+"""Largest ratio of the distance of a pick from the place of a label without a pick in the photo to
+that from its own place, at which it may belong there. A wrong pick pulls that place along."""
 
 
 def elsewhere_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
-    """Single picks that lie where another label belongs: there twice, or under a wrong label."""
+    """Propose that a pick is at another label's place: picked twice, or under a wrong label."""
     found, survey = strays(standing), standing.survey
     picks, labels = len(standing.refined.pick_index), len(standing.adjustment.survey.label)
     for row, pick in enumerate(found.pick.tolist()):
         own = float(np.linalg.norm(survey.pixel_px[pick] - found.place_px[row]))
-        of_which = np.log(picks) * found.taking[row]  # of one that was left out it is known
+        of_which = np.log(picks) * found.taking[row]  # known for a pick that was left out
         for other, sigmas in _labels_there(standing, pick, int(found.frame[row]), own):
             free = not _picks_of(standing, int(survey.pick_frame[pick]), other).size
             out, change = frozenset([pick]), {pick: other}
@@ -37,7 +37,7 @@ def elsewhere_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
                 tell=partial(_elsewhere, standing, pick, other),
                 mend=Mend(label_of_pick=change) if free else Mend(without_picks=out),
                 promise=float(found.fall[row]),
-                # One that is taken out still has to lie where the other one does.
+                # A removed pick still has to agree with the place of the other one.
                 price=float(np.log(labels) + of_which + (0.0 if free else sigmas**2 / 4.0)),
                 settles=frozenset([survey.frame_id[survey.pick_frame[pick]]]),
             )
@@ -46,16 +46,16 @@ def elsewhere_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
 def _labels_there(
     standing: Standing, pick: int, frame: int, own_px: float
 ) -> Iterator[tuple[int, float]]:
-    """Labels that belong where a pick is, and how far from it, in its sigmas; at most two.
+    """Yield labels that belong at a pick, and their distances in its sigmas; at most two.
 
     Parameters
     ----------
     standing
-        Where the survey stands.
+        The survey under diagnosis.
     pick, frame
-        Of the survey; of the adjustment.
+        Pick of the survey; frame of the adjustment.
     own_px
-        How far the pick is from its own place.
+        Distance of the pick from its own place.
     """
     survey, sigma = standing.survey, float(standing.survey.pick_sigma_px[pick])
     beside = np.flatnonzero((survey.pick_frame == survey.pick_frame[pick]) & ~standing.spoilt)
@@ -76,19 +76,19 @@ def _labels_there(
 
 
 def _picks_of(standing: Standing, frame: int, label: int) -> Ints:
-    """Picks of a label in a photo that were not left out."""
+    """Return picks of a label in a photo that were not left out."""
     survey = standing.survey
     same = (survey.pick_frame == frame) & (survey.pick_label == label)
     return np.flatnonzero(same & ~standing.spoilt)
 
 
 def _elsewhere(standing: Standing, pick: int, other: int, _: Explained | None) -> Message:
-    """The message on a pick that lies where another label belongs.
+    """Report a pick at the place of another label.
 
     Parameters
     ----------
     standing
-        Where the survey stands.
+        The survey under diagnosis.
     pick, other
         The pick, and the label that belongs there.
     """

@@ -1,4 +1,4 @@
-"""Two labels that stand for each other in all photos: lengths between them and others tell."""
+"""Hypotheses on two labels that are swapped in all photos, by lengths between them and others."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
 
 WRONG = 16.0
-"""Fall of the sum of squares without a length, from which on its ends are looked at."""
+"""Decrease of the sum of squares without a length, above which its ends are examined."""
 
 BENT = 0.03
-"""By which distances may be wrong, as a share, in a survey bent by lengths between wrong labels."""
+"""Relative error of distances in a survey distorted by lengths between wrong labels."""
 
 MOST_PAIRS = 3
-"""Pairs of labels that are proposed: those that would ease misfits most, points as adjusted."""
+"""Pairs of labels that are proposed: those of largest gain with the points as adjusted."""
 
 
 def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
-    """Pairs of labels of which lengths fit better if each stood for the other in all photos."""
+    """Propose pairs of labels that are swapped in all photos, so that lengths fit better."""
     survey = standing.survey
     wrong = _wrong_lengths(standing)
     ends = np.union1d(survey.line_start[wrong], survey.line_end[wrong])
@@ -37,8 +37,8 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
     first, second, better = _gains(standing, ends)
     labels = len(standing.adjustment.survey.label)
     best = np.argsort(-better, kind="stable")[:MOST_PAIRS]
-    # Where lengths were left out, the points are not bent by them: those as adjusted say enough;
-    # and no fall is more than all there is: the linear model does not hold then.
+    # Left-out lengths do not distort the points, so their places as adjusted are sufficient;
+    # a decrease above the whole cost means that the linear model does not hold.
     none_left_out = (
         standing.adjustment.minimum.converged and not standing.refined.line_removed.any()
     )
@@ -46,7 +46,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
     for a, b, easier in pairs:
         touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
         lines = np.flatnonzero(touched & wrong)
-        # One length between the wrong labels does as well where no other ends at either.
+        # A single length between wrong labels explains as much if no other ends at either.
         alone = PRICE if touched.sum() < 2 else 0.0
         right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
         right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
@@ -55,7 +55,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
             tell=partial(_swapped, standing, (a, b), lines),
             mend=Mend(label_of_pick=right),
             is_clear=not alone,
-            back=spoilt,  # lengths between wrong labels bend everything, whole photos too
+            back=spoilt,  # lengths between wrong labels distort everything, including whole photos
             promise=max(min(fall, cost), 0.0 if none_left_out else easier),
             price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
             settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
@@ -63,7 +63,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _wrong_lengths(standing: Standing) -> Bools:
-    """(L,) lengths that were left out, or do not fit."""
+    """Mark lengths (L,) that were left out, or do not fit."""
     wrong = standing.refined.line_removed.copy()
     adjustment = standing.adjustment
     block = adjustment.minimum.blocks.get("lengths")
@@ -78,7 +78,7 @@ def _touch(end: Ints, a: int, b: int) -> Bools:
 
 
 def _gains(standing: Standing, ends: Ints) -> tuple[Ints, Ints, Floats]:
-    """Pairs (n,), (n,) of one of some ends and any label, and what each gains (n,)."""
+    """Pair some ends with all labels; return the pairs (n,), (n,) and their gains (n,)."""
     known = np.flatnonzero(labels_of(standing) >= 0)
     first, second = (each.ravel() for each in np.meshgrid(ends, known, indexing="ij"))
     use = (first < second) | ((first > second) & ~np.isin(second, ends))
@@ -87,14 +87,14 @@ def _gains(standing: Standing, ends: Ints) -> tuple[Ints, Ints, Floats]:
 
 
 def _gain_of(standing: Standing, first: Ints, second: Ints) -> Floats:
-    """(n,) by how much the lengths fit better if labels stood for each other, points as adjusted.
+    """Compute the better fit (n,) of the lengths with two labels exchanged, points as adjusted.
 
-    The logarithm keeps one length that is far off from outweighing several others.
+    The logarithm prevents one length of large misfit from outweighing several others.
 
     Parameters
     ----------
     standing
-        Where the survey stands.
+        The survey under diagnosis.
     first, second
         (n,) labels of the survey.
     """
@@ -105,7 +105,7 @@ def _gain_of(standing: Standing, first: Ints, second: Ints) -> Floats:
     gain = np.zeros(len(first))
     for line, (start, end) in enumerate(zip(survey.line_start, survey.line_end, strict=True)):
         if at[start] < 0 or at[end] < 0:
-            continue  # it takes no part as it stands, so nothing shows how well it fits
+            continue  # it takes no part, so its fit is unknown
         row = np.flatnonzero(np.isin(first, (start, end)) | np.isin(second, (start, end)))
         swapped = [_exchanged(label, first[row], second[row]) for label in (start, end)]
         apart = [np.linalg.norm(world[a] - world[b], axis=-1) for a, b in ((start, end), swapped)]
@@ -117,16 +117,16 @@ def _gain_of(standing: Standing, first: Ints, second: Ints) -> Floats:
 
 
 def _fall(standing: Standing, first: int, second: int) -> float:
-    """Fall of the sum of squares if labels stood for each other, in the linear model.
+    """Compute the decrease of the sum of squares with two labels exchanged, in the linear model.
 
-    Without the lengths A that end at one of them it falls by v^T Q^-1 v, with Q = I - A S A^T and
-    S the inverse of the normal matrix; between the other labels, with derivatives B, they add
+    Without the lengths A that end at one of them it decreases by v^T Q^-1 v, with Q = I - A S A^T
+    and S the inverse of the normal matrix; between the other labels, with derivatives B, they add
     r^T (I + B S' B^T)^-1 r. S' = S + S A^T Q^-1 A S and the residuals r are those without them.
 
     Parameters
     ----------
     standing
-        Where the survey stands.
+        The survey under diagnosis.
     first, second
         Labels of the survey.
     """
@@ -141,9 +141,11 @@ def _fall(standing: Standing, first: int, second: int) -> float:
     ends = survey.line_start, survey.line_end
     a, v = _rows(standing, old, at[ends[0][old]], at[ends[1][old]])
     pair = np.array(first), np.array(second)
+    # Derivatives of the old lengths (a) and of the exchanged ones (b).
     b, r = _rows(standing, new, *(at[_exchanged(each[new], *pair)] for each in ends))
     solved = standing.adjustment.minimum.factor.solve(np.concatenate([a, b]).T)
     to_a, to_b = solved[:, : len(old)], solved[:, len(old) :]
+    # Q^-1; then residuals r and covariance B S' B^T of the exchanged lengths without the old ones.
     without = np.linalg.pinv(np.eye(len(old)) - a @ to_a, rcond=1e-6, hermitian=True)
     moved = r + b @ to_a @ without @ v
     spread = b @ to_b + b @ to_a @ without @ (a @ to_b)
@@ -152,12 +154,12 @@ def _fall(standing: Standing, first: int, second: int) -> float:
 
 
 def _rows(standing: Standing, line: Ints, start: Ints, end: Ints) -> tuple[Floats, Floats]:
-    """Derivatives (n, size) and residuals (n,) of lengths between labels, whitened.
+    """Compute derivatives (n, size) and residuals (n,) of lengths between labels, whitened.
 
     Parameters
     ----------
     standing
-        Where the survey stands.
+        The survey under diagnosis.
     line
         (n,) lengths of the survey.
     start, end
@@ -172,21 +174,21 @@ def _rows(standing: Standing, line: Ints, start: Ints, end: Ints) -> tuple[Float
 
 
 def _exchanged(label: int | Ints, first: Ints, second: Ints) -> Ints:
-    """(n,) what stands for a label where each pair of labels is exchanged."""
+    """Return the label (n,) that replaces a label where each pair of labels is exchanged."""
     return np.asarray(np.where(first == label, second, np.where(second == label, first, label)))
 
 
 def _swapped(
     standing: Standing, labels: tuple[int, int], lines: Ints, _: Explained | None
 ) -> Message:
-    """The message on two labels that are exchanged in all photos.
+    """Report two labels that are exchanged in all photos.
 
     Parameters
     ----------
     standing, labels
         The survey, and two of its labels.
     lines
-        Lengths that did not fit and then do.
+        Lengths that did not fit before the exchange, but do afterwards.
     """
     survey = standing.survey
     first, second = (survey.label[k] for k in labels)

@@ -1,4 +1,4 @@
-"""Labels that may be off the ground."""
+"""Hypotheses on labels off the ground."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from uavgram.stages.refine.off_ground.remarks import off_ground_message
 from uavgram.stages.refine.robust import OFF_GROUND_M
 
 STEP_M = 0.01
-"""By which points are raised to see how their pixels move."""
+"""Height step [m] for the derivatives of the pixels of a point."""
 
 MOST_LABELS = 300
-"""Labels whose heights are looked at."""
+"""Largest number of labels whose heights are tested."""
 
 LEAST_PICKS = 3
-"""Picks of a label from which on a wrong one can be told from a height."""
+"""Least number of picks of a label that separate a wrong pick from a height."""
 
 
 def freed_heights(survey: Survey, causes: Sequence[Cause]) -> frozenset[str]:
-    """Names of labels that some causes put off the ground."""
+    """Return the names of labels that some causes put off the ground."""
     mends = [cause.mend for cause in causes if cause.mend is not None]
     return frozenset(survey.label[k] for mend in mends for k, free in mend.free.items() if free)
 
 
 def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
-    """Labels that fit at a height off the ground."""
+    """Propose heights off the ground for labels with picks that do not fit."""
     adjustment, at = standing.adjustment, labels_of(standing)
     if not adjustment.minimum.converged:
         return
@@ -60,7 +60,7 @@ def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _stray_rows(standing: Standing) -> Ints:
-    """Picks of the adjustment that do not fit."""
+    """Return picks of the adjustment that do not fit."""
     found = strays(standing)
     row = np.full(len(standing.survey.pick_frame), -1)
     row[standing.refined.pick_index] = np.arange(len(standing.refined.pick_index))
@@ -68,7 +68,7 @@ def _stray_rows(standing: Standing) -> Ints:
 
 
 def raised(standing: Standing, label: int) -> Moved:
-    """How the picks of a label of the adjustment move with its height [m]."""
+    """Compute the derivative of the picks of a label of the adjustment by its height [m]."""
     adjustment = standing.adjustment
     survey, state = adjustment.survey, adjustment.state
     rows = np.flatnonzero(survey.pick_label == label)

@@ -1,4 +1,4 @@
-"""Picks of a photo that stand under wrong labels, and single wrong picks."""
+"""Hypotheses on picks of a photo under wrong labels, and on single wrong picks."""
 
 from __future__ import annotations
 
@@ -16,24 +16,25 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import Strays, frames_of, strays
 
 MOST_WRONG = 4
-"""Single wrong picks that are proposed."""
+"""Largest number of single wrong picks that are proposed."""
 
 NEARER = 0.4
-"""Distance of a pick from the place of another label over that of the label's own pick, up to which
-the label may belong there."""
+"""Largest ratio of the distance of a pick from the place of another label to that of the label's
+own pick, at which the label may belong there."""
 
 
 class _Exchange(NamedTuple):
-    """Labels of one photo that seem to have changed places.
+    """Labels of one photo that seem to be exchanged.
 
     Attributes
     ----------
     label
         Pick -> the label that belongs there.
     gain
-        Fall of the sum of squares to be expected.
+        Expected decrease of the sum of squares.
     back
-        Picks of other photos that were left out for one of these, which alone shows its point now.
+        Picks of other photos that were left out because of one of these, which now alone shows its
+        point.
     """
 
     label: dict[int, int]
@@ -42,12 +43,12 @@ class _Exchange(NamedTuple):
 
 
 def wrong_picks(standing: Standing) -> Iterator[Hypothesis]:
-    """The picks that stray farthest: each is somewhere else."""
+    """Propose that a pick of large misfit is wrong, for each of the worst."""
     found = strays(standing)
     number = len(standing.refined.pick_index)
     label = standing.survey.pick_label
     seen = np.bincount(label[standing.refined.pick_index], minlength=len(standing.survey.label))
-    # A point without its only pick is gone, and whatever it bears on: that is no test.
+    # Without its only pick a point disappears with its observations: no test.
     tested = found.taking & (seen[label[found.pick]] > 1)
     taking = list(zip(found.pick[tested], found.fall[tested], strict=True))
     for pick, fall in taking[:MOST_WRONG]:
@@ -60,7 +61,7 @@ def wrong_picks(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def swapped_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
-    """Labels of one photo of which each belongs where the pick of another one is."""
+    """Propose cyclic exchanges of labels within one photo."""
     found = strays(standing)
     frames = frames_of(standing)[standing.survey.pick_frame]
     frames_taking = len(standing.adjustment.survey.frame_id)
@@ -70,7 +71,7 @@ def swapped_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
         number = len(picks)
         for exchange in _exchanges(standing, found, own, picks):
             count = len(exchange.label)
-            # Of picks that were left out, it is known which.
+            # Picks that were left out are known to be wrong.
             known = int(standing.spoilt[list(exchange.label)].sum())
             choices = np.log(np.arange(number - count + 1, number + 1)).sum() - np.log(count)
             choices += np.log(frames_taking) if known < count else 0.0
@@ -86,14 +87,14 @@ def swapped_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _exchanges(standing: Standing, found: Strays, own: Ints, picks: Ints) -> Iterator[_Exchange]:
-    """Cycles of labels of a photo, each once.
+    """Yield cycles of labels of a photo, each once.
 
     Parameters
     ----------
     standing, found
         The survey, and all picks that do not fit.
     own, picks
-        Those of the photo, among them and of the survey.
+        Rows of the photo's picks in `found`, and all picks of the photo in the survey.
     """
     survey = standing.survey
     belongs = _where_they_belong(standing, found, own, picks)
@@ -103,7 +104,7 @@ def _exchanges(standing: Standing, found: Strays, own: Ints, picks: Ints) -> Ite
         chain = [first]
         while belongs.get(chain[-1], first) not in chain:
             chain.append(belongs[chain[-1]])
-        # A pick whose point nothing else shows may belong where the chain began.
+        # A pick that alone shows its point may belong where the chain began.
         closed = belongs.get(chain[-1]) == first or chain[-1] in anywhere
         if len(chain) < 2 or not closed or frozenset(chain) in told:
             continue
@@ -118,7 +119,7 @@ def _exchanges(standing: Standing, found: Strays, own: Ints, picks: Ints) -> Ite
 
 
 def _left_out_for(standing: Standing, picks: Collection[int]) -> frozenset[int]:
-    """Picks of the same points that were left out of photos that take part."""
+    """Return left-out picks of the same points in photos that take part."""
     survey = standing.survey
     names = standing.adjustment.survey.frame_id
     stayed = [k for k, name in enumerate(survey.frame_id) if name in names]
@@ -128,7 +129,7 @@ def _left_out_for(standing: Standing, picks: Collection[int]) -> frozenset[int]:
 
 
 def _only_one(standing: Standing, picks: Ints) -> set[int]:
-    """Picks of points that no other pick shows: they may belong anywhere."""
+    """Return picks of points without any other pick: they may belong anywhere."""
     survey = standing.survey
     others = np.bincount(
         survey.pick_label[standing.refined.pick_index], minlength=len(survey.label)
@@ -138,7 +139,7 @@ def _only_one(standing: Standing, picks: Ints) -> set[int]:
 
 
 def _where_they_belong(standing: Standing, found: Strays, own: Ints, picks: Ints) -> dict[int, int]:
-    """Pick that does not fit -> the pick of the photo that lies where its label belongs."""
+    """Map each pick that does not fit to the pick of the photo at its label's place."""
     pixel = standing.survey.pixel_px
     belongs = {}
     for row in own[np.isfinite(found.place_px[own, 0])].tolist():
@@ -151,7 +152,7 @@ def _where_they_belong(standing: Standing, found: Strays, own: Ints, picks: Ints
 
 
 def swapped_message(standing: Standing, right: Mapping[int, int], _: Explained | None) -> Message:
-    """The message on picks of one photo, and the labels that belong there.
+    """Report picks of one photo, and the labels that belong there.
 
     Parameters
     ----------
@@ -160,7 +161,7 @@ def swapped_message(standing: Standing, right: Mapping[int, int], _: Explained |
     right
         Pick -> the label that belongs there.
     _
-        Of the linear test: nothing is told of it.
+        Result of the linear test, not used.
     """
     survey = standing.survey
     frame = survey.frame_id[survey.pick_frame[next(iter(right))]]

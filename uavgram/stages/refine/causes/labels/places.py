@@ -1,4 +1,4 @@
-"""Where the labels of a photo belong by all other picks, and which picks do not lie there."""
+"""Places of a photo's labels by all other picks, and picks that are not there."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.causes.hypothesis import Standing
 
 STRAYS = 16.0
-"""Fall of the sum of squares without a pick, from which on it is looked at."""
+"""Decrease of the sum of squares without a pick, above which it is examined."""
 
 MOST_PICKS = 60
-"""Picks that are looked at: those that were left out, and those that stray farthest."""
+"""Largest number of picks that are examined: left-out ones, and those of largest misfit."""
 
 LEAST_CHECKED = 0.01
-"""Share of an error of a pick that has to show in its residual for the others to say its place."""
+"""Redundancy number of a pick below which the others do not determine its place."""
 
 
 class Strays(NamedTuple):
-    """Picks of adjusted frames that do not fit, or were left out for it.
+    """Picks of adjusted frames that do not fit, or were left out for that reason.
 
     Attributes
     ----------
     pick
-        (n,) of the survey.
+        (n,) picks of the survey.
     frame
-        (n,) of the adjustment.
+        (n,) frames of the adjustment.
     fall
-        (n,) of the sum of squares without each; 0 of those that were left out.
+        (n,) decrease of the sum of squares without each; 0 for left-out picks.
     place_px
-        (n, 2) where its label belongs in its photo, by all else; NaN where nothing says it.
+        (n, 2) place of its label in its photo, by all other observations; NaN where undetermined.
     taking
         (n,) whether it takes part.
     """
@@ -46,7 +46,7 @@ class Strays(NamedTuple):
 
 
 def strays(standing: Standing) -> Strays:
-    """The picks that do not fit, those that were left out first, then the worst first."""
+    """Find picks that do not fit, left-out ones first, then the worst first."""
     adjustment, refined, survey = standing.adjustment, standing.refined, standing.survey
     fall = np.zeros(len(survey.pick_frame))
     block = adjustment.minimum.blocks["pixels"]
@@ -62,18 +62,18 @@ def strays(standing: Standing) -> Strays:
 
 
 def frames_of(standing: Standing) -> Ints:
-    """(F,) frames of the adjustment, for those of the survey; -1 where it has none."""
+    """Return the frames (F,) of the adjustment for those of the survey; -1 where it has none."""
     known = {name: k for k, name in enumerate(standing.adjustment.survey.frame_id)}
     return np.array([known.get(name, -1) for name in standing.survey.frame_id], dtype=np.int64)
 
 
 def labels_of(standing: Standing) -> Ints:
-    """(K,) labels of the adjustment, for those of the survey; -1 where it has none."""
+    """Return the labels (K,) of the adjustment for those of the survey; -1 where it has none."""
     return standing.adjustment.label_rows(standing.survey.label)
 
 
 def _places(standing: Standing, picks: Ints, frame: Ints) -> Floats:
-    """(n, 2) where the labels of picks belong [px], by all but each pick itself.
+    """Predict the places (n, 2) of the labels of picks [px], each without the pick itself.
 
     In the linear model the residual without a pick is Q^-1 v, with its residual v and cofactor
     matrix Q = I - A N^-1 A^T (Cook and Weisberg 1982, "Residuals and influence", eq. 2.2.9).
@@ -81,9 +81,9 @@ def _places(standing: Standing, picks: Ints, frame: Ints) -> Floats:
     Parameters
     ----------
     standing
-        Where the survey stands.
+        The survey under diagnosis.
     picks
-        (n,) of the survey.
+        (n,) picks of the survey.
     frame
         (n,) their frames in the adjustment.
     """
@@ -91,12 +91,14 @@ def _places(standing: Standing, picks: Ints, frame: Ints) -> Floats:
     label = labels_of(standing)[survey.pick_label[picks]]
     place = np.full((len(picks), 2), np.nan)
     seen = np.flatnonzero(label >= 0)
+    # Projections of adjusted labels; for picks that take part, without the pick itself.
     place[seen] = adjustment.pixels(frame[seen], label[seen])
     row = np.full(len(survey.pick_frame), -1)
     row[standing.refined.pick_index] = np.arange(len(standing.refined.pick_index))
     taking = np.flatnonzero(row[picks] >= 0)
     block, rows = adjustment.minimum.blocks["pixels"], row[picks[taking]]
     own = Block(block.residual[rows], block.columns[rows], block.jacobian[rows])
+    # Q^-1 v in the eigenvectors of Q.
     share, axes = np.linalg.eigh(cofactors(own, adjustment.covariance))
     along = np.einsum("nra,nr->na", axes, own.residual) / np.maximum(share, LEAST_CHECKED)
     without = np.einsum("nra,na->nr", axes, along)

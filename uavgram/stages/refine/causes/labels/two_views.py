@@ -1,8 +1,8 @@
-"""Labels that are swapped in a photo, as another photo of the same ground shows without any pose.
+"""Hypotheses on labels swapped in a photo, by another photo of the same ground, without poses.
 
-Where an adjustment does not come to rest, or left a photo out, the places that it has for points
-say nothing. Two photos of a plane still differ by a homography: with two labels swapped no
-homography fits, and of all exchanges the right one makes it fit.
+Where an adjustment does not converge, or left a photo out, its points are useless. Two photos of a
+plane still differ by a homography: with two labels swapped no homography fits, and of all exchanges
+the right one makes it fit.
 """
 
 from __future__ import annotations
@@ -20,23 +20,24 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing,
 from uavgram.stages.refine.causes.labels.in_a_photo import swapped_message
 
 LEAST_LABELS = 6
-"""In both photos: a homography takes four, and five are made to fit by more than one exchange."""
+"""Labels needed in both photos: a homography takes four, and five fit after more than one
+exchange."""
 
 MOST_LABELS, MOST_PHOTOS = 30, 12
-"""Of which all pairs are exchanged; photos that are looked at."""
+"""Largest number of labels of which all pairs are tried; and of photos that are examined."""
 
 MOST_OUT = 4
-"""A photo is in question where one in so many of its picks was left out."""
+"""A photo is in question where more than one in so many of its picks was left out."""
 
 MISFIT = 1e-5
 """Probability of the core's squares below which every photo is in question."""
 
 BETTER = 0.1
-"""Share of the squares of the labels as they are, below which those of the exchange are."""
+"""Largest ratio of the squares after an exchange to those before it."""
 
 
 def swapped_beside_another(standing: Standing) -> Iterator[Hypothesis]:
-    """Two labels of a photo whose exchange makes it fit to another one."""
+    """Propose two labels of a photo whose exchange makes it fit another photo."""
     survey = standing.survey
     may = taking_part(standing.taking) & ~survey.off_ground[survey.pick_label]
     photos = [np.flatnonzero(may & (survey.pick_frame == k)) for k in range(len(survey.frame_id))]
@@ -52,26 +53,26 @@ def swapped_beside_another(standing: Standing) -> Iterator[Hypothesis]:
             tell=partial(swapped_message, standing, right),
             # With it all picks of the photo take part again.
             mend=Mend(label_of_pick={int(k): int(label[k]) for k in here} | right),
-            promise=standing.cost,  # everything is to fit then
+            promise=standing.cost,  # everything should fit then
             price=choices - PRICE * _regained(standing, here),
             settles=frozenset([survey.frame_id[frame]]),
         )
 
 
 def _regained(standing: Standing, here: Ints) -> int:
-    """Numbers that were left out, and that fit at their places: without those that place them."""
+    """Count left-out numbers that fit at their places, less those that fix the photo's pose."""
     label, used = standing.survey.pick_label, standing.refined.pick_index
     lost = np.setdiff1d(here, used[~standing.spoilt[used]])
-    lost = lost[~standing.spoilt[lost]]  # of the others it is known
+    lost = lost[~standing.spoilt[lost]]  # the others are known to be wrong
     seen = int(np.isin(label[lost], label[used]).sum())
     pose = 6 if len(lost) == len(here) else 0
     return max(2 * seen - pose, 0)
 
 
 def _in_question(standing: Standing) -> list[int]:
-    """Photos that lost many of their picks, for whatever reason; all, where nothing fits."""
+    """Return photos that lost many of their picks for any reason; all, where nothing fits."""
     survey, adjustment = standing.survey, standing.adjustment
-    few = len(survey.frame_id) <= MOST_PHOTOS  # of many, the others have the places of the points
+    few = len(survey.frame_id) <= MOST_PHOTOS  # with many, the others determine the points
     if not adjustment.minimum.converged or (few and core_fit(adjustment).probability < MISFIT):
         return list(range(len(survey.frame_id)))
     used = np.zeros(len(survey.pick_frame), dtype=np.bool_)
@@ -84,7 +85,7 @@ def _in_question(standing: Standing) -> list[int]:
 
 
 def _shared_most(standing: Standing, photos: list[Ints], frame: int) -> tuple[Ints, Ints]:
-    """(n,) picks of a photo, and those of the same labels in the one that shares most with it."""
+    """Return picks (n,) of a photo, and those of the same labels in the photo that shares most."""
     label = standing.survey.pick_label
     best: tuple[Ints, Ints] = (np.zeros(0, np.int64), np.zeros(0, np.int64))
     for other, picks in enumerate(photos):
@@ -97,7 +98,7 @@ def _shared_most(standing: Standing, photos: list[Ints], frame: int) -> tuple[In
 
 
 def _exchange(standing: Standing, here: Ints, there: Ints) -> tuple[int, int] | None:
-    """The exchange of two picks of a photo that makes it fit to another; None where none does."""
+    """Find the exchange of two picks of a photo that makes it fit another; None without one."""
     count = len(here)
     if not LEAST_LABELS <= count <= MOST_LABELS:
         return None
@@ -108,6 +109,7 @@ def _exchange(standing: Standing, here: Ints, there: Ints) -> tuple[int, int] | 
     if not all(np.isfinite(ray).all() for ray in rays):
         return None
     x, y = (_normalised(ray[:, :2]) for ray in rays)
+    # All exchanges of two picks, and the original order at the end.
     first, second = np.triu_indices(count, 1)
     order = np.tile(np.arange(count), (len(first) + 1, 1))  # the last: as they are
     rows = np.arange(len(first))
@@ -120,7 +122,7 @@ def _exchange(standing: Standing, here: Ints, there: Ints) -> tuple[int, int] | 
 
 
 def _normalised(point: Floats) -> Floats:
-    """Points (n, 2) about their middle, sqrt(2) from it on average (Hartley 1997)."""
+    """Centre points (n, 2) and scale them to a mean distance of sqrt(2) (Hartley 1997)."""
     away = point - point.mean(axis=0)
     size = float(np.sqrt(np.mean(np.sum(away**2, axis=1)) / 2.0))
     scaled: Floats = away / max(size, np.finfo(float).tiny)
@@ -128,7 +130,7 @@ def _normalised(point: Floats) -> Floats:
 
 
 def _misfit(x: Floats, y: Floats) -> Floats:
-    """(S,) algebraic squares of the best homographies from points (S, n, 2) to others (n, 2).
+    """Compute algebraic squares (S,) of the best homographies from points (S, n, 2) to (n, 2).
 
     Direct linear transformation (Hartley and Zisserman 2004, algorithm 4.1).
     """

@@ -1,1 +1,1 @@
-"""What could be wrong with known lengths: readings, ends, and what all have in common."""
+"""Hypotheses on known lengths: readings, ends, and common errors."""

@@ -1,7 +1,7 @@
-"""What all known lengths may have in common: a factor, as of a stretched tape, or an offset.
+"""Hypotheses on an error common to all lengths: a factor, as of a stretched tape, or an offset.
 
-An offset, the same amount in each, comes of a hook or a tape whose zero lies elsewhere than was
-thought. Of either only a linear test tells: nothing is adjusted anew to find them.
+An offset, the same amount in each, is caused by a hook, or by a tape with another zero than
+assumed. Either is found by a linear test only, without a readjustment.
 """
 
 from __future__ import annotations
@@ -25,45 +25,46 @@ from uavgram.model.survey.mend import Mend
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 
 FEWEST = 2
-"""Lengths that may have something in common."""
+"""Least number of lengths with a common error."""
 
 LARGEST_FACTOR, LARGEST_OFFSET_M = 0.1, 0.3
-"""Sizes up to which tapes are off by a factor, and by a hook or another zero."""
+"""Usual limits of the errors of tapes by a factor, and by a hook or another zero [m]."""
 
 SMALLEST_OFFSET_M = 0.02
-"""Offset that a hook or another zero explains."""
+"""Least offset that a hook or another zero explains [m]."""
 
 SURE = 5.0
-"""Sigmas from which on all lengths may be mended by what was found."""
+"""Least number of sigmas of a common error for a correction of all lengths."""
 
 CHECKED = 1e-5
-"""Share of what is common to all lengths that has to show in the residuals: that of a factor is
-small where only a log speaks of the scale, as lengths are so much better."""
+"""Least share of a common error that has to show in the residuals: that of a factor is small where
+only a log determines the scale, since lengths are so much more precise."""
 
 LEVEL = float(np.log(20.0))
-"""Logarithm of the odds that lengths were taped along a slope, where nobody wrote how."""
+"""Logarithm of the odds that lengths were taped along a slope, without a statement."""
 
 NOT_CHANCE = 4.0
-"""Sigmas from which on something that all lengths have in common is told, and asks for a cause by
-itself: who is told that all his lengths are wrong can use none of them."""
+"""Sigmas above which a common error is reported, and needs a cause by itself: a person who is
+informed that all lengths are wrong can use none of them."""
 
 
 OPEN = 0.01
-"""Level of the test whether an offset is possible."""
+"""Significance level of the test whether an offset is possible."""
 
 STILL, MOST_DOUBTED = 3.0, 6
-"""The same without any single length; and lengths that are left aside for it, worst first."""
+"""Sigmas above which a common error still shows without any single length; and number of lengths
+that are left aside for that, worst first."""
 
 
 class _Tape(NamedTuple):
-    """Lengths of one tape, or of all: rows of the group of lengths, and in words."""
+    """Lengths of one tape, or of all: rows of the group of lengths, and a description."""
 
     rows: Ints
     words: str
 
 
 class _Common(NamedTuple):
-    """What the lengths of a tape may have in common."""
+    """Possible common error of the lengths of a tape."""
 
     tape: _Tape
     moved: tuple[Moved, ...]
@@ -71,7 +72,7 @@ class _Common(NamedTuple):
 
 
 def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
-    """All lengths, or those of one tape, are off by one factor or by one offset."""
+    """Propose that all lengths, or those of one tape, have a common factor or offset."""
     adjustment = standing.adjustment
     if not adjustment.minimum.converged:
         return
@@ -102,7 +103,7 @@ def common_to_lengths(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def taped_level(standing: Standing) -> Iterator[Hypothesis]:
-    """All lengths were taped level, as on a slope, and that was not written."""
+    """Propose that all lengths were taped level, as on a slope, without a statement."""
     adjustment = standing.adjustment
     if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
         return
@@ -124,7 +125,7 @@ def taped_level(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _taped_level(standing: Standing, names: tuple[str, ...], _: Explained | None) -> Message:
-    """The message on lengths that were taped level."""
+    """Report lengths that were taped level."""
     slope = _slope_deg(standing.adjustment)
     text = (
         f"All lengths seem to have been taped level on a ground that slopes by {slope:.0f} "
@@ -135,7 +136,7 @@ def _taped_level(standing: Standing, names: tuple[str, ...], _: Explained | None
 
 
 def open_questions(adjustment: Adjustment) -> Iterator[Message]:
-    """Report what all lengths may have in common, where the observations do not exclude it.
+    """Report possible common errors of all lengths that the observations do not exclude.
 
     An offset that makes everything fit better, beyond chance at the level `OPEN`; or lengths taped
     level on a slope, where the file does not state how and that is likelier than not.
@@ -173,17 +174,17 @@ def open_questions(adjustment: Adjustment) -> Iterator[Message]:
 
 
 def _may_be_level(adjustment: Adjustment) -> bool:
-    """Whether lengths were probably taped level, where the file does not state how."""
+    """Return whether lengths were probably taped level, where the file does not state how."""
     if adjustment.survey.line_along:
         return False
     (found,) = explained(adjustment, [[_level(adjustment)]], CHECKED)
-    # The fall of the sum of squares with an amount of 1 instead of 0, at the least.
+    # Decrease of the sum of squares with an amount of 1 instead of 0, as a lower limit.
     gain = (2.0 * found.value[0] - 1.0) / found.covariance[0, 0]
     return bool(gain / 2.0 > LEVEL)
 
 
 def _level(adjustment: Adjustment) -> Moved:
-    """By how much level tapes read less, as a hypothesis."""
+    """Return the decrease of the readings of level tapes, as a hypothesis."""
     survey, line = adjustment.survey, adjustment.problem.line_index
     taped = taped_lines(survey, line)
     level = taped._replace(level=np.ones_like(taped.level))
@@ -194,15 +195,16 @@ def _level(adjustment: Adjustment) -> Moved:
 
 
 def _slope_deg(adjustment: Adjustment) -> float:
-    """Slope of the ground [degrees]."""
+    """Return the slope of the ground [degrees]."""
     return float(np.degrees(np.arctan(np.hypot(*adjustment.state.plane[1:3]))))
 
 
 def _is_common(adjustment: Adjustment, one: _Common) -> bool:
-    """Whether it shows still where any single length is wrong by whatever it may."""
+    """Return whether a common error is still significant if any single length is wrong."""
     block = adjustment.minimum.blocks["lengths"]
     worst = np.argsort(-falls_without(block, adjustment.covariance), kind="stable")[:MOST_DOUBTED]
     single = [Moved("lengths", np.array([row]), np.ones((1, 1, 1))) for row in worst]
+    # Joint hypotheses: the common error and one wrong length.
     (lengths, *rest) = one.moved
     rows, along = lengths.rows, lengths.along
     size = [replace(each, along=np.pad(each.along, ((0, 0), (0, 0), (0, 1)))) for each in rest]
@@ -218,13 +220,13 @@ def _is_common(adjustment: Adjustment, one: _Common) -> bool:
 
 
 def common_misfit(adjustment: Adjustment) -> bool:
-    """Whether all lengths have something in common that is hardly chance."""
+    """Return whether all lengths have a significant common error."""
     tests = explained(adjustment, [one.moved for one in _common(adjustment)], CHECKED)
     return any(one.gain > NOT_CHANCE**2 for one in tests)
 
 
 def _common(adjustment: Adjustment) -> list[_Common]:
-    """What could be common to lengths, of each tape and of all."""
+    """List the possible common errors of lengths, of each tape and of all."""
     if "lengths" not in adjustment.minimum.blocks:
         return []
     survey, line = adjustment.survey, adjustment.problem.line_index
@@ -265,7 +267,7 @@ def _tapes(tape_of_line: tuple[str, ...]) -> list[_Tape]:
 
 
 def _mend(standing: Standing, common: _Common, found: Explained) -> Mend | None:
-    """All readings without what they have in common, where it is sure and of an ordinary size."""
+    """Correct all readings by a common error, if it is significant and of an ordinary size."""
     value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     if abs(value) < SURE * sigma:
         return None
@@ -281,7 +283,7 @@ def _mend(standing: Standing, common: _Common, found: Explained) -> Mend | None:
 
 
 def _lines(standing: Standing, rows: Ints) -> Ints:
-    """Known lengths of the survey, by row of their group."""
+    """Return known lengths of the survey by row of their group."""
     return standing.refined.line_index[standing.adjustment.problem.line_index[rows]]
 
 
@@ -293,7 +295,7 @@ def _names(standing: Standing, rows: Ints) -> tuple[str, ...]:
 def _off_by_a_factor(
     standing: Standing, tape: _Tape, found: Explained, _: Explained | None
 ) -> Message:
-    """The message on lengths that are off by one factor."""
+    """Report lengths with a common factor."""
     value, sigma = 100.0 * float(found.value[0]), 100.0 * float(np.sqrt(found.covariance[0, 0]))
     how = "long" if value > 0 else "short"
     witness = "log and photos" if standing.survey.telemetry is not None else "photos"
@@ -310,7 +312,7 @@ def _off_by_a_factor(
 def _off_by_an_offset(
     standing: Standing, tape: _Tape, found: Explained, _: Explained | None
 ) -> Message:
-    """The message on lengths that are off by one offset."""
+    """Report lengths with a common offset."""
     value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     how = "long" if value > 0 else "short"
     undo = "subtract it from" if value > 0 else "add it to"

@@ -1,7 +1,7 @@
-"""Lengths that do not fit, or were left out for it, and what by all the rest they should read.
+"""Lengths that do not fit, or were left out for that reason, and their readings as predicted.
 
-Of a length that takes part, the adjustment without it follows in the linear model from its residual
-and cofactor (Baarda 1968): nothing is adjusted anew.
+For a length that takes part, the adjustment without it follows in the linear model from its
+residual and cofactor (Baarda 1968), without a readjustment.
 """
 
 from __future__ import annotations
@@ -20,47 +20,48 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Standing
 from uavgram.stages.refine.left_out import seen_lengths
 
 STRAYS = 9.0
-"""Fall of the sum of squares without a length, from which on it is looked at."""
+"""Decrease of the sum of squares without a length, above which it is examined."""
 
 MOST = 8
-"""Lengths that are looked at: those that were left out, and those that stray farthest."""
+"""Largest number of lengths that are examined: left-out ones, and those of largest misfit."""
 
 LEAST_CHECKED = 0.05
-"""Redundancy number from which on the rest says what a length should read."""
+"""Redundancy number above which the other observations determine the reading of a length."""
 
 FARTHEST = 4.0
-"""Sigmas from what the rest says up to which a slip explains a reading."""
+"""Largest difference from the prediction, in sigmas, for a slip to explain a reading."""
 
 NOT_LINEAR = 0.04
-"""Share of an error that the linear model may miss where it is taken out."""
+"""Share of an error that the linear model may miss where the length is removed."""
 
 RATHER = float(np.log(10.0))
-"""Logarithm of the odds of a slip against an error of any amount, from which on it is told."""
+"""Logarithm of the odds of a slip against an error of any amount, above which it is reported."""
 
 SPAN = float(np.log(1e3))
-"""Of the sizes of errors: any is as likely in each decade, from some centimetres to tens of m."""
+"""Logarithm of the range of errors, from some centimetres to tens of metres, with equal probability
+in each decade."""
 
 
 @dataclass(frozen=True, eq=False)
 class Doubted:
-    """n lengths that do not fit.
+    """Set of n lengths that do not fit.
 
     Attributes
     ----------
     standing
-        The survey that they are of.
+        The survey under diagnosis.
     line
-        (n,) of the survey.
+        (n,) rows of the lengths in the survey.
     takes_part
-        (n,) whether they do, or were left out.
+        (n,) whether they take part, or were left out.
     cofactor
         (n, n) inverse covariance of their errors, in their own sigmas.
     error
-        (n,) errors of the readings, each by all else but itself, in their own sigmas.
+        (n,) errors of the readings, each predicted without itself, in their own sigmas.
     residual
-        (n,) predicted less observed, in their own sigmas; of those left out times `cofactor`.
+        (n,) predicted less observed, in their own sigmas; for left-out lengths times `cofactor`.
     pull
-        (size, n) by which each that takes part moves the unknowns; 0 of those left out.
+        (size, n) changes of the unknowns by each that takes part; 0 for left-out lengths.
     """
 
     standing: Standing
@@ -73,33 +74,33 @@ class Doubted:
 
     @property
     def reading_m(self) -> Floats:
-        """(n,) as they read."""
+        """Readings (n,) of the lengths [m]."""
         return np.asarray(self.standing.survey.length_m[self.line])
 
     @property
     def own_sigma_m(self) -> Floats:
-        """(n,) of the readings."""
+        """Sigmas (n,) of the readings [m]."""
         return np.asarray(self.standing.survey.length_sigma_m[self.line])
 
     @property
     def sigma_m(self) -> Floats:
-        """(n,) of a reading less what the rest says."""
+        """Sigmas (n,) of reading less prediction [m]."""
         return np.asarray(self.own_sigma_m / np.sqrt(self.cofactor.diagonal()))
 
     @property
     def right_m(self) -> Floats:
-        """(n,) what the rest says that they should read."""
+        """Readings (n,) as predicted by all other observations [m]."""
         return np.asarray(self.reading_m - self.error * self.own_sigma_m)
 
     @property
     def right_sigma_m(self) -> Floats:
-        """(n,) of what the rest says."""
+        """Sigmas (n,) of the predictions [m]."""
         variance = self.sigma_m**2 - self.own_sigma_m**2
         return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
     @property
     def name(self) -> tuple[str, ...]:
-        """(n,) names; nothing of those that have none."""
+        """Names (n,) of the lengths; empty without names."""
         return tuple(self.standing.survey.line_name[i] for i in self.line if self._named)
 
     @property
@@ -107,38 +108,40 @@ class Doubted:
         return bool(self.standing.survey.line_name)
 
     def what(self, k: int) -> str:
-        """``'L2' ('R3' to 'R4')``."""
+        """Describe a length: ``'L2' ('R3' to 'R4')``."""
         survey, i = self.standing.survey, int(self.line[k])
         start, end = survey.label[survey.line_start[i]], survey.label[survey.line_end[i]]
         return named_ends(survey.line_name[i] if self._named else "", start, end)
 
     def fall(self, rows: Sequence[int], error: Floats) -> float:
-        """Fall of the sum of squares where some lengths are known to err by so much.
+        """Compute the decrease of the sum of squares if some lengths have known errors.
 
         Parameters
         ----------
         rows
-            (m,) which.
+            (m,) lengths.
         error
-            (m,) in metres.
+            (m,) errors [m].
         """
         return self.fall_without(rows) - self.off(rows, error)
 
     def fall_without(self, rows: Sequence[int]) -> float:
-        """Fall of the sum of squares where some lengths may err by any amount."""
+        """Compute the decrease of the sum of squares if some lengths may err by any amount."""
         used = np.array([k for k in rows if self.takes_part[k]], dtype=np.int64)
         cofactor, residual = self.cofactor[np.ix_(used, used)], self.residual[used]
         return float(residual @ np.linalg.solve(cofactor, residual))
 
     def off(self, rows: Sequence[int], error: Floats) -> float:
-        """Squared distance, in sigmas, of errors from those by all but some lengths.
+        """Compute the squared distance, in sigmas, of errors from the predicted ones.
+
+        The prediction is by all observations but these lengths.
 
         Parameters
         ----------
         rows
-            (m,) which lengths.
+            (m,) lengths.
         error
-            (m,) in metres.
+            (m,) errors [m].
         """
         at = np.array(rows)
         covariance = np.linalg.inv(self.cofactor[np.ix_(at, at)])
@@ -148,21 +151,21 @@ class Doubted:
         return float(away @ np.linalg.solve(covariance + np.diag(missed**2), away))
 
     def price(self, rows: Sequence[int], alternatives: float, off: float) -> float | None:
-        """Of a slip that explains the readings of some lengths; None where chance may do as well.
+        """Compute the price of a slip; None if chance may explain the readings as well.
 
         Parameters
         ----------
         rows
-            (m,) which.
+            (m,) lengths whose readings the slip explains.
         alternatives
-            How many slips of that kind there are of these lengths.
+            Number of slips of that kind for these lengths.
         off
-            Squared distance, in sigmas, of what it says from what the rest says.
+            Squared distance, in sigmas, of the slip's error from the predicted one.
 
         Notes
         -----
-        An error for which nothing is known to be the reason costs `PRICE`; but the larger it is,
-        the less is such a one to be expected just there, and so much less a slip of that size.
+        An error of unknown reason costs `PRICE`; but the larger it is, the less probable is such an
+        error at just this value, and the more probable is a slip of that size.
         """
         at = np.array(rows)
         size = np.abs(self.error[at]) * self.own_sigma_m[at] / self.sigma_m[at]
@@ -170,7 +173,7 @@ class Doubted:
         better = float(np.sum(aimless) - np.log(alternatives))
         if better - off / 2.0 < RATHER:
             return None
-        if not self.takes_part[at].any():  # that they are wrong is known: only not how
+        if not self.takes_part[at].any():  # known to be wrong; only the reason is open
             return len(at) * PRICE - better - RATHER
         which = np.log(len(self.standing.survey.line_start)) * self.takes_part[at]
         return float(np.sum(PRICE + which) - better)
@@ -178,29 +181,29 @@ class Doubted:
     def between(
         self, ends: tuple[Ints, Ints], k: int, without: Sequence[int]
     ) -> tuple[Floats, Floats]:
-        """What a tape would read (m,) between labels of the adjustment, and the sigmas.
+        """Predict the readings (m,) of a tape between labels of the adjustment, and the sigmas.
 
         Parameters
         ----------
         ends
             (m,) and (m,) labels.
         k
-            The length, whose tape and way of measuring it is.
+            The length whose tape and way of measuring apply.
         without
-            Lengths whose say is taken out.
+            Lengths whose influence is removed.
         """
         found, moved, weight = self._readings(ends, k, without)
         variance = self.standing.adjustment.readings(self._taped(ends, k))[1] ** 2
         return found, np.sqrt(variance + np.einsum("mi,ij,mj->m", moved, weight, moved))
 
     def lengths_between(self, ends: tuple[Ints, Ints], k: int) -> Floats:
-        """The same (m,) without the sigmas, and without the say of the length itself."""
+        """Predict readings (m,) between labels without the influence of the length itself."""
         return self._readings(ends, k, [k])[0]
 
     def _readings(
         self, ends: tuple[Ints, Ints], k: int, without: Sequence[int]
     ) -> tuple[Floats, Floats, Floats]:
-        """Readings (m,), how the n lengths taken out move them (m, n), and (n, n) weights."""
+        """Return readings (m,), their derivatives (m, n) by removed lengths, and weights (n, n)."""
         adjustment = self.standing.adjustment
         taped = self._taped(ends, k)
         found, gradient, columns = adjustment.problem.readings(adjustment.state, taped)
@@ -214,14 +217,14 @@ class Doubted:
         return Taped(ends[0], ends[1], like.tape, like.level)
 
     def told(self, code: str, rows: Sequence[int], words: Told) -> Message:
-        """The message on a slip.
+        """Make the message on a slip.
 
         Parameters
         ----------
         code, rows
-            Of the message; and the lengths.
+            Code of the message; and the lengths.
         words
-            What it says.
+            Its words.
         """
         survey = self.standing.survey
         lines = [int(self.line[k]) for k in rows]
@@ -238,13 +241,13 @@ class Doubted:
         )
 
     def short(self, k: int) -> str:
-        """``L2``, or ``the length from R3 to R4`` where it has no name."""
+        """Return ``L2``, or ``the length from R3 to R4`` without a name."""
         survey, i = self.standing.survey, int(self.line[k])
         ends = survey.label[survey.line_start[i]], survey.label[survey.line_end[i]]
         return self.name[k] if self._named else f"The length from {ends[0]} to {ends[1]}"
 
     def compared(self, k: int) -> str:
-        """``reads 12.34 m, and should read about 11.34 ± 0.02 m: 1.00 m less``."""
+        """Return ``reads 12.34 m, and should read about 11.34 ± 0.02 m: 1.00 m less``."""
         off = float(self.right_m[k] - self.reading_m[k])
         sigma, way = max(float(self.right_sigma_m[k]), 0.01), "more" if off > 0 else "less"
         return (
@@ -253,7 +256,7 @@ class Doubted:
         )
 
     def settled(self, rows: Sequence[int]) -> frozenset[str]:
-        """Names of some of the lengths."""
+        """Return the names of some of the lengths."""
         return frozenset(self.standing.survey.line_name[self.line[k]] for k in rows if self._named)
 
 
@@ -267,13 +270,14 @@ class Told:
 
 
 def doubted(standing: Standing) -> Doubted:
-    """The lengths that were left out, and those that do not fit, worst first."""
+    """Collect the lengths that were left out, and those that do not fit, worst first."""
     survey, refined, adjustment = standing.survey, standing.refined, standing.adjustment
     left_out = np.flatnonzero(refined.line_removed)
     seen, seen_sigma = seen_lengths(survey, refined, left_out)
     there = np.isfinite(seen)
     left_out, seen, seen_sigma = left_out[there], seen[there], seen_sigma[there]
     own = survey.length_sigma_m[left_out]
+    # Prediction errors of left-out lengths, and weights from both variances.
     error, weight = (survey.length_m[left_out] - seen) / own, own**2 / (own**2 + seen_sigma**2)
     rows = _straying(adjustment)[: max(0, MOST - len(left_out))]
     pull, cofactor, residual = _of_rows(adjustment, rows)
@@ -294,7 +298,7 @@ def doubted(standing: Standing) -> Doubted:
 
 
 def _straying(adjustment: Adjustment) -> Ints:
-    """Rows of lengths that take part and do not fit, worst first."""
+    """Return rows of lengths that take part and do not fit, worst first."""
     block = adjustment.minimum.blocks.get("lengths")
     if block is None:
         return np.zeros(0, dtype=np.int64)
@@ -305,7 +309,7 @@ def _straying(adjustment: Adjustment) -> Ints:
 
 
 def _of_rows(adjustment: Adjustment, rows: Ints) -> tuple[Floats, Floats, Floats]:
-    """Pull (size, n), cofactors (n, n) and residuals (n,) of lengths that take part."""
+    """Return pulls (size, n), cofactors (n, n) and residuals (n,) of lengths that take part."""
     right = np.zeros((adjustment.problem.layout.size, len(rows)))
     if not len(rows):
         return right, np.zeros((0, 0)), np.zeros(0)

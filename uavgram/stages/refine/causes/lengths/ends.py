@@ -1,4 +1,4 @@
-"""Known lengths that could be between other points than was written."""
+"""Hypotheses on known lengths between other points than stated."""
 
 from __future__ import annotations
 
@@ -26,21 +26,22 @@ from uavgram.stages.refine.causes.lengths.doubted import (
 )
 
 NEAR_M, NEAR = 0.5, 0.05
-"""Difference from what another pair of labels would read, in metres and as a share, up to which
-its sigma is looked at."""
+"""Largest difference from the predicted length of another pair of labels, in metres and as a share,
+at which its sigma is computed."""
 
 MOST_PAIRS = 12
-"""Pairs of labels whose sigmas are looked at, for each length."""
+"""Largest number of pairs of labels with computed sigmas, for each length."""
 
 MOST_TOLD = 2
-"""Pairs of labels that are proposed for each length."""
+"""Largest number of pairs of labels that are proposed for each length."""
 
 RIVALS = 2.0 * float(np.log(20.0))
-"""Fall of the sum of squares without which another pair of labels serves as well."""
+"""Difference of the decrease of the sum of squares up to which another pair of labels explains as
+much."""
 
 
 class _Pair(NamedTuple):
-    """Ends of a length, by label of the survey; what it would read there; and the fall."""
+    """Ends of a length, by label of the survey; its predicted length there; and the gain."""
 
     ends: Ends
     length_m: float
@@ -49,7 +50,7 @@ class _Pair(NamedTuple):
 
 
 def other_ends(standing: Standing) -> Iterator[Hypothesis]:
-    """Lengths that do not fit, but would between other labels."""
+    """Propose other labels as the ends of lengths that do not fit."""
     found = doubted(standing)
     known = np.flatnonzero(standing.adjustment.label_rows(standing.survey.label) >= 0)
     for k in range(min(MOST, len(found.line))):
@@ -74,16 +75,17 @@ def other_ends(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def labels_instead(survey: Survey, mend: Mend) -> Mend | None:
-    """Two labels exchanged in all photos, where that is as good as another end of a length.
+    """Return an exchange of two labels in all photos that is as good as another end of a length.
 
-    So it is where no other length ends at either: nothing tells which of the two was mistaken.
+    This is the case where no other length ends at either label: then it is undetermined which of
+    the two mistakes was made.
 
     Parameters
     ----------
     survey
-        All observations as they were written.
+        All observations as stated.
     mend
-        Of a cause; anything but one length with one other end has no such rival.
+        Correction of a cause; only one length with one other end has such a rival.
     """
     if len(mend.ends) != 1:
         return None
@@ -107,9 +109,10 @@ def _ends(found: Doubted, k: int) -> Ends:
 
 
 def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
-    """The labels between which a length fits, best first."""
+    """Find the labels between which a length fits, best first."""
     if not ends:
         return []
+    # Preselect pairs by the predicted length alone.
     length = found.lengths_between(_labels(found, ends), k)
     away = np.abs(length - found.reading_m[k])
     near = np.argsort(away, kind="stable")[:MOST_PAIRS]
@@ -117,6 +120,7 @@ def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
     ends = [ends[n] for n in near]
     if not ends:
         return []
+    # Test the others: difference over the sigmas of prediction, reading and linearisation.
     length, sigma = found.between(_labels(found, ends), k, [k])
     missed = NOT_LINEAR * abs(found.error[k]) * found.own_sigma_m[k] * found.takes_part[k]
     variance = sigma**2 + found.own_sigma_m[k] ** 2 + missed**2
@@ -131,13 +135,13 @@ def _fitting(found: Doubted, k: int, ends: Sequence[Ends]) -> list[_Pair]:
 
 
 def _labels(found: Doubted, ends: Sequence[Ends]) -> tuple[Ints, Ints]:
-    """Labels of the adjustment, of pairs of labels of the survey."""
+    """Return labels of the adjustment for pairs of labels of the survey."""
     at: Ints = found.standing.adjustment.label_rows(found.standing.survey.label)
     return at[[e.start for e in ends]], at[[e.end for e in ends]]
 
 
 def _ends_exchanged(found: Doubted, i: int, j: int) -> Iterator[Hypothesis]:
-    """Two lengths of which each has an end of the other."""
+    """Propose that two lengths each have an end of the other."""
     (a, b), (c, d) = _ends(found, i), _ends(found, j)
     pairs = max(1, len(found.standing.survey.line_start) - 1)
     alone = found.fall_without([i, j])
@@ -172,7 +176,7 @@ def _named(found: Doubted, ends: Ends) -> str:
 def _between_others(
     found: Doubted, k: int, pair: _Pair, rivals: Sequence[_Pair], _: Explained | None
 ) -> Message:
-    """The message on a length that is between other labels."""
+    """Report a length between other labels."""
     others = ""
     if rivals:
         named = " or ".join(_named(found, each.ends) for each in rivals)
@@ -193,7 +197,7 @@ def _between_others(
 def _exchanged(
     found: Doubted, rows: tuple[int, int], ends: tuple[Ends, Ends], _: Explained | None
 ) -> Message:
-    """The message on two lengths with exchanged ends."""
+    """Report two lengths with exchanged ends."""
     first, second = (found.what(k) for k in rows)
     right = " and the second from ".join(_named(found, each) for each in ends)
     text = (

@@ -1,4 +1,4 @@
-"""Known lengths that could be wrong: by what slip, and which."""
+"""Hypotheses on wrong readings of known lengths, by the kind of slip."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.lengths.doubted import FARTHEST, Doubted, Told, doubted
 
 MOST_WRONG = 4
-"""Single wrong lengths that are proposed."""
+"""Largest number of single wrong lengths that are proposed."""
 
 ALL = 3
-"""Lengths from which on what is wrong with every one of them is told of them all."""
+"""Number of lengths above which a mistake in every one of them is reported for all together."""
 
 STEPS = ((10.0, "ten metres"), (1.0, "one metre"), (0.1, "one decimetre"))
-"""By which readings are off that were miscounted or misheard."""
+"""Errors of miscounted or misheard readings [m]."""
 
 
 class WrongUnit(NamedTuple):
-    """How many of it a metre has, how lengths are then, and what to do."""
+    """Unit of the readings: its number in a metre, a description, and the remedy."""
 
     size: float
     words: str
@@ -47,14 +47,14 @@ WRONG_UNITS = (
 
 
 class Slip(NamedTuple):
-    """What a reading should be [m], and what was then mistaken."""
+    """Correct reading [m], and a description of the mistake."""
 
     right_m: float
     words: str
 
 
 def wrong_lengths(standing: Standing) -> Iterator[Hypothesis]:
-    """The lengths that take part and fit worst: each reading is wrong by any amount."""
+    """Propose a reading error of any amount for the participating lengths of largest misfit."""
     adjustment = standing.adjustment
     block = adjustment.minimum.blocks.get("lengths")
     if block is None:
@@ -71,7 +71,7 @@ def wrong_lengths(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def wrong_readings(standing: Standing) -> Iterator[Hypothesis]:
-    """Lengths that do not fit: in another unit, by a digit, or exchanged with one another."""
+    """Propose slips: lengths in another unit, with a wrong digit, or with exchanged readings."""
     found = doubted(standing)
     yield from _wrong_units(found)
     yield from _all_in_another_unit(standing)
@@ -93,7 +93,7 @@ def _wrong_units(found: Doubted) -> Iterator[Hypothesis]:
 def _all_in_another_unit(standing: Standing) -> Iterator[Hypothesis]:
     """Propose that all lengths are in another unit, where the log's heights show its scale.
 
-    No single length is off then, as all else may have followed them.
+    Then no single length has a misfit, as all other observations may have followed them.
     """
     scale = scale_by_heights(standing.adjustment)
     if scale is None:
@@ -138,18 +138,18 @@ def _slip(
     alternatives: int,
     tell: Callable[[Explained | None], Message],
 ) -> Iterator[Hypothesis]:
-    """The hypothesis that some lengths should read something else, if it is likely enough.
+    """Propose that some lengths have other readings, if that is likely enough.
 
     Parameters
     ----------
     found, rows
-        Of the lengths that do not fit, these.
+        The lengths that do not fit, and rows among them.
     right_m
-        (m,) what they should read.
+        (m,) correct readings.
     alternatives
-        Slips of that kind that are possible.
+        Number of possible slips of that kind.
     tell
-        What is said of it.
+        Function that makes the message.
     """
     error = found.reading_m[list(rows)] - right_m
     price = found.price(rows, alternatives, found.off(rows, error))
@@ -165,7 +165,7 @@ def _slip(
 
 
 def slips_of(reading_m: float) -> tuple[Slip, ...]:
-    """What a reading should be if a digit was missed, the point misplaced, or two transposed."""
+    """Return correct readings for a missed digit, a misplaced point, or transposed digits."""
     slips = [Slip(reading_m / size, words) for size, words in DECIMALS]
     for step, words in STEPS:
         slips.append(Slip(reading_m - step, f"it is {words} too long"))
@@ -184,7 +184,7 @@ def slips_of(reading_m: float) -> tuple[Slip, ...]:
 def _in_another_unit(
     found: Doubted, rows: Sequence[int], unit: WrongUnit, _: Explained | None
 ) -> Message:
-    """The message on lengths that are in another unit."""
+    """Report lengths in another unit."""
     right = [f"{found.reading_m[k] / unit.size:.2f} m" for k in rows]
     each = [f"{found.what(k)} would be {m}" for k, m in zip(rows, right, strict=True)]
     seem = f"seem to be {unit.words}"
@@ -205,7 +205,7 @@ def _in_another_unit(
 
 
 def _of_all(survey: Survey, unit: WrongUnit, _: Explained | None = None) -> Message:
-    """The message on all lengths in another unit."""
+    """Report that all lengths are in another unit."""
     ends = zip(survey.line_start.tolist(), survey.line_end.tolist(), strict=True)
     names = survey.line_name or ("",) * len(survey.line_start)
     each = [
@@ -226,7 +226,7 @@ def _of_all(survey: Survey, unit: WrongUnit, _: Explained | None = None) -> Mess
 
 
 def _by_a_digit(found: Doubted, k: int, slip: Slip, _: Explained | None) -> Message:
-    """The message on a length with a wrong digit."""
+    """Report a length with a wrong digit."""
     text = (
         f"The length {found.what(k)} seems to be misread or miswritten: {slip.words}. Look at "
         f"the notes, and write {slip.right_m:.10g} m if they bear it out; else look at the picks "
@@ -243,7 +243,7 @@ def _by_a_digit(found: Doubted, k: int, slip: Slip, _: Explained | None) -> Mess
 
 
 def _readings_exchanged(found: Doubted, rows: tuple[int, int], _: Explained | None) -> Message:
-    """The message on two lengths, each of which has the reading of the other."""
+    """Report two lengths with exchanged readings."""
     first, second = (found.what(k) for k in rows)
     text = (
         f"The readings of the lengths {first} and {second} seem to be exchanged: look at the "

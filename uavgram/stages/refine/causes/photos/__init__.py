@@ -1,1 +1,1 @@
-"""What could be wrong with a whole photo: turned, in disorder, of another place or camera."""
+"""Hypotheses on a whole photo: rotated, in disorder, of another place or camera."""

@@ -1,6 +1,6 @@
 """Find the pose that most picks of a photo agree on.
 
-By consensus of the smallest sets that determine one (Fischler and Bolles 1981), here all of them or
+Consensus of the smallest sets that determine one (Fischler and Bolles 1981), here all of them or
 a fixed sample.
 """
 
@@ -15,18 +15,18 @@ from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 
 SMALLEST = 4
-"""Picks that determine a pose above known points of a plane."""
+"""Number of picks that determine a pose above known points of a plane."""
 
 MOST_SETS = 500
-"""Sets of picks that are tried."""
+"""Largest number of sets of picks that are tried."""
 
 AGREES = 12.0
-"""Distance from the predicted place, in sigmas of a pick, up to which a pick agrees: what four
-picks with errors of a sigma each predict is itself uncertain by several."""
+"""Largest distance from the predicted place, in sigmas of a pick, of a pick that agrees: a
+prediction by four picks with errors of a sigma each is itself uncertain by several sigmas."""
 
 
 def consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
-    """(n,) which picks agree on the pose that most agree on.
+    """Mark the picks (n,) that agree on the pose of largest consensus.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def consensus(world: Floats, ray: Floats, sigma: Floats) -> Bools | None:
 
 
 def _sets(n: int) -> list[tuple[int, ...]]:
-    """Smallest sets of n picks: all, or as many as are tried, always the same ones."""
+    """Return the smallest sets of n picks: all, or a fixed random sample."""
     if comb(n, SMALLEST) <= MOST_SETS:
         return list(combinations(range(n), SMALLEST))
     rng = np.random.default_rng(0)
@@ -68,7 +68,7 @@ def _agreeing(world: Floats, ray: Floats, sigma: Floats, chosen: Ints) -> Bools 
 
 
 def seen_at(world: Floats, pose: tuple[Floats, Floats]) -> Floats:
-    """(n, 2) normalised image coordinates of points of the plane; NaN behind the camera."""
+    """Project points of the plane to normalised image coordinates (n, 2); NaN behind the camera."""
     center, plane_from_camera = pose
     camera = (np.column_stack([world, np.zeros(len(world))]) - center) @ plane_from_camera
     depth = np.where(camera[:, 2:] > 0, camera[:, 2:], np.nan)

@@ -1,8 +1,8 @@
-"""Which labels belong to the picks of a photo, whatever labels they have.
+"""Assign labels to the picks of a photo, regardless of their present labels.
 
-The pose of the photo is that which most picks agree on, each with the nearest label: begun from
-where the log has the photo, moved, turned and scaled by two picks (Fischler & Bolles 1981); without
-a log, from those labels that are right.
+The pose of the photo is the one that most picks agree on, each with the nearest label. With a log
+it begins at the logged pose, shifted, rotated and scaled by two picks (Fischler & Bolles 1981);
+without one, at the pose by those labels that are right.
 """
 
 from __future__ import annotations
@@ -18,23 +18,23 @@ from uavgram.stages.refine.causes.labels.places import labels_of
 from uavgram.stages.refine.causes.photos.consensus import AGREES, SMALLEST, consensus, seen_at
 
 REACH = 0.2
-"""Distance of a pick from where the log has its label, as a share of the photo's width."""
+"""Largest distance of a pick from its label's place by the log, as a share of the photo's width."""
 
 NEAR = 0.02
-"""The same, once the photo is moved, turned and scaled."""
+"""Largest such distance once the photo is shifted, rotated and scaled."""
 
 SCALED, TURNED = 0.15, 0.3
-"""By which the log's pose may be wrong: relative, and [rad]."""
+"""Largest errors of the log's pose: relative scale, and rotation [rad]."""
 
 MOST_PICKS, MOST_PAIRS = 12, 4000
-"""Picks of which pairs are tried, and pairs of picks with labels."""
+"""Largest numbers of picks of which pairs are tried, and of pairs of picks with labels."""
 
 ROUNDS = 4
-"""Of pose and labels in turn."""
+"""Rounds of alternating pose and labels."""
 
 
 def right_labels(standing: Standing, frame: int, picks: Ints) -> Ints:
-    """(n,) labels of the survey that belong to picks of a photo; -1 where none is near.
+    """Find the labels (n,) of the survey that belong to picks of a photo; -1 where none is near.
 
     Parameters
     ----------
@@ -54,6 +54,7 @@ def right_labels(standing: Standing, frame: int, picks: Ints) -> Ints:
     if not np.isfinite(ray).all():
         return none
     if survey.seeds is None:
+        # Without a log: begin with the picks whose own labels agree on a pose.
         own = np.searchsorted(label, survey.pick_label[picks])
         own = np.minimum(own, len(label) - 1)
         own[label[own] != survey.pick_label[picks]] = -1
@@ -64,6 +65,7 @@ def right_labels(standing: Standing, frame: int, picks: Ints) -> Ints:
         found = none.copy()
         found[there[agree]] = own[there[agree]]
     else:
+        # With a log: project all labels by its pose, and match picks by pairs.
         pose = survey.seeds.center_world_m[frame], survey.seeds.world_from_camera[frame]
         there = np.column_stack([world, standing.adjustment.points()[0][at[label], 2]])
         place = project(camera.model, camera.parameters, (there - pose[0]) @ pose[1])
@@ -73,14 +75,14 @@ def right_labels(standing: Standing, frame: int, picks: Ints) -> Ints:
 
 
 def _by_pairs(pixel: Floats, place: Floats, width_px: float) -> Ints:
-    """(n,) label of each pick as most agree on; -1 where none is near.
+    """Find the label (n,) of each pick by consensus of similarities; -1 where none is near.
 
     Parameters
     ----------
     pixel, place
-        (n, 2), (k, 2) picks, and where the log has the labels [px].
+        (n, 2), (k, 2) picks, and places of the labels by the log [px].
     width_px
-        Of the photo.
+        Width of the photo.
     """
     z, q = pixel @ np.array([1.0, 1.0j]), place @ np.array([1.0, 1.0j])
     distance = np.abs(z[:, None] - q[None])
@@ -88,6 +90,7 @@ def _by_pairs(pixel: Floats, place: Floats, width_px: float) -> Ints:
     first, second = np.triu_indices(len(pick), 1)
     use = (pick[first] != pick[second]) & (label[first] != label[second])
     first, second = first[use], second[use]
+    # Scale and rotation of each pair as a complex factor.
     ratio = (z[pick[first]] - z[pick[second]]) / (q[label[first]] - q[label[second]])
     like = (np.abs(np.abs(ratio) - 1.0) < SCALED) & (np.abs(np.angle(ratio)) < TURNED)
     first, ratio = first[like], ratio[like]
@@ -104,7 +107,7 @@ def _by_pairs(pixel: Floats, place: Floats, width_px: float) -> Ints:
 
 
 def _nearest(distance: Floats, limit: Floats) -> Ints:
-    """(n,) nearest of k to each of n, where each is the other's nearest within (n,) limits."""
+    """Return the nearest (n,) of k where both are each other's nearest within limits (n,)."""
     distance = np.nan_to_num(distance, nan=np.inf)
     column = distance.argmin(axis=1)
     mutual = distance.argmin(axis=0)[column] == np.arange(len(distance))
@@ -113,16 +116,16 @@ def _nearest(distance: Floats, limit: Floats) -> Ints:
 
 
 def _settled(world: Floats, ray: Floats, near: Floats, found: Ints) -> Ints:
-    """Labels and pose in turn; all -1 where too few agree.
+    """Alternate labels and pose; all -1 where too few agree.
 
     Parameters
     ----------
     world
         (k, 2) labels on their plane.
     ray, near
-        (n, 3), (n,) picks, and how near of a label each has to be.
+        (n, 3), (n,) rays of the picks, and their largest distances from a label.
     found
-        (n,) labels to begin with, -1 where unknown.
+        (n,) initial labels, -1 where unknown.
     """
     for _ in range(ROUNDS):
         used = np.flatnonzero(found >= 0)

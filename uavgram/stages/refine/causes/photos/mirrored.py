@@ -1,7 +1,7 @@
-"""All photos mirrored when they were picked: the whole survey is then its own mirror image.
+"""Hypothesis that all photos were mirrored when picked: the survey is then its own mirror image.
 
-Distances and areas stay right, coordinates do not. Only a log shows it, by the places and
-directions of the photos: over a straight flight that looks straight down it shows nothing.
+Distances and areas stay right, coordinates do not. Only a log shows it, by the positions and
+directions of the photos: over a straight flight with a camera that looks straight down it does not.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ UNDECIDED = 2.0 * float(np.log(20.0))
 """Difference of the sums of squares below which neither solution has odds of 20 to 1."""
 
 HOPELESS = 2.0
-"""Mean square of the log's residuals, in sigmas, from which on the log rules out an image."""
+"""Mean square of the log's residuals, in sigmas, above which the log excludes a mirror image."""
 
 
 def all_mirrored(standing: Standing) -> Iterator[Hypothesis]:
-    """All photos were mirrored when they were picked."""
+    """Propose that all photos were mirrored when they were picked."""
     adjustment, survey = standing.adjustment, standing.survey
     if not adjustment.minimum.converged or _image(adjustment) is None:
         return
@@ -50,14 +50,14 @@ def all_mirrored(standing: Standing) -> Iterator[Hypothesis]:
         tell=_told,
         mend=Mend(pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}),
         begun=reflected,
-        promise=strained,  # at most: all that contradicts the log
+        promise=strained,  # upper limit: all residuals of the log
         price=RARE,
         settles=frozenset(survey.frame_id),
     )
 
 
 def mirrored_solution(adjustment: Adjustment) -> Adjustment | None:
-    """The solution of mirrored photos, where the log does not decide between the two; else None."""
+    """Return the solution of mirrored photos if the log does not exclude it; otherwise None."""
     image = _image(adjustment)
     if image is None:
         return None
@@ -75,7 +75,7 @@ def mirrored_solution(adjustment: Adjustment) -> Adjustment | None:
 
 
 def undecided() -> Message:
-    """The message where photos and log fit mirrored photos as well."""
+    """Report that photos and log fit mirrored photos as well."""
     text = (
         "Photos that were all mirrored when they were picked would fit the log as well, as over a "
         "straight flight: coordinates and directions would be mirrored across it, distances and "
@@ -85,11 +85,12 @@ def undecided() -> Message:
 
 
 def reflected(state: State) -> State:
-    """The mirror image of a state, across a vertical plane through the middle of the cameras.
+    """Reflect a state across a vertical plane through the middle of the cameras.
 
-    The plane is that along which most photos have their columns, so that the directions of the
-    cameras stay as they are where these look straight down.
+    The plane is parallel to the columns of most photos, so that the directions of cameras that look
+    straight down do not change.
     """
+    # Mean axis (modulo 180 degrees) of the image columns, by doubled angles.
     up = -state.rotation[:, :2, 1]
     angle = 0.5 * np.angle(np.sum((up @ np.array([1.0, 1.0j])) ** 2))
     along = np.array([np.cos(angle), np.sin(angle)])
@@ -116,7 +117,7 @@ def reflected(state: State) -> State:
 
 
 def _image(adjustment: Adjustment) -> tuple[SurveyProblem, State] | None:
-    """The likelihood of mirrored picks, and the mirror image of the state; None without a log."""
+    """Return the likelihood of mirrored picks, and the reflected state; None without a log."""
     survey, problem = adjustment.survey, adjustment.problem
     if survey.telemetry is None or survey.matches.points or survey.ties.points:
         return None

@@ -1,4 +1,4 @@
-"""Single photos of another zoom, or of another camera, than all others."""
+"""Hypotheses on single photos of another zoom, or of another camera, than all others."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from uavgram.stages.refine.causes.photos.consensus import SMALLEST, seen_at
 from uavgram.stages.refine.causes.photos.turned import against_the_log, misplaced_photos, picks_of
 
 STRAINED, MOST_PHOTOS = 16.0, 4
-"""Fall of the sum of squares by a zoom of its own, from which on a photo is looked at; and how many
-photos are."""
+"""Least decrease of the sum of squares by a zoom of its own, for a photo to be examined; and
+largest number of such photos."""
 
 ZOOMS = np.exp(np.linspace(-1.0, 1.0, 101))
 """Factors of the focal length that are tried for a photo."""
 
 LEAST = 0.03
-"""Share by which a focal length differs from that of all others, to be another zoom."""
+"""Least relative difference of the focal length from that of all others for another zoom."""
 
 
 def photos_of_another_zoom(standing: Standing) -> Iterator[Hypothesis]:
-    """Photos of which the picks fit where their focal length is another one."""
+    """Propose another focal length for single photos."""
     survey, camera = standing.survey, standing.survey.calibration
     middle = camera.parameters[2:4]
     for frame, gain in _strained(standing).items():
@@ -51,7 +51,7 @@ def photos_of_another_zoom(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _strained(standing: Standing) -> dict[int, float]:
-    """Photos of the survey that ask for a zoom of their own, and what it would bring."""
+    """Find photos of the survey that need a zoom of their own, and the gain."""
     adjustment = standing.adjustment
     found = dict.fromkeys(misplaced_photos(standing).tolist(), 0.0) | against_the_log(standing)
     if adjustment.minimum.converged:
@@ -68,7 +68,7 @@ def _strained(standing: Standing) -> dict[int, float]:
 
 
 def _zoom(standing: Standing, frame: int, picks: Ints) -> float | None:
-    """The factor of the focal length with which a photo fits points and log best; None: no pose.
+    """Find a photo's factor of the focal length that fits points and log best; None without pose.
 
     Parameters
     ----------
@@ -84,7 +84,7 @@ def _zoom(standing: Standing, frame: int, picks: Ints) -> float | None:
         return None
     world = standing.adjustment.state.point[label[known], :2]
     middle = camera.parameters[2:4]
-    # The lens bends what it shows, whatever its focal length: so it is scaled before.
+    # Scale the pixels before the distortion is removed, as that belongs to the lens.
     pixel = middle + (survey.pixel_px[picks[known]] - middle) / ZOOMS[:, None, None]
     ray = back_project(camera.model, camera.parameters, pixel.reshape(-1, 2))
     every = (ray / ray[:, 2:]).reshape(*pixel.shape[:2], 3)
@@ -102,14 +102,14 @@ def _zoom(standing: Standing, frame: int, picks: Ints) -> float | None:
     best = int(np.argmin(cost))
     if not 0 < best < len(ZOOMS) - 1 or not np.isfinite(cost[best - 1 : best + 2]).all():
         return None
-    # the vertex of the parabola through the three lowest
+    # vertex of the parabola through the three lowest
     low, middle, high = cost[best - 1 : best + 2]
     part = 0.5 * (low - high) / max(low - 2.0 * middle + high, 1e-12)
     return float(np.exp(np.log(ZOOMS[best]) + part * np.log(ZOOMS[1] / ZOOMS[0])))
 
 
 def _by_the_log(standing: Standing, frame: int) -> tuple[Floats, Floats]:
-    """Where the log has a photo's camera (3,), with what all have in common; and its whitening.
+    """Return a photo's camera position (3,) by the log, with common biases; and its whitening.
 
     All zeros where there is no log.
     """

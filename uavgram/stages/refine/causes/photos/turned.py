@@ -1,4 +1,4 @@
-"""Photos of which all picks are wrong: mirrored, turned, or with labels in disorder."""
+"""Hypotheses on photos with all picks wrong: mirrored, rotated, or with labels in disorder."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ from uavgram.stages.refine.causes.photos.consensus import AGREES, SMALLEST, seen
 from uavgram.stages.refine.causes.photos.disorder import right_labels
 
 MOST_PHOTOS = 12
-"""Photos that were left out and are looked at."""
+"""Largest number of left-out photos that are examined."""
 
 
 class _Turn(NamedTuple):
-    """How pixels of what was shown are put back: axes exchanged first, then directions."""
+    """Transform from shown to original pixels: exchange axes first, then reverse directions."""
 
     axes: bool
     columns: bool
@@ -43,28 +43,28 @@ TURNED = {
     "turned by 90 degrees to the right": _Turn(axes=True, columns=False, rows=True),
     "turned by 90 degrees to the left": _Turn(axes=True, columns=True, rows=False),
 }
-"""By how the photo was shown when it was picked."""
+"""Ways in which the photo was shown when it was picked."""
 
 STRAINED, MOST_STRAINED = 10.0, 3
-"""Residual of a pose that the log tells, in its sigmas, from which on a photo may be turned; and
-photos that are looked at for it."""
+"""Residual of a pose against the log, in its sigmas, above which a photo may be rotated; and
+largest number of photos that are examined for it."""
 
 RARE = float(np.log(20.0))
-"""Logarithm of the odds against a photo that was turned, where nothing speaks for it."""
+"""Logarithm of the odds against a rotated photo, without other evidence."""
 
 HEADING = np.radians(45.0)
-"""Between a pose and the one that the log tells, beyond which it is another one."""
+"""Angle between a pose and that of the log [rad], above which it is another one."""
 
 
 def misplaced_photos(standing: Standing) -> Ints:
-    """Photos of the survey of which all picks were left out because they contradict the rest."""
+    """Return photos of the survey whose picks were all left out as contradicting the rest."""
     reasons = standing.refined.pick_reason.items()
     picks = [k for k, why in reasons if why.cause is LeftOutCause.MISPLACED_FRAME]
     return np.unique(standing.survey.pick_frame[picks])[:MOST_PHOTOS]
 
 
 def against_the_log(standing: Standing) -> dict[int, float]:
-    """Photos of the survey that stand far from where the log has them, and how far (squared)."""
+    """Return photos far from their pose in the log, and their squared residuals."""
     adjustment = standing.adjustment
     block, telemetry = adjustment.minimum.blocks.get("telemetry"), adjustment.survey.telemetry
     if block is None or telemetry is None:
@@ -81,7 +81,7 @@ def against_the_log(standing: Standing) -> dict[int, float]:
 
 
 def photos_in_order(standing: Standing) -> Iterator[Hypothesis]:
-    """Photos that were left out, and fit as they are once what spoilt them is gone."""
+    """Propose that left-out photos are right, after the correction of another mistake."""
     for frame in misplaced_photos(standing).tolist():
         yield Hypothesis(
             tell=None,
@@ -93,7 +93,7 @@ def photos_in_order(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
-    """Photos of which the picks fit once they are mirrored or turned."""
+    """Propose that photos were mirrored or rotated when picked."""
     survey, camera = standing.survey, standing.survey.calibration
     strained = against_the_log(standing)
     promise = dict.fromkeys(misplaced_photos(standing).tolist(), 0.0) | strained
@@ -114,7 +114,7 @@ def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def photos_turned_together(standing: Standing) -> Iterator[Hypothesis]:
-    """All photos that take part were turned, and those that were left out were not."""
+    """Propose that all participating photos were rotated, and the left-out ones were not."""
     survey = standing.survey
     left_out = misplaced_photos(standing)
     if not len(left_out) or survey.telemetry is None:
@@ -141,14 +141,14 @@ def photos_turned_together(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
-    """Photos of which the picks fit under other labels."""
+    """Propose other labels for the picks of photos."""
     survey = standing.survey
     for frame in misplaced_photos(standing).tolist():
         picks = picks_of(standing, frame)
         label = _completed(standing, picks, right_labels(standing, frame, picks))
         known = np.flatnonzero(label >= 0)
         changed = known[label[known] != survey.pick_label[picks[known]]]
-        # Where most picks fit under no label, other labels are not what would put the photo right.
+        # Where most picks fit under no label, other labels are not the remedy.
         if len(known) <= SMALLEST + 1 or 2 * len(known) <= len(picks) or not len(changed):
             continue
         mend = Mend(
@@ -165,9 +165,9 @@ def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
 
 
 def _completed(standing: Standing, picks: Ints, label: Ints) -> Ints:
-    """Labels (n,) in which the last pick without one has the last label that none has.
+    """Give the last pick without a label the last unused label (n,).
 
-    So where no other photo shows the point of that label: then no place speaks against it.
+    Only where no other photo shows the point of that label: then no place contradicts it.
     """
     survey = standing.survey
     without, left = np.flatnonzero(label < 0), np.setdiff1d(survey.pick_label[picks], label)
@@ -182,16 +182,16 @@ def _completed(standing: Standing, picks: Ints, label: Ints) -> Ints:
 def photos_elsewhere(
     standing: Standing, causes: Sequence[Cause], right: frozenset[int]
 ) -> tuple[Cause, ...]:
-    """Photos that were left out, and of which nothing explains it: they show something else.
+    """Report left-out photos without another cause: they show another place.
 
     Parameters
     ----------
     standing
         The survey as it was adjusted.
     causes
-        That were found.
+        Causes that were found.
     right
-        Picks that were found to fit after all.
+        Picks that fit after all.
     """
     survey, found = standing.survey, []
     settled = {name for cause in causes for name in cause.settles}
@@ -204,7 +204,7 @@ def photos_elsewhere(
         mend = Mend(without_picks=frozenset(picks.tolist()))
         found.append(
             Cause(
-                message=_elsewhere(name),  # only a look at it tells what would put it right
+                message=_elsewhere(name),  # no automatic correction
                 mend=mend,
                 gain=4.0 * PRICE * len(picks),
                 settles=frozenset([name]),
@@ -214,7 +214,7 @@ def photos_elsewhere(
 
 
 def _put_back(shown_px: Floats, turn: _Turn, camera: Calibration) -> Floats:
-    """(n, 2) pixels of the photo as it is, of those of the photo as it was shown."""
+    """Transform pixels (n, 2) of the photo as shown to those of the original photo."""
     pixel = shown_px[:, ::-1].copy() if turn.axes else shown_px.copy()
     if turn.columns:
         pixel[:, 0] = camera.width_px - 1.0 - pixel[:, 0]
@@ -224,21 +224,21 @@ def _put_back(shown_px: Floats, turn: _Turn, camera: Calibration) -> Floats:
 
 
 def picks_of(standing: Standing, frame: int) -> Ints:
-    """Picks of a photo of the survey that take part, or were left out with it."""
+    """Return picks of a photo of the survey that take part, or were left out with it."""
     there = standing.spoilt
     there[standing.refined.pick_index] = True
     return np.flatnonzero((standing.survey.pick_frame == frame) & there)
 
 
 def _shows_the_ground(standing: Standing, frame: int, picks: Ints, pixel: Floats) -> bool:
-    """Whether pixels of a photo show their labels, from above, and from where the log has it.
+    """Return whether pixels of a photo fit their labels, from above, and near the log's pose.
 
     Parameters
     ----------
     standing, frame
-        Where the survey stands; the photo.
+        The survey under diagnosis; the photo.
     picks, pixel
-        (n,) its picks, and (n, 2) where they are taken to be.
+        (n,) its picks, and (n, 2) their assumed pixels.
     """
     survey, adjustment = standing.survey, standing.adjustment
     label = labels_of(standing)[survey.pick_label[picks]]
@@ -251,17 +251,19 @@ def _shows_the_ground(standing: Standing, frame: int, picks: Ints, pixel: Floats
     pose = resect_from_plane(world, ray) if np.isfinite(ray).all() else None
     if pose is None or pose[0][2] <= 0:
         return False
+    # Residuals of the resection, by their median.
     off = np.linalg.norm(seen_at(world, pose) - ray[:, :2], axis=1) * camera.parameters[0]
     if not np.median(np.nan_to_num(off, nan=np.inf) / survey.pick_sigma_px[picks[known]]) < AGREES:
         return False
     if survey.seeds is None:
         return True
+    # Rotation angle against the log: cos(angle) = (trace - 1) / 2.
     turn = survey.seeds.world_from_camera[frame].T @ pose[1]
     return bool(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)) < HEADING)
 
 
 def _turned(frames: Sequence[str], how: str, _: Explained | None) -> Message:
-    """The message on photos that were shown mirrored or turned."""
+    """Report photos that were shown mirrored or rotated."""
     named = listed_photos(frames)
     one = len(frames) == 1
     what, they = (
