@@ -179,7 +179,7 @@ def fixed_planes(survey: Survey) -> int:
 
 
 def first_planes(grounds: tuple[Ground, ...], height_m: float) -> Floats:
-    """Return (3A,) level initial planes: the first at `height_m`, others at their stated offsets."""
+    """Return (3A,) level initial planes: the first at `height_m`, others at the stated offsets."""
     planes = np.zeros((len(grounds), PLANE_SIZE))
     planes[:, 0] = height_m + np.array([g.height_m - grounds[0].height_m for g in grounds])
     return planes.ravel()
