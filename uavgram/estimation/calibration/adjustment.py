@@ -185,7 +185,7 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
         first=blocks,
     )
     state, blocks, cost = end.state, end.blocks, end.cost
-    if end.converged:  # a last step, whose fall disappears in the rounding of the sum of squares
+    if end.converged:  # a last step, whose effect on the cost is lost in rounding
         gradient = gradient_of(blocks.values(), structure.size)
         state = update(state, -end.factor.solve(gradient))
         blocks = evaluate(state) or blocks

@@ -27,8 +27,8 @@ from uavgram.model.camera.calibration import Calibration
 GRID_COLUMNS = 40
 _STEPS = 30
 _AT_REST_PX = 1e-7
-_ROUNDING_PX = 1e-6  # differences below it are none
-_FEWEST_PIXELS = 8  # for six unknowns, with something left to compare
+_ROUNDING_PX = 1e-6  # differences below it count as zero
+_FEWEST_PIXELS = 8  # for six unknowns and some redundancy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -110,7 +110,7 @@ class _Alignment:
     rotation: Floats  # (3, 3)
     center: Floats  # (3,)
     difference: Floats  # (N, 2)
-    by_alignment: Floats  # (N, 2, 3 or 6): turn, then shift of the centre
+    by_alignment: Floats  # (N, 2, 3 or 6): rotation, then shift of the centre
     by_point: Floats  # (N, 2, 3): by the point in the first camera's frame
     by_second: Floats  # (N, 2, P) by the second camera's parameters
 

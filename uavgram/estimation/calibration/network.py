@@ -259,6 +259,7 @@ def residual_map(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> 
     count = np.bincount(index, minlength=rows * columns)
     mean = _by_cell(index, residual / weight[:, None], count)
     whitened = _by_cell(index, residual, count)
+    # A mean of n whitened residuals has the variance 1 / n: chi-square with two degrees.
     squared = np.nansum(whitened**2, axis=1) * count / factor
     probability = np.where(count > 0, chdtrc(2, squared), 1.0)
     return ResidualMap(

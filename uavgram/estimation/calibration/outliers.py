@@ -89,7 +89,7 @@ def snoop(lens: Lens, corners: Corners, start: State, options: CalibrationOption
             if worst is None:
                 break
             bad_photo[worst] = True
-            bad_corner[:] = False  # it may have spoiled those of the others
+            bad_corner[:] = False  # the photo may have distorted the tests of the others
         kept = np.where(bad_corner | bad_photo[:, None], 0.0, corners.weight)
         fit, scale = adjust_scaled(lens, corners.weighted(kept), fit.state, options)
     if options.outliers == "report" and (bad_corner.any() or bad_photo.any()):

@@ -120,8 +120,8 @@ class _Ground(NamedTuple):
 
     point: Floats  # (N, 3)
     by_parameters: Floats  # (N, 3, P)
-    by_pose: Floats  # (N, 3, 6) centre, then turn in the camera's frame
-    to_pixel: Floats  # (N, 2, 3) pixel that a ground point moves to, per shift along the ground
+    by_pose: Floats  # (N, 3, 6) centre, then rotation in the camera's frame
+    to_pixel: Floats  # (N, 2, 3) derivative of the pixel by the point along the ground
 
     def take(self, index: Floats) -> _Ground:
         return _Ground._make(rows[index] for rows in self)

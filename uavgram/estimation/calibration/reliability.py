@@ -52,7 +52,7 @@ def common_error(residual_px: Floats, sigma_px: Floats, redundancy: float) -> fl
 
     if not len(squares) or redundancy <= 0 or excess(0.0) <= 0:
         return 0.0
-    most = float(squares.sum()) / redundancy  # alone it would make the sum right
+    most = float(squares.sum()) / redundancy  # upper bound: the common variance alone
     return float(np.sqrt(brentq(excess, 0.0, most, xtol=1e-9 * most)))
 
 
@@ -124,7 +124,7 @@ def photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
     gradient = np.einsum("mri,mr->mi", reduced, v)
     others = fit.normals.border - fit.normals.photo_border
     # Without photo i the cost of the others is minimal at a shift d with (S - S_i) d = g_i.
-    scale = np.sqrt(np.diag(fit.normals.border))  # positive: it could be inverted
+    scale = np.sqrt(np.diag(fit.normals.border))  # positive, as the matrix was inverted before
     scaled = others / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(scaled)
     along = np.einsum("mij,mi->mj", vectors, gradient / scale)
@@ -141,7 +141,7 @@ def photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
 
 def _judge(squared: Floats, degrees: Floats, fit: Fit, sigma: CornerSigma) -> tuple[Floats, Floats]:
     """Compute the variance factor without each observation, and the probability of its squares."""
-    squares = np.maximum(squared, 0.0)  # but for rounding
+    squares = np.maximum(squared, 0.0)  # negative only by rounding
     if sigma == "given":
         return np.ones_like(squared), np.asarray(chdtrc(degrees, squares))
     rest = np.maximum(fit.degrees_of_freedom - degrees, 1.0)

@@ -266,7 +266,7 @@ def mirrored(state: State) -> State:
     or distant board, weak perspective does not distinguish the two.
     """
     sight = state.middle_camera_m / np.linalg.norm(state.middle_camera_m, axis=1)[:, None]
-    # Half a turn about the line of sight after half a turn in the board's own plane.
+    # Rotation by 180 degrees in the board's plane, then by 180 degrees about the line of sight.
     about_sight = 2 * sight[:, :, None] * sight[:, None, :] - np.eye(3)
     turned = about_sight @ state.camera_from_board @ np.diag([-1.0, -1.0, 1.0])
     return State(state.parameters, state.bow_m, turned, state.middle_camera_m)

@@ -18,8 +18,8 @@ from uavgram.model.arrays import Bools, Floats, Ints
 FEWEST = 3
 """Smallest number of photos of a group: fewer are judged as photos that do not fit the others."""
 
-_DIRECTIONS = 4  # in which the photos' cameras scatter most, for first groups
-_DRAWS = 12  # further first groups, at random
+_DIRECTIONS = 4  # directions of largest scatter, for initial groups
+_DRAWS = 12  # number of random initial groups
 _ROUNDS = 50
 _SINGULAR = 1e-12
 
@@ -46,7 +46,7 @@ class Split(NamedTuple):
 
 
 class _NormalEquations(NamedTuple):
-    """Cost 2 gradient[i] d + d normal[i] d of photo i by a change d of the camera; and of the prior."""
+    """Quadratic costs of a change d of the camera, 2 gradient d + d normal d: by photo, by prior."""
 
     normal: Floats  # (M, q, q)
     gradient: Floats  # (M, q)
@@ -98,7 +98,7 @@ def _normal_equations(fit: Fit) -> _NormalEquations:
         normal / np.outer(scale, scale),
         gradient,
         prior / np.outer(scale, scale),
-        -gradient.sum(axis=0),  # all together are at rest
+        -gradient.sum(axis=0),  # the joint gradient is zero at the minimum
     )
 
 
@@ -107,11 +107,13 @@ def _first_groups(equations: _NormalEquations) -> list[Bools]:
     photos = len(equations.gradient)
     if photos < 2 * FEWEST:
         return []
+    # Whiten the photos' gradients, and find the directions of largest scatter (SVD).
     values, vectors = np.linalg.eigh(equations.normal.sum(axis=0) + equations.prior_normal)
     white = equations.gradient @ (vectors / np.sqrt(np.maximum(values, _SINGULAR)))
     along = np.linalg.svd(white - white.mean(axis=0), full_matrices=False)[2][:_DIRECTIONS]
     place = white @ along.T
     ascending = np.sort(place, axis=0)
+    # Split at the widest gap, and at the mean, along each direction.
     gap = np.diff(ascending, axis=0)[FEWEST - 1 : photos - FEWEST]
     widest = np.argmax(gap, axis=0) + FEWEST - 1
     columns = np.arange(place.shape[1])
@@ -151,7 +153,7 @@ def _settled(equations: _NormalEquations, second: Bools) -> tuple[Ints, float]:
 def _judged(fit: Fit, equations: _NormalEquations, group: Ints, gain: float) -> Split:
     """Compute the distance of the groups, and the preference of each photo for its own."""
     photos, q = equations.gradient.shape
-    own = group == group[:, None]  # (M, M) the photos of each one's group
+    own = group == group[:, None]  # (M, M) photos in the same group
     mine = equations.camera(own)
     others = equations.camera(~own)
     rest = (

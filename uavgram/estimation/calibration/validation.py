@@ -42,7 +42,7 @@ class HeldOut:
 
     @property
     def by_photo(self) -> Floats:
-        """(M,) the same, photo by photo."""
+        """(M,) mean square per degree of freedom of each photo."""
         return np.asarray(self.squares / np.maximum(self.degrees, 1.0))
 
 

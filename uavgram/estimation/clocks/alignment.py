@@ -34,16 +34,16 @@ from uavgram.model.flight.frames import PairStatus
 # some 30 ms (86 to 147 ms of lag in ArduPilot's simulator). Estimated for each hypothesis between
 # these.
 LEAST_SCATTER_S, MOST_SCATTER_S = 0.0005, 0.03
-COARSE_SCATTER_S = 0.01  # taken where the readings' step hides it
-_SCATTERS = 4.0  # that a photo may be from its event
-_GENEROSITY = 1.15  # rivals are given that much more of them
+COARSE_SCATTER_S = 0.01  # used where the readings' step hides it
+_SCATTERS = 4.0  # largest difference of a photo from its event
+_GENEROSITY = 1.15  # factor of that tolerance for rivals
 _PEAKS = 32
-_LEAST_SHARE = 0.6  # of the photos on an event: a third of the events were seen to be missing
-_LEAST_LEAD, _LEAST_LEAD_SHARE = 3, 0.05  # in photos, before the best of the rivals
-_LEAD_NATS = 12.0  # log odds that a rival has to trail by
-_PAIR_ODDS = 5.7  # a photo's event is logged rather than lost: 0.85 / 0.15
-_CHANCE = 1e-5  # that chance makes as many pairs at one of the offsets tried
-_LOST_SHARE = 0.3  # of a rival's pairs that may be excused as lost events
+_LEAST_SHARE = 0.6  # photos with an event: logs were seen that lack a third of the events
+_LEAST_LEAD, _LEAST_LEAD_SHARE = 3, 0.05  # lead over the best rival, in photos
+_LEAD_NATS = 12.0  # log odds by which the best must lead its rivals
+_PAIR_ODDS = 5.7  # odds that a photo's event is logged: 0.85 / 0.15
+_CHANCE = 1e-5  # probability of as many pairs by chance at any offset tried
+_LOST_SHARE = 0.3  # share of a rival's pairs that may be excused as lost events
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,9 +111,11 @@ def search_offsets(
     loose = resolution_s / 2 + _SCATTERS * MOST_SCATTER_S
     wide = loose + 1.5 * CAMERA_DRIFT_SIGMA * float(np.ptp(photo_s)) / 2
     start = float(event_s[0])
+    # Candidates by votes, each fitted to its pairs with decreasing tolerance.
     peaks = [ClockLine(p, 0.0, start) for p in _peaks(photo_s, event_s, wide, bounds_s)]
     rough = [_settle(photo_s, event_s, c, (wide, max(wide / 2, loose), loose)) for c in peaks]
     clocks = [c for c in rough if c is not None]
+    # Fit and judge again, within the tolerance of the likeliest candidate.
     tolerance = _best_tolerance(photo_s, resolution_s, event_s, clocks)
     usual = _usual_spacing(event_s)
     settled = [_settle(photo_s, event_s, c, (tolerance,) * 3) for c in clocks]
@@ -121,6 +123,7 @@ def search_offsets(
     fits = _ranked([_judged(photo_s, event_s, usual, c, tolerance) for c in inside])
     if not fits:
         return Search((), tolerance, unique=False)
+    # Unique: beyond chance, and ahead of rivals that are judged with a wider tolerance.
     generous = resolution_s / 2 + _GENEROSITY * (tolerance - resolution_s / 2)
     rivals = [_judged(photo_s, event_s, usual, f.clock, generous) for f in fits[1:]]
     unique = _is_beyond_chance(fits[0], photo_s, event_s, tolerance, bounds_s) and _leads(
@@ -427,7 +430,7 @@ def _assigned(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
     residual = time_s[:, None] - event_s[None, :]
     inside = np.abs(residual) <= tolerance_s[:, None]
     index = np.full(len(time_s), -1, dtype=np.int64)
-    if inside.sum(axis=1).max() <= 1 and inside.sum(axis=0).max() <= 1:  # nothing to choose
+    if inside.sum(axis=1).max() <= 1 and inside.sum(axis=0).max() <= 1:  # no ambiguity
         rows, columns = np.nonzero(inside)
         index[rows] = columns
         return index

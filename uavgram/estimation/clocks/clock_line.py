@@ -17,14 +17,14 @@ BOOT_DRIFT_SIGMA = 2e-4
 # Drift of a camera's clock against the autopilot's: quartz without temperature control stays within
 # some 50 ppm.
 CAMERA_DRIFT_SIGMA = 1e-4
-COARSE_S = 0.1  # clocks of a coarser step: the step outweighs what shutters scatter
+COARSE_S = 0.1  # step above which it exceeds the scatter of shutters
 LEAST_JITTER_S = 0.001
-COARSE_JITTER_S = 0.02  # of shutters, where the readings are too coarse to tell
+COARSE_JITTER_S = 0.02  # scatter of shutters, assumed for coarse readings
 _STEPS = 30
-_LONGEST_DELAY_S = 600.0  # a reading further off the others is damaged
-_TUKEY = 4.685  # of the biweight, 95 % efficient for normal errors (Huber 1981)
-_SIGNIFICANT = 3.0  # sigmas of a drift worth telling
-_FREE = 1e6  # sigma of a drift of which nothing is known beforehand
+_LONGEST_DELAY_S = 600.0  # readings farther from the median are damaged
+_TUKEY = 4.685  # constant of the biweight, 95 % efficient for normal errors (Huber 1981)
+_SIGNIFICANT = 3.0  # sigmas of a drift that is reported
+_FREE = 1e6  # sigma of a drift without prior
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def fit_line(
     t = time_s - reference
     apart = other_s - time_s
     base = float(apart[0])
-    y = apart - base  # small numbers: the clocks themselves are 1e9 s large
+    y = apart - base  # subtract a base: the clocks themselves are 1e9 s large
     if scatter_s is not None:
         level = float(y.sum()) / len(y)
         scatter, total, square = scatter_s, float(len(t)), float(t @ t)

@@ -42,6 +42,7 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray[rows])
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     sigma = sigma_px[rows] / survey.calibration.parameters[0]
+    # Intersections of the rays; where these fail, the mean intersection with the ground.
     met, spread = rays_meet(center, direction, sigma, owner, len(survey.label))
     plane = np.array([values.height_m, 0.0, 0.0])
     ground = intersect_ground(center, direction, plane, np.zeros(2), np.zeros(len(rows)))

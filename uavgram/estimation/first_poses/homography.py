@@ -67,7 +67,7 @@ def _pose_from_homography(homography: Floats, mean: Floats, size: float) -> tupl
     # H ~ [r1 r2 t]: scale to unit columns, complete by r3 = r1 x r2, and orthonormalise.
     scale = np.sqrt(np.linalg.norm(homography[:, 0]) * np.linalg.norm(homography[:, 1]))
     homography = homography / scale
-    if homography[2, 2] < 0:  # the points' centre lies in front of the camera
+    if homography[2, 2] < 0:  # the points' centre is in front of the camera
         homography = -homography
     first, second, translation = homography.T
     rough = np.stack([first, second, np.cross(first, second)], axis=1)

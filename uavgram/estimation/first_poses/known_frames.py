@@ -51,7 +51,9 @@ class PlaneNetwork:
         self.point = np.full((labels, 2), np.nan)
         self.center = np.full((frames, 3), np.nan)
         self.rotation = np.full((frames, 3, 3), np.nan)
-        self._tried: dict[tuple[int, int], _Joined | None] = {}  # by frame and number of points
+        self._tried: dict[
+            tuple[int, int], _Joined | None
+        ] = {}  # key: frame, number of known points
 
     def place(self, frame: int, center: Floats, rotation: Floats) -> None:
         """Set the pose (3,), (3, 3) of a frame over the plane, and the places of its new points.
@@ -308,7 +310,7 @@ def _seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
 def _says_something(survey: Survey, thing: KnownThing) -> bool:
     """Return whether a thing constrains planes: points on one level, not true on every plane."""
     label = list(thing.label)
-    if thing.position is not None:  # where a frame stands, not how high above what plane
+    if thing.position is not None:  # it constrains the place of a frame, not the plane
         return False
     level = all(len(set(of[label])) == 1 for of in (survey.area, survey.height_above_m))
     # Points in line (a distance of zero from a line, an angle of 0 or 180 degrees) hold on all.

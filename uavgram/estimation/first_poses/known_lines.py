@@ -263,7 +263,7 @@ def direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
         np.linalg.norm(columns[:, :, 0], axis=1) * np.linalg.norm(columns[:, :, 1], axis=1)
     )
     columns /= np.maximum(scale, 1e-300)[:, None, None]
-    columns *= np.where(columns[:, 2:3, 2:3] < 0, -1.0, 1.0)  # the middle lies before the camera
+    columns *= np.where(columns[:, 2:3, 2:3] < 0, -1.0, 1.0)  # the middle is before the camera
     rough = np.stack(
         [columns[:, :, 0], columns[:, :, 1], np.cross(columns[:, :, 0], columns[:, :, 1])], axis=2
     )
@@ -291,7 +291,7 @@ def _of_block(seen: LineRows, grid: Floats, photos: slice) -> tuple[Floats, Floa
     rows = np.empty(ray.shape)
     rows[..., :2] = across[:, None]
     rows[..., 2] = -np.einsum("bni,bgni->bgn", across, ray[..., :2]) / down
-    weight = -down / np.linalg.norm(ray, axis=-1)  # far places move more by the same angle
+    weight = -down / np.linalg.norm(ray, axis=-1)  # far places move more for the same angle
     weighted = rows * weight[..., None]
     transposed = weighted.swapaxes(-1, -2)
     normal = transposed @ weighted

@@ -102,7 +102,7 @@ class Block:
         self.calibration, self.root = calibration, root
         count, picks = frames.pixel_sigma_px.shape
         lines = frames.start.shape[1]
-        self.split = 2 * picks  # of the observations: pixels before, interior behind
+        self.split = 2 * picks  # first column of the interior, after those of the pixels
         self.shape = (count, lines, self.split + root.shape[1])
         ends = np.stack([frames.start, frames.end])
         frame = np.arange(count)[:, None]
@@ -334,7 +334,7 @@ def lengths_between(
     block = Block(calibration, np.eye(len(calibration.parameters)), frames)
     ray, _ = block.first_view()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for _ in range(NEWTON_STEPS):  # from the lens as given to that of each frame
+        for _ in range(NEWTON_STEPS):  # from the given lens to the adjusted one of each frame
             view = block.view(poses.interior, ray)
             ray[:2] += np.add.reduce(view.off[:, None] * view.inverse, axis=0)
         view = block.view(poses.interior, ray)
@@ -378,7 +378,7 @@ def search_frames(
     )
 
 
-@np.errstate(invalid="ignore", divide="ignore", over="ignore")  # frames that fail, of many
+@np.errstate(invalid="ignore", divide="ignore", over="ignore")  # some frames may fail
 def _solve(
     calibration: Calibration, root: Floats, frames: LengthFrames, start_plane: Floats
 ) -> LengthPoses:
@@ -399,7 +399,7 @@ def _solve(
         plane = plane + _shortened(plane, fit.step, ray)
         moved = np.maximum.reduce(np.abs(change), axis=1)
         largest = np.maximum(moved, step)
-        if not (largest >= AT_REST).any():  # NaN is no longer going either
+        if not (largest >= AT_REST).any():  # NaN counts as ended
             break
         ray[:2] += block.follow(view, adjusted, change)
         if np.maximum.reduce(moved) < SAME_VIEW:
@@ -450,7 +450,7 @@ def _inverses(system: Floats) -> Floats:
     """Invert (B, m, m); NaN if a frame's conditions do not determine its plane at all."""
     try:
         return np.asarray(np.linalg.inv(system))
-    except np.linalg.LinAlgError:  # one singular frame would take all others with it
+    except np.linalg.LinAlgError:  # one singular frame stops the inversion of all
         inverse = np.full_like(system, np.nan)
         for frame, own in enumerate(system):
             with suppress(np.linalg.LinAlgError):

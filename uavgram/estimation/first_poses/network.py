@@ -120,6 +120,7 @@ def seen_lines(survey: Survey) -> SeenLines:
     by_label = np.argsort(survey.pick_label, kind="stable")
     bounds = np.searchsorted(survey.pick_label[by_label], np.arange(labels + 1))
     number = np.diff(bounds)[survey.line_start]
+    # All picks of the start of each line, and for each the pick of the end in the same frame.
     line = np.repeat(np.arange(len(number)), number)
     within = np.arange(len(line)) - np.repeat(np.cumsum(number) - number, number)
     start = by_label[bounds[survey.line_start[line]] + within]
@@ -212,7 +213,7 @@ def _distinct(poses: LengthPoses) -> LengthPoses:
     first = np.argmax(same, axis=0)
     distinct = poses.take(np.flatnonzero(first == np.arange(len(first))))
     for column in distinct:
-        column.flags.writeable = False  # who asks again gets the same arrays
+        column.flags.writeable = False  # the cache returns the same arrays again
     return distinct
 
 

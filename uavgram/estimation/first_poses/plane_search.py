@@ -369,6 +369,7 @@ def _explanations(
         return lengths.length * weight - wanted, np.moveaxis(by, 0, 2)
 
     minima = minimise_each(Explicit(rows, _moved), (start,))
+    # Minima of each scene by cost; keep the distinct ones within the limit.
     order = np.lexsort((minima.cost, scene))
     bounds = np.searchsorted(scene[order], np.arange(len(count) + 1))
     limit = np.asarray(chdtri(np.maximum(count - 3, 1), PLAUSIBLE))

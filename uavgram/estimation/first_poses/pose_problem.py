@@ -199,6 +199,7 @@ class FeatureRows:
                 rows.append(((point[:, :, 0, axis] - place[:, :, 0, axis]) * weight, gradient))
         along = place[:, :, 1] - place[:, :, 0]
         along = along / np.linalg.norm(along, axis=2, keepdims=True)
+        # Unit vectors perpendicular to the stated lines: distance of an end from its line.
         across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
         for end, used in enumerate((self.start_on_line, self.end_on_line)):
             if used:
@@ -206,6 +207,7 @@ class FeatureRows:
                 gradient[..., 2 * end : 2 * end + 2] = across * weight
                 off = np.sum((point[:, :, end] - place[:, :, end]) * across, axis=2)
                 rows.append((off * weight, gradient))
+        # Length between the ends: gradient minus and plus the unit vector.
         if self.length:
             away = point[:, :, 1] - point[:, :, 0]
             length = np.linalg.norm(away, axis=2)
@@ -221,7 +223,7 @@ class FeatureRows:
         rows = []
         if self.logged is not None:
             rows.append(_off_pose(self.logged, which, center, rotation))
-        if self.held is not None:  # nothing else notices these three: they are met exactly
+        if self.held is not None:  # no other row depends on these three: they are met exactly
             at, turn = self.held[0][which], self.held[1][which]
             off = np.zeros((len(which), 3))
             off[:, :2] = (center - at)[:, :2]
@@ -358,7 +360,9 @@ class LineRows(PoseRows):
         along[..., :2] = self.along[which]
         away = -np.broadcast_to(center[:, None], ray.shape)
         away = away + np.concatenate([self.start_m[which], ray[..., 2:] * 0.0], axis=-1)
-        normal = _turned_back(turn, np.cross(along, away))  # of the plane, in the camera's axes
+        normal = _turned_back(
+            turn, np.cross(along, away)
+        )  # normal of the plane, in the camera's axes
         world = (turn @ ray[..., None])[..., 0]
         down = np.where((world[..., 2] < 0) & (center[:, 2:] > 0), world[..., 2], np.nan)
         miss = np.sum(normal * ray, axis=-1)

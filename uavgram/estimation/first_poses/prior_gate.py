@@ -59,7 +59,7 @@ def compare_with_seed(
     down = -world_from_camera[2]
     size = np.linalg.norm(poses.plane, axis=1)
     normal = poses.plane / size[:, None]
-    # Two directions in the camera, at right angles to the seed's down.
+    # Two directions in the camera, perpendicular to the seed's down.
     sideways = np.asarray(np.linalg.svd(down[None]).Vh[1:])
     seed_height = center_world_m[2] - ground.height_m
     turn = _turn(down, normal)

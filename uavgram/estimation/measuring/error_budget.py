@@ -153,7 +153,7 @@ def by_heights(adjustment: Adjustment, measured: MeasuredValues, label: Ints) ->
     total = np.zeros((len(label), len(measured.rows)))
     # Direct effect: derivative of the value by the heights of its points.
     for m, row in enumerate(measured.rows):
-        if row.gradient is not None:  # the ground below a point rises with the surface
+        if row.gradient is not None:  # the ground below rises with the surface
             up = row.gradient[:, 2] + (0.0 if row.by_feet is None else row.by_feet[:, 2])
             for name, by_up in zip(row.request.points, up.tolist(), strict=True):
                 if name in place:

@@ -177,7 +177,7 @@ def _speed(
     if length <= 0 or not np.isfinite(gradient).all():
         raise UnmeasurableError("its points coincide")
     speed = float(length / abs(elapsed))
-    by_time = (speed / elapsed, -speed / elapsed)  # of the first and of the second exposure
+    by_time = (speed / elapsed, -speed / elapsed)  # by the first and by the second time
     timing = {
         source: derivative * sigma
         for (source, sigma), derivative in zip(sources, by_time, strict=True)

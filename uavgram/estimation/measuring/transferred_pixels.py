@@ -128,7 +128,7 @@ def _carried(
     at, to = here.jacobian[click], there.jacobian[row]
     place = at[:, :, PLACE]
     area = place[:, 0, 0] * place[:, 1, 1] - place[:, 0, 1] * place[:, 1, 0]
-    with np.errstate(invalid="ignore"):  # NaN is not seen
+    with np.errstate(invalid="ignore"):  # NaN: not visible
         seen = np.asarray((np.abs(area) > SMALLEST) & np.isfinite(to.sum(axis=(1, 2))))
     click, row, at, to = click[seen], row[seen], at[seen], to[seen]
     # A = J_target J_source^-1; the click's offset from the label's predicted pixel moves with A.
@@ -142,7 +142,7 @@ def _carried(
     covariance = own @ np.swapaxes(own, 1, 2) + propagated(adjustment, columns, jacobian)
     names = tuple(there.frame_id[k] for k in row)
     survey, up = adjustment.survey, slice(2, adjustment.problem.layout.point_size)
-    rise = (to[:, :, up] - affine @ at[:, :, up]).sum(axis=2)  # 0 where no height is unknown
+    rise = (to[:, :, up] - affine @ at[:, :, up]).sum(axis=2)  # 0 if no height is unknown
     is_known = (survey.height_above_m != 0.0) | survey.is_free
     rise[is_known[clicked.label[click]]] = 0.0
     return Transferred(click, names, moved, covariance, affine, rise, jacobian, columns, own)

@@ -122,7 +122,7 @@ def external_reliability(
     count = len(measured.rows)
     best = np.full(count, -1.0)
     weakest = [Weakest(None, np.nan, ()) for _ in range(count)]
-    sigma = np.nan_to_num(measured.sigma, nan=np.inf)  # of what has no value nothing is said
+    sigma = np.nan_to_num(measured.sigma, nan=np.inf)  # no effect on missing values
     sigma = np.where(sigma > 0, sigma, np.inf)
     for kind, group in groups.items():
         parts = []

@@ -163,7 +163,7 @@ def log_probability(gain: float, unknowns: int, count: int = 1) -> float:
     probability = float(gammaincc(half, gain / 2.0))
     if probability > SMALLEST:
         tail = float(np.log(probability))
-    else:  # Abramowitz and Stegun 6.5.32
+    else:  # leading term: Abramowitz and Stegun 6.5.32
         tail = -gain / 2.0 + (half - 1.0) * float(np.log(gain / 2.0)) - float(gammaln(half))
     return min(0.0, tail + float(np.log(count)))
 
@@ -206,7 +206,7 @@ def set_aside(adjustment: Adjustment, members: Iterable[Member]) -> Adjustment:
             at_rest=AT_REST,
         )
         rest = Adjustment(problem, minimum, minimum.factor.covariance())
-    except SingularError:  # a reading that nothing else can replace
+    except SingularError:  # the other observations do not determine it
         return adjustment
     return rest if minimum.converged else adjustment
 

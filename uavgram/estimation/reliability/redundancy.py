@@ -162,7 +162,7 @@ def _trace_of_square(block: Block, factor: Factor) -> float:
     Exact where Q is diagonal; else its relative variance is at most 2 / (signs drawn).
     """
     n, r, _ = block.jacobian.shape
-    rng = np.random.default_rng(0)  # the same survey has the same result
+    rng = np.random.default_rng(0)  # fixed seed: reproducible
     total, draws = 0.0, -(-SIGNS // (n * r))
     for first in range(0, draws, AT_ONCE):
         some = min(AT_ONCE, draws - first)

@@ -31,6 +31,7 @@ def accuracy_of(repetitions: Repetitions) -> Accuracy:
     with np.errstate(invalid="ignore", divide="ignore"):
         half = stdtrit(np.maximum(count - 1, 1), 1.0 - TAIL) * spread / np.sqrt(count)
     z = root_mean_square(ratio, counted)
+    # Share of errors within k stated sigmas.
     within = np.stack([(np.abs(ratio) <= k).sum(axis=0) for k in SIGMAS], axis=1)
     share, share_range = shares(within, count[:, None])
     return Accuracy(

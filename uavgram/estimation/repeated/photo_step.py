@@ -121,7 +121,7 @@ def places_of(design: PhotoDesign, draws: Draws, state: State) -> Floats:
 
 
 def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
-    """Linearise at a state.
+    """Linearise the photo of each draw at a state.
 
     Parameters
     ----------

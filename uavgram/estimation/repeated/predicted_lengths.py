@@ -78,6 +78,7 @@ def predict_lengths(
     of_plane = of_ground(design)
     known, first = len(design.line), 2 * len(place_m) + len(design.line) + 6
     at = [known, first - 6, first, first + of_plane.start, first + of_plane.stop]
+    # Variance by each error: squared slope; summed by source.
     squares = slopes.by_error[known:] ** 2
     lengths, picks, beforehand, camera, ground, tape = (
         part.sum(axis=1) for part in np.split(squares, at, axis=1)
@@ -156,5 +157,5 @@ def _rows(
             rows[np.arange(len(rows)), 6 + 2 * at + k] += own[k]
     rows[:, 6 + 2 * ends :] = line.by_common[..., 0]
     if design.tape_scale_sigma:
-        rows[known:, -1] = 0.0  # what is measured, no tape reads
+        rows[known:, -1] = 0.0  # measured lengths are not read on a tape
     return rows, line.shifts[..., 0]

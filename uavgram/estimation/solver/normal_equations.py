@@ -67,7 +67,7 @@ class DenseFactor:
     def inverse(self) -> Floats:
         """Compute the (n, n) inverse, exactly symmetric."""
         half = cast("Floats", lapack.dpotri(self._lower, lower=1)[0])
-        whole = half + half.T  # above the diagonal of `half` stand the zeros of the factor
+        whole = half + half.T  # `half` has the zeros of the factor above its diagonal
         np.fill_diagonal(whole, half.diagonal())
         return whole
 
@@ -326,7 +326,7 @@ class Factor:
     ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
         self._damping = damping
-        self._plan = plan  # held for the next system of the same columns
+        self._plan = plan  # kept for the next system of the same columns
         self.size = len(diagonal)
         self._factor: DenseFactor | SparseFactor
         try:
@@ -443,7 +443,7 @@ class Covariance:
         """
         if isinstance(self._inverse, np.ndarray):
             at = columns[:, :, None] * len(self._inverse) + columns[:, None, :]
-            return self._inverse.ravel().take(at)  # half the time of two index arrays
+            return self._inverse.ravel().take(at)  # takes half the time of two index arrays
         return self._inverse.gather(columns)
 
     def joint(self, columns: Ints, gradients: Floats) -> Floats:

@@ -336,7 +336,7 @@ def _unexplained(
         there = near.problem.evaluate(some(states, rows))
         if there is not None:
             gradient[rows], bent[rows] = _off_linear(plane, there, steps[rows], beyond[rows])
-        elif len(rows) > 1:  # one of them is impossible
+        elif len(rows) > 1:  # bisect to isolate the impossible state
             waiting += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
     return gradient, bent
 

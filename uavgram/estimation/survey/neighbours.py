@@ -150,7 +150,7 @@ def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: 
         # N^-1 J^T z: draws of all unknowns.
         drawn = factor.solve(right)
         value = np.zeros((len(columns), _AT_ONCE))
-        for k in range(by.shape[1]):  # one at a time: all of them at once are too many numbers
+        for k in range(by.shape[1]):  # one at a time, to save memory
             value += by[:, [k]] * drawn[columns[:, k]]
         total += np.sum(value**2, axis=1)
     return total / DRAWS

@@ -234,7 +234,7 @@ class State:
     def __post_init__(self) -> None:
         if not len(self.turning):
             object.__setattr__(self, "turning", np.zeros((len(self.center), 0)))
-        for name in ("picked", "tie"):  # of none, as wide as the others
+        for name in ("picked", "tie"):  # empty arrays get the width of the points
             if not getattr(self, name).size:
                 none = np.zeros((*self.point.shape[:-2], 0, self.point.shape[-1]))
                 object.__setattr__(self, name, none)
@@ -310,6 +310,7 @@ def move(layout: Layout, state: State, step: Floats) -> State:
     """
     many = step.shape[:-1]
     frame_step = _of_frames(layout, step)
+    # The gauge's plane, if fixed, comes first and does not move.
     plane = np.empty((*many, state.plane.shape[-1]))
     plane[:] = state.plane
     plane[..., plane.shape[-1] - layout.plane :] += step[

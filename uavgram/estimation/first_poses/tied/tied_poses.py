@@ -258,6 +258,7 @@ def _joined(
         if pose is not None:
             tried.append((pose[2], int(frame), pose[0], pose[1]))
     center, rotation = scene.center.copy(), scene.rotation.copy()
+    # Join all frames within the smallest limit that any of them meets.
     for factor in FITTING:
         fitting = [one for one in tried if one[0] <= factor * spread]
         for _, frame, place, turn in fitting:
@@ -379,7 +380,7 @@ camera would be determined by noise. A camera that hovers had 2.5; the smallest 
 over flat ground has 60."""
 
 LIMIT = 10.0
-"""Sigmas beyond which a ray supports nothing."""
+"""Residual in sigmas beyond which a ray contributes nothing to the support."""
 
 ENOUGH = 200
 """Number of points of a frame that suffice to place it."""

@@ -62,7 +62,7 @@ class GroupedProducts:
             step = max(1, CHUNK // (one.shape[1] * rows * (a + b)))
             for start in range(0, len(target), step):
                 part = slice(start, start + step)
-                some = one[part]  # b may be zero: sizes are told, not found out
+                some = one[part]  # explicit sizes, as b may be zero
                 first = left[some].reshape(len(some), one.shape[1] * rows, a)
                 second = right[other[part]].reshape(len(some), one.shape[1] * rows, b)
                 out[target[part]] += np.swapaxes(first, 1, 2) @ second
@@ -181,6 +181,7 @@ class BlockMatrix:
         """Compute diag(scale) A diag(scale), with `damping` added to its diagonal."""
         point, block, border = (s[..., 0] for s in self.pattern.structure.split(scale[:, None]))
         node = (point, block)
+        # Scale rows and columns of every block.
         tables = tuple(
             table * node[one][pairs.first][:, :, None] * node[other][pairs.second][:, None, :]
             for table, pairs, (one, other) in zip(
@@ -326,6 +327,7 @@ def _pattern(parts: list[Part], structure: Structure) -> Pattern:
     for kind in (POINT, BLOCK):
         node = np.arange(count[kind])
         keys[2 * kind].append(node * max(count[kind], 1) + node)
+    # Every two nodes that occur in one row are coupled.
     for part in parts:
         for i, one in enumerate(part.segments):
             for other in part.segments[i + 1 :]:
@@ -351,7 +353,7 @@ def _terms(part: Part, pattern: Pattern) -> list[_Term]:
             elif one.kind != other.kind:
                 first, second = (one, other) if one.kind < other.kind else (other, one)
                 terms.append(_term(first, second, np.arange(len(one.node)), pattern))
-            else:  # both orders where a row names one node twice: the sum is then symmetric
+            else:  # both orders, as a row may name one node twice: symmetric sum
                 for first, second in ((one, other), (other, one)):
                     rows = np.flatnonzero(first.node <= second.node)
                     terms.append(_term(first, second, rows, pattern))

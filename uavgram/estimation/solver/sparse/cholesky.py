@@ -250,12 +250,14 @@ class Symbolic:
         count = np.bincount(self.point, minlength=len(self.alone))
         first = np.cumsum(count) - count
         entries, keys = [], [between.key]
+        # Group the points by their number of blocks: each point couples all pairs of its blocks.
         for views in np.unique(count):
             point = np.flatnonzero(count == views)
             entry = first[point][:, None] + np.arange(views)
             one, other = np.triu_indices(views)
             entries.append((point, entry, one, other))
             keys.append((self.block[entry[:, one]] * blocks + self.block[entry[:, other]]).ravel())
+        # Blocks of the reduced matrix: those that were coupled before, and the new pairs.
         merged, place = np.unique(np.concatenate(keys), return_inverse=True)
         self.between = place[: len(between)]
         self.views: list[_Views] = []
@@ -272,6 +274,7 @@ class Symbolic:
         self.schur = GroupedProducts(
             np.concatenate(left), np.concatenate(right), place[len(between) :]
         )
+        # Renumber the points that are kept.
         joined, width = len(self.joined), structure.point_size
         border = structure.first_shared - structure.first_block + joined * width
         renamed = np.searchsorted(self.joined, among.first[self.kept_pair]) * max(joined, 1)
@@ -362,6 +365,7 @@ class SparseFactor:
         inverse.coupling[POINT][symbolic.joined] = reduced.coupling[POINT]
         inverse.coupling[BLOCK][:] = reduced.coupling[BLOCK]
         inverse.border[:] = reduced.border
+        # Eliminated points: start from A^-1, and add the part by their blocks and the border.
         own = symbolic.pattern.own(POINT)[symbolic.alone]
         inverse.tables[0][own] = self._inverse
         for views in symbolic.views:

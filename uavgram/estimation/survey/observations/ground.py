@@ -111,7 +111,7 @@ class Departures(Observation):
     def rows(self, state: State) -> Block | None:
         """Compare the departures with 0."""
         weight = 1.0 / self.problem.third.sigma_m[self.label]
-        columns = 3 * self.label[:, None] + 2  # where any point departs, each has three unknowns
+        columns = 3 * self.label[:, None] + 2  # with departures, each point has three unknowns
         off = state.point[..., self.label, 2] * weight
         return Block(off[..., None], columns, weight[:, None, None])
 

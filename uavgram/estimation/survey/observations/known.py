@@ -204,7 +204,7 @@ class Known(Observation):
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Draw the values; conditions and lines of position hold as far as they held."""
+        """Draw the values; conditions and lines of position keep their residuals."""
         known = stated.known
         value, row = known.value.copy(), truth.problem.survey.row_of_label
         seen = (known.seen_thing(i, row) for i in range(len(known.name)))

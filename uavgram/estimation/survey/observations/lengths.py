@@ -239,7 +239,7 @@ class TapeScales(Observation):
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a tape that is longer or shorter than stated."""
-        # Without its prior the scale would be the estimate over the prior's redundancy.
+        # Without its prior the scale would be the estimate divided by the prior's redundancy.
         free = found.off[0] / found.redundancy
         what = self.named(found.member.row)
         size, side = f"{figures(100.0 * abs(free))} %", "long" if free > 0 else "short"

@@ -138,7 +138,7 @@ class Pixels(Observation):
         # Height of the camera over the tangent plane of the ground at the point.
         slope = d_point[..., self._from_above, 2, :2]
         above = to_camera[..., 2] - np.sum(slope * to_camera[..., :2], axis=-1)
-        if above.size and above.min() <= 0:  # the ground is not seen from below
+        if above.size and above.min() <= 0:  # the ground is only visible from above
             return None
         return rows_of_sightings(self.problem, state, self._seen, (world, d_point, d_plane))
 
