@@ -46,7 +46,7 @@ class Split(NamedTuple):
 
 
 class _NormalEquations(NamedTuple):
-    """Quadratic costs of a change d of the camera, 2 gradient d + d normal d: by photo, by prior."""
+    """Quadratic costs 2 gradient d + d normal d of a change d of the camera: by photo, by prior."""
 
     normal: Floats  # (M, q, q)
     gradient: Floats  # (M, q)

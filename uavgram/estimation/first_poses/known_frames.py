@@ -51,9 +51,8 @@ class PlaneNetwork:
         self.point = np.full((labels, 2), np.nan)
         self.center = np.full((frames, 3), np.nan)
         self.rotation = np.full((frames, 3, 3), np.nan)
-        self._tried: dict[
-            tuple[int, int], _Joined | None
-        ] = {}  # key: frame, number of known points
+        # By frame and number of known points.
+        self._tried: dict[tuple[int, int], _Joined | None] = {}
 
     def place(self, frame: int, center: Floats, rotation: Floats) -> None:
         """Set the pose (3,), (3, 3) of a frame over the plane, and the places of its new points.

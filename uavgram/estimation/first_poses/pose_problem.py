@@ -360,9 +360,8 @@ class LineRows(PoseRows):
         along[..., :2] = self.along[which]
         away = -np.broadcast_to(center[:, None], ray.shape)
         away = away + np.concatenate([self.start_m[which], ray[..., 2:] * 0.0], axis=-1)
-        normal = _turned_back(
-            turn, np.cross(along, away)
-        )  # normal of the plane, in the camera's axes
+        # Normal of the plane through camera and line, in the camera's axes.
+        normal = _turned_back(turn, np.cross(along, away))
         world = (turn @ ray[..., None])[..., 0]
         down = np.where((world[..., 2] < 0) & (center[:, 2:] > 0), world[..., 2], np.nan)
         miss = np.sum(normal * ray, axis=-1)

@@ -188,9 +188,8 @@ def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, .
     faults = []
     if spread[0] <= IN_LINE * spread[1]:
         return ("the ends of all lines lie in one line",)
-    angle = 2.0 * np.arctan2(
-        along[:, 1], along[:, 0]
-    )  # lines have no sense of direction: double angles
+    # Double angles, as a line has no sense of direction.
+    angle = 2.0 * np.arctan2(along[:, 1], along[:, 0])
     mean = np.hypot(np.cos(angle).mean(), np.sin(angle).mean())
     # Root mean square of small deviations d: mean of cos 2d = 1 - 2 d^2.
     if mean >= 1.0 - 2.0 * PARALLEL_RAD**2:

@@ -206,7 +206,7 @@ def set_aside(adjustment: Adjustment, members: Iterable[Member]) -> Adjustment:
             at_rest=AT_REST,
         )
         rest = Adjustment(problem, minimum, minimum.factor.covariance())
-    except SingularError:  # the other observations do not determine it
+    except SingularError:  # an unknown depends on these readings alone
         return adjustment
     return rest if minimum.converged else adjustment
 

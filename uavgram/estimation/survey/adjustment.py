@@ -42,8 +42,8 @@ class Placed(NamedTuple):
 def within_survey(factor: Factor, points: Placed, rows: Ints, own: Floats) -> Floats:
     """Compute covariances (n, D, D) of some points without the common shift and turn of all points.
 
-    The position and heading of the whole scene, by receivers and compasses, is independent of its
-    shape.
+    The shape of the scene is independent of its position and heading, which receivers and compasses
+    determine.
 
     Parameters
     ----------
