@@ -41,7 +41,7 @@ class PoseRows:
     axis = 0
 
     def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
-        """Compute residuals (b, r) and Jacobians (b, r, 6) by centre and rotation of photos."""
+        """Compute residuals (b, r), Jacobians (b, r, 6) by centre, rotation of photos (b,)."""
         raise NotImplementedError
 
     def linearise(self, which: Ints, state: State) -> Linear:

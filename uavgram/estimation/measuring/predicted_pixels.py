@@ -260,7 +260,7 @@ def _in_others(
 
 
 def in_photo(camera: Calibration, pixel_px: Floats) -> Bools:
-    """Mark the pixels (N, 2) inside the image; NaN is outside."""
+    """Mark (N,) the pixels (N, 2) inside the image; NaN is outside."""
     size = np.array([camera.width_px, camera.height_px])
     with np.errstate(invalid="ignore"):
         return np.asarray(((pixel_px >= -0.5) & (pixel_px <= size - 0.5)).all(axis=1))

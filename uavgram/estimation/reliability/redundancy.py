@@ -74,7 +74,7 @@ def noncentrality(significance: float) -> float:
 
 
 def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: float) -> Floats:
-    """Compute the smallest error found with probability ``POWER``, as `sigma`; NaN if none is.
+    """Compute the smallest error found with probability ``POWER``, in units of `sigma`, or NaN.
 
     Baarda 1968: sigma * delta0 / sqrt(r), delta0 = z(1 - alpha / 2) + z(power).
 
@@ -185,7 +185,7 @@ def _cofactor(block: Block, covariance: Covariance) -> Floats:
 
 
 def upper_tail(squares: float, degrees: float) -> float:
-    """Return the probability that chi-square exceeds `squares` (1 without redundancy)."""
+    """Return the probability that chi-square with `degrees` exceeds `squares`; 1 without any."""
     return float(chdtrc(degrees, squares)) if degrees > NO_REDUNDANCY else 1.0
 
 
