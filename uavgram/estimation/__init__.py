@@ -1,1 +1,1 @@
-"""Least squares, first values, propagation of covariance, tests for blunders."""
+"""Least squares, initial values, propagation of covariance, tests for blunders."""

@@ -1,1 +1,1 @@
-"""Camera calibration from photos of a board: first values, adjustment, tests, judgement."""
+"""Camera calibration from photos of a board: initial values, adjustment, tests, assessment."""

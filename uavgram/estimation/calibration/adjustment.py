@@ -25,7 +25,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import parameter_names
 
 CONVERGED = 1e-14
-"""Predicted fall of the weighted sum of squares at which the rest is rounding."""
+"""Predicted reduction of the weighted sum of squares at which the rest is rounding."""
 
 MAX_ITERATIONS = 100
 
@@ -33,12 +33,12 @@ SINGULAR = 1e-13
 """Eigenvalue of the border's scaled normal matrix below which it is not determined."""
 
 SLACK = 1e-9
-"""Damping that keeps the last factor solvable where photos leave a parameter free: the covariance,
-which has none, then names that parameter."""
+"""Damping that keeps the last factor solvable if photos leave a parameter undetermined: the
+inversion of the border, which is not damped, then names that parameter."""
 
 
 class UndeterminedError(GeometryError):
-    """The photos do not determine the camera."""
+    """Photos that do not determine the camera."""
 
 
 class Normals(NamedTuple):
@@ -67,22 +67,22 @@ class Normals(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """An adjusted calibration.
+    """Adjusted calibration.
 
     Attributes
     ----------
     lens, corners, state
-        What was estimated, from what, and the result.
+        Estimated parameters, observations, and the result.
     linear
-        Residuals and Jacobians there, whitened with the corners' weights.
+        Residuals and Jacobians at the result, whitened with the corners' weights.
     normals
-        Normal equations there.
+        Normal equations at the result.
     border_covariance
-        (q, q) of the free parameters and the bow, for the sigmas as given.
+        (q, q) of the free parameters and the bow, for the given sigmas.
     cost
         Weighted sum of squares, priors included.
     iterations, converged
-        Steps tried; whether they came to rest.
+        Number of steps tried; whether they converged.
     """
 
     lens: Lens
@@ -119,25 +119,25 @@ class Fit:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Observations and priors, less unknowns."""
+        """Observations and priors minus unknowns."""
         photos = int(np.count_nonzero(self.corners.count))
         known = _rank(prior_normal(self.lens))
         return int(2 * self.corners.count.sum()) + known - POSE * photos - self.lens.size
 
     @property
     def corner_redundancy(self) -> float:
-        """Share of the corners in the degrees of freedom: the rest is the priors'."""
+        """Share of the corners in the degrees of freedom: the rest is that of the priors."""
         known = float(np.trace(prior_normal(self.lens) @ self.border_covariance))
         photos = int(np.count_nonzero(self.corners.count))
         return float(2 * self.corners.count.sum()) - POSE * photos - self.lens.size + known
 
     def parameter_covariance(self, factor: float = 1.0) -> Floats:
-        """(P + k, P + k) of camera and bow; zero where nothing is estimated.
+        """Compute (P + k, P + k) covariance of camera and bow; zero for fixed parameters.
 
         Parameters
         ----------
         factor
-            Of the variances of all corners; those of the priors stay.
+            Factor of the variances of all corners; those of the priors do not change.
         """
         normal = self.normals.photo_border.sum(axis=0) / factor + prior_normal(self.lens)
         basis = self.lens.full_basis
@@ -145,19 +145,20 @@ class Fit:
 
 
 def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
-    """Minimise the weighted sum of squares from first values.
+    """Minimise the weighted sum of squares from initial values.
 
     Parameters
     ----------
     lens, corners
-        What is sought, and the observations.
+        Lens to estimate, and the observations.
     start
-        First values.
+        Initial values.
 
     Raises
     ------
     UndeterminedError
-        The photos leave a parameter free; or the first values put the board behind a camera.
+        The photos leave a parameter undetermined; or the initial values put the board behind a
+        camera.
     """
     structure = _structure(lens, len(corners.weight))
 
@@ -184,7 +185,7 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
         first=blocks,
     )
     state, blocks, cost = end.state, end.blocks, end.cost
-    if end.converged:  # a last step, whose fall disappears in the rounding of the sum of squares
+    if end.converged:  # a last step, whose effect on the cost is lost in rounding
         gradient = gradient_of(blocks.values(), structure.size)
         state = update(state, -end.factor.solve(gradient))
         blocks = evaluate(state) or blocks
@@ -196,21 +197,21 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
 
 
 def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats]:
-    """Poses of every photo on its own, the camera and the board held fixed.
+    """Estimate the pose of every photo separately, with camera and board held fixed.
 
     Parameters
     ----------
     lens, corners
         The lens (its free parameters are held), and the observations of M photos.
     start
-        Camera, board, and first poses.
+        Camera, board, and initial poses.
 
     Returns
     -------
     state
-        With the best poses that were reached.
+        State with the best poses that were reached.
     cost : (M,)
-        Weighted sum of squares of each photo; infinite where a corner lies behind the camera.
+        Weighted sum of squares of each photo; infinite if a corner is behind the camera.
     """
     fixed = lens.without_border()
 
@@ -238,19 +239,20 @@ def normals_of(lens: Lens, linear: Linear) -> Normals:
     pose, cross = product[:, :POSE, :POSE], product[:, :POSE, POSE:]
     inverse = _invert_poses(pose)
     gain = inverse @ cross
+    # Schur complement of each photo: N_bb - N_bp N_pp^-1 N_pb.
     photo = product[:, POSE:, POSE:] - np.swapaxes(cross, 1, 2) @ gain
     return Normals(inverse, gain, photo, photo.sum(axis=0) + prior_normal(lens))
 
 
 def unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
-    """Normal matrices (..., q, q) with unit diagonals, and the (..., q) units that give them."""
+    """Scale normal matrices (..., q, q) to unit diagonals; also return the (..., q) scales."""
     diagonal = np.einsum("...ii->...i", normal)
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
     return normal / (scale[..., :, None] * scale[..., None, :]), scale
 
 
 def _invert_poses(normal: Floats) -> Floats:
-    """(M, 6, 6) inverses; zero for a photo without corners."""
+    """Invert (M, 6, 6); zero for a photo without corners."""
     empty = ~(np.einsum("mii->mi", normal) > 0).all(axis=1)
     scaled, scale = unit_diagonal(normal)
     scaled[empty] = np.eye(POSE)
@@ -260,7 +262,7 @@ def _invert_poses(normal: Floats) -> Floats:
 
 
 def invert_border(normal: Floats, lens: Lens) -> Floats:
-    """Covariance of the border, or an error that names the parameter that is not determined."""
+    """Compute the covariance of the border; an error names an undetermined parameter."""
     if not len(normal):
         return normal
     scaled, scale = unit_diagonal(normal)
@@ -284,31 +286,31 @@ def _unknown_name(lens: Lens, unknown: int) -> str:
 
 
 def prior_normal(lens: Lens) -> Floats:
-    """(q, q) normal matrix of the border's prior."""
+    """Compute the (q, q) normal matrix of the border's prior."""
     basis = lens.full_basis
     return np.asarray(basis.T @ lens.prior_information @ basis)
 
 
 def _rank(normal: Floats) -> int:
-    """Rank of a normal matrix, whatever its units."""
+    """Compute the rank of a normal matrix, independent of its units."""
     return int(np.linalg.matrix_rank(unit_diagonal(normal)[0]))
 
 
 def _structure(lens: Lens, photos: int) -> Structure:
-    """Structure of the unknowns: a block of six for each photo, then the border."""
+    """Return the structure of the unknowns: a block of six for each photo, then the border."""
     first = POSE * photos
     return Structure(first + lens.size, 0, 1, POSE, first)
 
 
 def _columns(lens: Lens, photos: int) -> Ints:
-    """(M, 6 + q) unknowns of each photo's corners."""
+    """Return the (M, 6 + q) unknowns of each photo's corners."""
     own = np.arange(POSE * photos).reshape(photos, POSE)
     border = POSE * photos + np.arange(lens.size)
     return np.concatenate([own, np.broadcast_to(border, (photos, lens.size))], axis=1)
 
 
 def _blocks(lens: Lens, corners: Corners, state: State, linear: Linear) -> dict[str, Block]:
-    """Corners; the prior of parameters and bow; poses of photos without corners, held."""
+    """Return blocks of corners, of priors, and of the held poses of photos without corners."""
     columns = _columns(lens, len(corners.weight))
     blocks = {"corners": Block(linear.residual, columns, linear.jacobian)}
     away = np.concatenate([state.parameters, state.bow_m]) - lens.prior_mean

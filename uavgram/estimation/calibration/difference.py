@@ -1,13 +1,13 @@
-"""Two calibrations of one camera, compared by where they project the same directions.
+"""Comparison of two calibrations of one camera by their projections of the same directions.
 
-Parameters themselves compare badly: a principal point moved aside and a camera turned a little see
-almost the same, and so do focal length and distortion. What remains in the image, once the turn
-that fits best has been taken away, is what a measurement would feel.
+The parameters themselves compare badly: a shifted principal point and a slightly rotated camera
+have nearly the same effect, and so do focal length and distortion. The difference that remains in
+the image after the best-fitting rotation is the effect on a measurement.
 
 References
 ----------
-D. Kogan, mrcal documentation, "Differencing" (mrcal.secretsauce.net/differencing.html): the
-implied transformation is fitted before two models are compared, weighted by their uncertainty.
+D. Kogan, mrcal documentation, "Differencing" (mrcal.secretsauce.net/differencing.html): the implied
+transformation is fitted before two models are compared, weighted by their uncertainty.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ from uavgram.model.camera.calibration import Calibration
 GRID_COLUMNS = 40
 _STEPS = 30
 _AT_REST_PX = 1e-7
-_ROUNDING_PX = 1e-6  # differences below it are none
-_FEWEST_PIXELS = 8  # for six unknowns, with something left to compare
+_ROUNDING_PX = 1e-6  # differences below it count as zero
+_FEWEST_PIXELS = 8  # for six unknowns and some redundancy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CameraDifference(FrozenArrays):
-    """What a second calibration projects elsewhere, over the image of the first.
+    """Differences of the projections by a second calibration, over the image of the first.
 
     Attributes
     ----------
     pixel_px
-        (N, 2) pixels of the first camera, those that both can see.
+        (N, 2) pixels of the first camera that both can see.
     difference_px
         (N, 2) pixel of the same direction (or point) in the second camera, minus `pixel_px`.
     covariance_px2
-        (N, 2, 2) of the difference, from both calibrations taken as independent, with the fitted
-        turn accounted for; zero where neither calibration has errors.
+        (N, 2, 2) of the difference, with the calibrations assumed independent, and the fitted
+        rotation accounted for; zero if neither calibration has errors.
     rotation_rad
-        (3,) the fitted turn: direction in the second camera = exp(rotation) @ direction in the
+        (3,) fitted rotation: direction in the second camera = exp(rotation) @ direction in the
         first.
     center_shift
         (3,) fitted position of the second camera in the first one's frame, in the unit of the
         distance; zero at infinity.
     share_seen
-        Of the pixels of the grid, those that both cameras see.
+        Share of the pixels of the grid that both cameras see.
     """
 
     pixel_px: Annotated[Floats, "n", 2]
@@ -78,23 +78,23 @@ class CameraDifference(FrozenArrays):
 
     @property
     def sigma_px(self) -> Floats:
-        """(N,) length of the difference to expect: the root of its covariance's trace."""
+        """(N,) expected length of the difference: the root of its covariance's trace."""
         return np.asarray(np.sqrt(np.trace(self.covariance_px2, axis1=1, axis2=2)))
 
     @property
     def expected_rms_px(self) -> float:
-        """The rms to expect from the two calibrations' errors alone."""
+        """Expected rms by the errors of the two calibrations alone."""
         return float(np.sqrt(np.mean(self.sigma_px**2)))
 
     @property
     def z(self) -> Floats:
-        """(N,) Mahalanobis length of the difference: 2.45 is passed by 5 % of the pixels.
+        """(N,) Mahalanobis length of the difference: 2.45 is exceeded by 5 % of the pixels.
 
-        Infinite where the calibrations state no error at all but differ.
+        Infinite if the calibrations state no error at all but differ.
         """
         sigma2, axes = np.linalg.eigh(self.covariance_px2)
         along = np.einsum("nij,ni->nj", axes, self.difference_px)
-        # Below rounding of the larger axis nothing is known of the smaller one's error.
+        # The variance of the smaller axis is not known below the rounding of the larger one.
         floor = 1e-12 * sigma2[:, 1:]
         with np.errstate(divide="ignore", invalid="ignore"):
             squared = np.where(
@@ -105,12 +105,12 @@ class CameraDifference(FrozenArrays):
 
 @dataclass(frozen=True, eq=False)
 class _Alignment:
-    """The second camera's place and turn, and everything there."""
+    """Pose of the second camera, with differences and derivatives there."""
 
     rotation: Floats  # (3, 3)
     center: Floats  # (3,)
     difference: Floats  # (N, 2)
-    by_alignment: Floats  # (N, 2, 3 or 6): turn, then shift of the centre
+    by_alignment: Floats  # (N, 2, 3 or 6): rotation, then shift of the centre
     by_point: Floats  # (N, 2, 3): by the point in the first camera's frame
     by_second: Floats  # (N, 2, P) by the second camera's parameters
 
@@ -122,17 +122,17 @@ def camera_difference(
     distance: float | None = None,
     columns: int = GRID_COLUMNS,
 ) -> CameraDifference:
-    """Project the same directions by two calibrations, after the turn between them that fits best.
+    """Compare the projections by two calibrations, after the best-fitting rotation between them.
 
     Parameters
     ----------
     first, second
         Calibrations of images of the same size; their lens models may differ.
     distance
-        Distance of the points from the first camera; the second may then also stand elsewhere.
-        None: at infinity, where it can only be turned.
+        Distance of the points from the first camera; the second may then also be shifted. None: at
+        infinity, where only a rotation has an effect.
     columns
-        Of the grid of pixels, which covers the image to its edges.
+        Number of columns of the grid of pixels, which covers the image to its edges.
 
     Raises
     ------
@@ -160,6 +160,7 @@ def camera_difference(
     shifted = distance is not None
     even = np.ones(len(pixel))
     start = (np.eye(3), np.zeros(3))
+    # First fit with equal weights, then with weights by the covariance of the differences.
     rough = _align(second, pixel, point, even, start, shifted=shifted)
     weight = _weights(_covariance(rough, by_first, (first, second), even))
     start = (rough.rotation, rough.center)
@@ -175,14 +176,14 @@ def camera_difference(
 
 
 def image_grid(width_px: int, height_px: int, columns: int = GRID_COLUMNS) -> Floats:
-    """(N, 2) pixels of a grid of nearly square cells over the whole image, its edges included.
+    """Return (N, 2) pixels of a grid of nearly square cells over the image, its edges included.
 
     Parameters
     ----------
     width_px, height_px
         Size of the image.
     columns
-        Of the grid; the rows follow from the image's shape.
+        Number of columns; the rows follow from the image's shape.
     """
     rows = max(2, round(columns * height_px / width_px))
     u = np.linspace(-0.5, width_px - 0.5, columns)
@@ -191,7 +192,7 @@ def image_grid(width_px: int, height_px: int, columns: int = GRID_COLUMNS) -> Fl
 
 
 def _at_distance(ray: Floats, distance: float | None) -> tuple[Floats, Floats]:
-    """(N, 3) points along rays with z = 1 at a distance from the camera, and (N, 3, 3) by the ray.
+    """Return (N, 3) points on rays with z = 1 at a distance from the camera, and (N, 3, 3) by ray.
 
     At infinity the rays themselves: their length does not matter there.
     """
@@ -216,10 +217,10 @@ def _align(
     *,
     shifted: bool,
 ) -> _Alignment:
-    """Gauss-Newton for the turn (and shift) with the smallest weighted difference.
+    """Estimate the rotation (and shift) with the smallest weighted difference by Gauss-Newton.
 
-    The lens models are used beyond their folds while the turn is sought, so that no pixel drops
-    out on the way; what is compared was seen by both at the start.
+    The lens models are used beyond their folds during the iteration, so that no pixel drops out;
+    the compared pixels were seen by both at the start.
     """
     rotation, center = start
     root = np.sqrt(weight)[:, None]
@@ -262,10 +263,10 @@ def _evaluate(
 def _covariance(
     at: _Alignment, by_first: Floats, cameras: tuple[Calibration, Calibration], weight: Floats
 ) -> Floats:
-    """(N, 2, 2) covariance of the differences, after the fitted turn has taken its part of them.
+    """Compute (N, 2, 2) covariances of the differences after the fitted rotation.
 
-    First order: the turn follows the errors of both calibrations by least squares, so that
-    d difference = (I - A A+) (B d second + C d first), with A+ the weighted pseudo-inverse.
+    First order: the rotation follows the errors of both calibrations by least squares, so that d
+    difference = (I - A A+) (B d second + C d first), with A+ the weighted pseudo-inverse.
     """
     first, second = cameras
     a = at.by_alignment.reshape(-1, at.by_alignment.shape[-1])
@@ -280,7 +281,7 @@ def _covariance(
 
 
 def _weights(covariance: Floats) -> Floats:
-    """(N,) weights by what a turn cannot explain; even where the calibrations state no errors."""
+    """Compute (N,) weights by variances that a rotation cannot explain; equal if all are zero."""
     variance = np.trace(covariance, axis1=1, axis2=2)
     mean = float(variance.mean())
     if mean == 0:

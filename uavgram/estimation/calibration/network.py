@@ -1,4 +1,4 @@
-"""Tilts, rolls and coverage of the photos, and what the residuals still hide."""
+"""Tilts, rolls and coverage of the photos, and systematic errors in the residuals."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uavgram.estimation.calibration.problem import State
 from uavgram.model.arrays import Floats, Ints
 
 CELLS = (8, 6)
-"""Columns and rows in which the image is looked at for empty places."""
+"""Columns and rows of the cells in which empty parts of the image are searched."""
 
 
 class Tilts(NamedTuple):
@@ -35,10 +35,11 @@ class Tilts(NamedTuple):
 
 
 def tilts(state: State) -> Tilts:
-    """Tilts of the boards in the camera's frame.
+    """Compute tilts of the boards in the camera's frame.
 
-    A roll of the camera by a quarter turns the direction of a tilt with it. What varies along one
-    direction only leaves the principal point along the other one to the perspective of few.
+    Rolling the camera by a quarter turn rotates the direction of a tilt with it. If tilts vary
+    along one direction only, the principal point along the other one is determined by the
+    perspective of few photos.
     """
     normal = state.camera_from_board[:, :, 2]
     # The same board may be seen with its normal towards or away from the camera.
@@ -46,6 +47,7 @@ def tilts(state: State) -> Tilts:
     lateral = np.hypot(normal[:, 0], normal[:, 1])
     tilt = np.arctan2(lateral, normal[:, 2])
     vector = normal[:, :2] * (tilt / np.maximum(lateral, 1e-12))[:, None]
+    # Principal axes of the tilt vectors.
     centred = vector - vector.mean(axis=0)
     values, axes = np.linalg.eigh(centred.T @ centred / len(vector))
     weak = float(np.arctan2(axes[1, 0], axes[0, 0]))
@@ -57,14 +59,14 @@ def tilts(state: State) -> Tilts:
 
 
 class Coverage(NamedTuple):
-    """Where in the image there are corners.
+    """Distribution of the corners over the image.
 
     Attributes
     ----------
     corners
-        (R, C) corners by cell of the image.
+        (R, C) number of corners in each cell of the image.
     largest_share
-        Largest distance of a corner from the middle of the image, over that of its corner.
+        Largest distance of a corner from the middle of the image, over that of the image's corner.
     """
 
     corners: Ints
@@ -72,7 +74,7 @@ class Coverage(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Of the cells, those with a corner."""
+        """Share of the cells with a corner."""
         return float(np.mean(self.corners > 0))
 
 
@@ -99,16 +101,16 @@ def coverage(
 
 
 class Trend(NamedTuple):
-    """An unknown more in each photo, as the residuals would have it.
+    """Additional unknowns of each photo, estimated from the residuals.
 
     Attributes
     ----------
     value
-        (M, e) its estimates; 0 where a photo does not determine them.
+        (M, e) estimates; 0 if a photo does not determine them.
     chi2
-        Sum over photos of the squares they would take away, in units of the variance factor.
+        Sum over photos of the reductions of the sum of squares, in units of the variance factor.
     degrees
-        Of freedom: e for each photo.
+        Degrees of freedom: e for each photo.
     """
 
     value: Floats
@@ -117,18 +119,19 @@ class Trend(NamedTuple):
 
 
 def trend(fit: Fit, extra: Floats) -> Trend:
-    """Score test (Rao 1948) of unknowns that each photo would have for itself.
+    """Test additional unknowns of each photo by a score test (Rao 1948).
 
     Parameters
     ----------
     fit
-        The adjustment without them; its border is taken as known.
+        Adjustment without them; its border is assumed known.
     extra
         (M, n, 2, e) derivatives of the pixels by them [px per unit].
     """
     photos, n = fit.corners.weight.shape
     rows = (extra * fit.corners.weight[:, :, None, None]).reshape(photos, 2 * n, -1)
     pose = fit.linear.pose
+    # Project the pose out of the derivatives.
     follow = fit.normals.pose_inverse @ (np.swapaxes(pose, 1, 2) @ rows)
     free = rows - pose @ follow
     normal = np.swapaxes(free, 1, 2) @ free
@@ -144,16 +147,16 @@ def trend(fit: Fit, extra: Floats) -> Trend:
 
 
 class RollingShutter(NamedTuple):
-    """Whether rows drift against each other, differently in each photo.
+    """Drift of rows against each other, different in each photo.
 
     Attributes
     ----------
     drift_px
         Root mean square over photos of the drift from the first row to the last one.
     ratio
-        How much more of the residuals such drifts explain than bends do.
+        Ratio of the residuals explained by such drifts to those explained by bends.
     probability
-        Of such a ratio by chance.
+        Probability of such a ratio by chance.
     """
 
     drift_px: float
@@ -164,9 +167,9 @@ class RollingShutter(NamedTuple):
 def rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
     """Compare a drift by row in each photo with bends of second order.
 
-    A camera that moves while its rows are read out one after the other shears and stretches each
-    photo in its own way, to first order; a bent board or a wrong lens model bends it, to second.
-    What the poses can take over of either is not counted.
+    A camera that moves while its rows are read one after the other shears and stretches each photo
+    differently, to first order; a bent board or a wrong lens model bends it, to second order. The
+    parts of either that the poses compensate are not counted.
     """
     u, v = np.moveaxis(fit.corners.pixel_px / np.array(size_px) - 0.5, -1, 0)
     by_row = trend(fit, _along_both(v))
@@ -180,21 +183,21 @@ def rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
 
 
 def _along_both(shape: Floats) -> Floats:
-    """(M, n, 2, 2) derivatives of pixels by a pattern (M, n) along u, and by one along v."""
+    """Return (M, n, 2, 2) derivatives of pixels by a pattern (M, n) along u, and by one along v."""
     extra = np.zeros((*shape.shape, 2, 2))
     extra[..., 0, 0] = extra[..., 1, 1] = shape
     return extra
 
 
 class FocusDrift(NamedTuple):
-    """Whether the focal length differs from photo to photo.
+    """Differences of the focal length between photos.
 
     Attributes
     ----------
     relative
-        (M,) each photo's own focal length over the common one, less 1.
+        (M,) each photo's own focal length over the common one, minus 1.
     probability
-        Of such differences by chance.
+        Probability of such differences by chance.
     """
 
     relative: Floats
@@ -202,14 +205,14 @@ class FocusDrift(NamedTuple):
 
 
 def focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
-    """Give each photo a focal length of its own: autofocus, zoom or two cameras show.
+    """Estimate a separate focal length for each photo, to detect autofocus, zoom or two cameras.
 
     Parameters
     ----------
     fit
-        The adjustment with one focal length.
+        Adjustment with one focal length.
     photo_factor
-        How much more the photos scatter than their corners' noise explains, for other reasons.
+        Factor by which the photos scatter more than by their corners' noise, for other reasons.
     """
     principal = fit.state.parameters[2:4]
     extra = (fit.corners.pixel_px - principal)[..., None]
@@ -224,11 +227,11 @@ class ResidualMap(NamedTuple):
     Attributes
     ----------
     mean_px
-        (R, C, 2); NaN where there is no corner.
+        (R, C, 2); NaN if there is no corner.
     corners
-        (R, C) how many corners.
+        (R, C) number of corners.
     probability
-        (R, C) of so long a mean vector by chance; 1 where there is no corner.
+        (R, C) of so long a mean vector by chance; 1 if there is no corner.
     """
 
     mean_px: Floats
@@ -237,12 +240,12 @@ class ResidualMap(NamedTuple):
 
 
 def residual_map(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> ResidualMap:
-    """Mean residuals by cell of the image.
+    """Compute mean residuals by cell of the image.
 
     Parameters
     ----------
     fit, size_px
-        The adjustment; width and height of the image.
+        Adjustment; width and height of the image.
     cells
         Columns and rows.
     """
@@ -256,6 +259,7 @@ def residual_map(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> 
     count = np.bincount(index, minlength=rows * columns)
     mean = _by_cell(index, residual / weight[:, None], count)
     whitened = _by_cell(index, residual, count)
+    # A mean of n whitened residuals has the variance 1 / n: chi-square with two degrees.
     squared = np.nansum(whitened**2, axis=1) * count / factor
     probability = np.where(count > 0, chdtrc(2, squared), 1.0)
     return ResidualMap(

@@ -1,4 +1,4 @@
-"""Data snooping of corners and photos: one at a time, refitted in between, nothing in silence."""
+"""Data snooping of corners and photos: one at a time, with an adjustment after each."""
 
 from __future__ import annotations
 
@@ -15,39 +15,39 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.board import CalibrationOptions
 
 ROUNDS = 100
-"""Refits in which corners and photos are taken out."""
+"""Largest number of adjustments after removal of corners and photos."""
 
 MOST_CORNERS = 0.15
-"""Share of a photo's corners beyond which it is the photo that does not fit."""
+"""Share of bad corners in a photo above which the photo itself does not fit."""
 
 BAD_PHOTO = 3.0
-"""Residuals of a bad photo, in the median of all photos: photos are never quite alike, so a test
-against the corners' noise alone would throw out half of any good set."""
+"""Residuals of a bad photo, in units of the median of all photos: photos always differ, so a test
+against the corners' noise alone would reject half of any good set."""
 
 FEWEST_PHOTOS = 3
 
 SCALED = 5e-7
-"""Relative change of the corners' sigmas at which its estimate has settled."""
+"""Relative change of the corners' sigmas at which the estimate has converged."""
 
 _SCALINGS = 20
 
 
 @dataclass(frozen=True, eq=False)
 class Snooped:
-    """An adjustment, and what was found wrong on the way.
+    """Adjustment, and the outliers that were found.
 
     Attributes
     ----------
     fit
-        The last adjustment, its weights scaled by `sigma_scale`.
+        Last adjustment, its weights scaled by `sigma_scale`.
     sigma_scale
-        Factor of the corners' sigmas that their residuals ask for; 1 where they are given.
+        Factor of the corners' sigmas estimated from their residuals; 1 if they are given.
     bad_corner
-        (M, n) corners that fit too badly: taken out, or only named.
+        (M, n) mask of corners that are outliers: removed, or only reported.
     bad_photo
-        (M,) photos likewise.
+        (M,) mask of photos likewise.
     bad_photo_size
-        (M,) residuals of each photo in the median of all when it was judged.
+        (M,) residuals of each photo in units of the median of all when it was judged.
     """
 
     fit: Fit
@@ -58,20 +58,20 @@ class Snooped:
 
 
 def snoop(lens: Lens, corners: Corners, start: State, options: CalibrationOptions) -> Snooped:
-    """Adjust; test corners and photos; take out the worst, and adjust again until all fit.
+    """Adjust, test corners and photos, remove the worst, and adjust again until all fit.
 
-    In each round the worst corner of each photo goes at most: corners of different photos hardly
-    share a redundancy, those of one photo do. Where outliers are only to be reported, all take
-    part in the last adjustment again.
+    In each round at most the worst corner of each photo is removed: corners of different photos
+    hardly share redundancy, those of one photo do. If outliers are only reported, all observations
+    take part in the last adjustment again.
 
     Parameters
     ----------
     lens, corners
-        What is sought, and the observations of M photos.
+        Lens to estimate, and the observations of M photos.
     start
-        First values.
+        Initial values.
     options
-        Level of significance, and whether outliers go or are only reported.
+        Level of significance, and whether outliers are removed or only reported.
     """
     fit, scale = adjust_scaled(lens, corners, start, options)
     bad_corner = np.zeros(corners.weight.shape, bool)
@@ -83,13 +83,13 @@ def snoop(lens: Lens, corners: Corners, start: State, options: CalibrationOption
         if new_corner.any() and not crowded.any():
             bad_corner |= new_corner
         else:
-            # Only where single corners are no longer to blame is it the photo.
+            # A photo is only removed if single corners no longer explain the misfit.
             worst, found = _worst_photo(fit, crowded, options)
             size = np.where(bad_photo, size, found)
             if worst is None:
                 break
             bad_photo[worst] = True
-            bad_corner[:] = False  # it may have spoiled those of the others
+            bad_corner[:] = False  # the photo may have distorted the tests of the others
         kept = np.where(bad_corner | bad_photo[:, None], 0.0, corners.weight)
         fit, scale = adjust_scaled(lens, corners.weighted(kept), fit.state, options)
     if options.outliers == "report" and (bad_corner.any() or bad_photo.any()):
@@ -102,15 +102,15 @@ def adjust_scaled(
 ) -> tuple[Fit, float]:
     """Adjust with the corners' sigmas given, or scaled until they agree with the residuals.
 
-    Where there are priors the scale decides what they weigh, so both are found together
-    (variance components after Foerstner 1979).
+    If there are priors, the scale decides their weight, so both are estimated together (variance
+    components after Foerstner 1979).
 
     Parameters
     ----------
     lens, corners
-        What is sought, and the observations.
+        Lens to estimate, and the observations.
     start
-        First values.
+        Initial values.
     options
         Whether the corners' sigmas are given, or follow from the residuals.
 
@@ -134,7 +134,7 @@ def adjust_scaled(
 
 
 def _bad_corners(fit: Fit, options: CalibrationOptions) -> Bools:
-    """(M, n) the worst corner of each photo, where it is an outlier."""
+    """Mark (M, n) the worst corner of each photo if it is an outlier."""
     tests = corner_tests(fit, options.corner_sigma)
     count = max(int(fit.corners.count.sum()), 1)
     worst = tests.probability.argmin(axis=1)
@@ -142,7 +142,7 @@ def _bad_corners(fit: Fit, options: CalibrationOptions) -> Bools:
     photo = np.arange(len(worst))
     # Bonferroni: the significance is that of the whole set.
     result[photo, worst] = tests.probability[photo, worst] < options.significance / count
-    # A photo keeps what its pose needs, and some corners to check it.
+    # A photo keeps the corners that its pose needs, and some to check it.
     result[fit.corners.count <= 2 * FEWEST_CORNERS] = False
     return result
 
@@ -150,7 +150,7 @@ def _bad_corners(fit: Fit, options: CalibrationOptions) -> Bools:
 def _worst_photo(
     fit: Fit, crowded: Bools, options: CalibrationOptions
 ) -> tuple[int | None, Floats]:
-    """Which photo fits too badly, if any, and all photos' residuals in their median."""
+    """Find the photo that fits too badly, if any, and the residuals of all over their median."""
     tests = photo_tests(fit, options.corner_sigma)
     used = (fit.corners.count > 0) & np.isfinite(tests.excess)
     rms = np.sqrt(np.maximum(tests.excess, 0.0) / np.maximum(tests.degrees, 1.0))
@@ -164,7 +164,7 @@ def _worst_photo(
 
 
 def without(fit: Fit, photos: Bools) -> Fit:
-    """Drop photos that have no weight left; the result stays the same."""
+    """Drop photos that have no weight left; the result does not change."""
     return replace(
         fit,
         corners=fit.corners.take(~photos),

@@ -1,8 +1,9 @@
 """Corners of a board in M photos as whitened residuals with Jacobians, padded to one shape.
 
 Unknowns: a border shared by all photos (intrinsics, distortion, bow of the board), and a pose of
-six per photo: (shift of the board's middle in the camera's frame [m], turn of the board about
-its middle, in the camera's frame [rad]). About the middle the two hardly depend on each other.
+six for each photo: (shift of the board's middle in the camera's frame [m], rotation of the board
+about its middle, in the camera's frame [rad]). With a rotation about the middle the two are hardly
+correlated.
 """
 
 from __future__ import annotations
@@ -32,10 +33,10 @@ from uavgram.model.camera.calibration import (
 )
 
 POSE = 6
-"""Unknowns of a photo."""
+"""Number of unknowns of a photo."""
 
 RANK = 1e-14
-"""Share of the largest eigenvalue of a prior's information from which on a direction is known."""
+"""Share of the largest eigenvalue of a prior's information above which a direction is known."""
 
 _ESTIMATED: dict[tuple[LensModel, int], tuple[str, ...]] = {
     ("brown", 3): ("k1", "k2", "k3"),
@@ -58,7 +59,7 @@ class Corners:
     pixel_px
         (M, n, 2).
     weight
-        (M, n) one over sigma; 0 where there is no observation.
+        (M, n) inverse sigma; 0 if there is no observation.
     """
 
     board_m: Floats
@@ -68,17 +69,17 @@ class Corners:
 
     @property
     def count(self) -> Ints:
-        """(M,) corners per photo."""
+        """(M,) number of corners of each photo."""
         return np.asarray(np.count_nonzero(self.weight, axis=1), np.int64)
 
     def take(self, photos: Ints | Bools) -> Corners:
-        """Some of the photos."""
+        """Return some of the photos."""
         return Corners(
             self.board_m[photos], self.bow[photos], self.pixel_px[photos], self.weight[photos]
         )
 
     def weighted(self, weight: Floats) -> Corners:
-        """The same corners with other weights (M, n)."""
+        """Return the same corners with other weights (M, n)."""
         return replace(self, weight=weight)
 
 
@@ -104,16 +105,16 @@ class State:
     middle_camera_m: Floats
 
     def moved(self, lens: Lens, border: Floats, pose: Floats) -> State:
-        """State after increments of the border (q,) and of the poses (M, 6).
+        """Return the state after increments of the border (q,) and of the poses (M, 6).
 
         Parameters
         ----------
         lens
-            What the increments of the border mean.
+            Lens, which defines the border.
         border
             (q,) of the camera's free parameters, then of the bow [m].
         pose
-            (M, 6) of the board's middle [m] and its turn [rad], in the camera's frame.
+            (M, 6) of the board's middle [m] and its rotation [rad], in the camera's frame.
         """
         free = lens.basis.shape[1]
         bow = border[free:]
@@ -125,7 +126,7 @@ class State:
         )
 
     def where(self, chosen: Bools, other: State) -> State:
-        """Poses of this state where they are chosen (M,), those of the other one elsewhere."""
+        """Combine poses of this state where chosen (M,) with those of the other one elsewhere."""
         return replace(
             self,
             camera_from_board=np.where(
@@ -135,7 +136,7 @@ class State:
         )
 
     def take(self, photos: Ints | Bools) -> State:
-        """Some of the photos."""
+        """Return some of the photos."""
         return replace(
             self,
             camera_from_board=self.camera_from_board[photos],
@@ -145,7 +146,7 @@ class State:
 
 @dataclass(frozen=True, eq=False)
 class Lens:
-    """What is estimated of the camera and the board, and what is known of it beforehand.
+    """Parameters of camera and board to estimate, and their priors.
 
     Attributes
     ----------
@@ -154,7 +155,7 @@ class Lens:
     basis
         (P, f) derivative of the camera's parameters by the free ones.
     prior_mean, prior_information
-        (P + k,), (P + k, P + k) what is known of parameters and bow; zero where nothing is.
+        (P + k,), (P + k, P + k) priors of parameters and bow; zero information if there is none.
     """
 
     model: LensModel
@@ -164,7 +165,7 @@ class Lens:
 
     @property
     def size(self) -> int:
-        """Unknowns q of the border."""
+        """Number of unknowns q of the border."""
         return int(self.basis.shape[1]) + len(self.prior_mean) - len(self.basis)
 
     @property
@@ -186,13 +187,13 @@ class Lens:
         return np.asarray((vectors[:, known] * np.sqrt(values[known])).T * scale)
 
     def without_border(self) -> Lens:
-        """The same lens held fixed: only poses are left to estimate."""
+        """Return the same lens held fixed, with only poses to estimate."""
         p = len(self.basis)
         return Lens(self.model, np.zeros((p, 0)), np.zeros(p), np.zeros((p, p)))
 
 
 def lens_of(options: CalibrationOptions) -> Lens:
-    """Free parameters and priors that the options ask for."""
+    """Return the free parameters and priors requested by the options."""
     count = parameter_count(options.model, options.coefficients)
     names = parameter_names(options.model, count)
     free = ["fx", "fy", *_ESTIMATED[options.model, options.coefficients]]
@@ -213,19 +214,19 @@ def lens_of(options: CalibrationOptions) -> Lens:
 
 
 def focal_and_center_prior(camera: Calibration, model: LensModel, source: str) -> IntrinsicsPrior:
-    """What a brown camera says of focal length and principal point, for any lens model.
+    """Return the prior of focal length and principal point by a brown camera, for any lens model.
 
-    Both mean the same in all models: the scale at the optical axis, and where it meets the image.
-    Distortion is left to the photos: coefficients of one model are none of another.
+    Both have the same meaning in all models: the scale at the optical axis, and its intersection
+    with the image. Distortion has no prior: coefficients of one model do not apply to another.
 
     Parameters
     ----------
     camera
-        With its covariance; that of fx, fy, cx, cy is regular.
+        Camera with a covariance that is regular for fx, fy, cx, cy.
     model
-        Of the lens to estimate.
+        Model of the lens to estimate.
     source
-        Where it comes from, in words.
+        Source of the prior, in words.
     """
     count = len(PARAMETER_NAMES[model])
     parameters, information = np.zeros(count), np.zeros((count, count))
@@ -235,15 +236,15 @@ def focal_and_center_prior(camera: Calibration, model: LensModel, source: str) -
 
 
 def bow_count(bow: Bow) -> int:
-    """Unknowns of the board's shape."""
+    """Return the number of unknowns of the board's shape."""
     return {"flat": 0, "bowl": 1, "paraboloid": 2}[bow]
 
 
 def bow_shape(board: Board, bow: Bow) -> Floats:
-    """(B, k) height of each corner (along the board's z) per height of the middle over the rim.
+    """Compute (B, k) heights of each corner (along the board's z) per height of the middle.
 
-    After mrcal (Kogan), "Board deformation": z = bx (1 - x^2) + by (1 - y^2) with x and y from -1
-    to 1; ``bowl`` has one curvature for both.
+    The height of the middle is that over the rim. After mrcal (Kogan), "Board deformation": z = bx
+    (1 - x^2) + by (1 - y^2) with x and y from -1 to 1; ``bowl`` has one curvature for both.
     """
     if bow == "flat":
         return np.zeros((len(board.corner_board_m), 0))
@@ -255,18 +256,18 @@ def bow_shape(board: Board, bow: Bow) -> Floats:
 
 
 def board_middle(board: Board) -> Floats:
-    """(3,) middle of the board's corners, in its frame [m]."""
+    """Return the (3,) middle of the board's corners, in its frame [m]."""
     corner = board.corner_board_m
     return np.asarray((corner.min(axis=0) + corner.max(axis=0)) / 2)
 
 
 def pad(observations: BoardObservations, bow: Bow) -> Corners:
-    """Corners of all photos in arrays of one shape."""
+    """Arrange the corners of all photos in arrays of one shape."""
     board, photos = observations.board, observations.photos
     count = np.array([len(photo.corner) for photo in photos])
     slot = np.arange(count.max(initial=0))
     there = slot < count[:, None]
-    # Row by row the corners of a photo, then its first one again.
+    # Each row holds the corners of a photo, then its first one again.
     first = np.cumsum(count) - count
     at = first[:, None] + np.where(there, slot, 0)
     corner = np.concatenate([photo.corner for photo in photos])[at]
@@ -307,16 +308,16 @@ class Linear(NamedTuple):
 def linearise(
     lens: Lens, corners: Corners, state: State, *, partial: bool = False
 ) -> Linear | None:
-    """Residuals and Jacobians; None where an observed corner lies behind the camera.
+    """Compute residuals and Jacobians; None if an observed corner is behind the camera.
 
     Parameters
     ----------
     lens, corners
-        What is sought, and the observations of M photos.
+        Lens to estimate, and the observations of M photos.
     state
-        Where to linearise.
+        State at which to linearise.
     partial
-        Whether photos with a corner behind the camera are NaN, and the others as they are.
+        Whether photos with a corner behind the camera are NaN, instead of None for all.
     """
     photos, n = corners.weight.shape
     # d corner / d bow is the board's normal in the camera's frame times the shape function.
@@ -334,6 +335,7 @@ def linearise(
     f = lens.basis.shape[1]
     jacobian = np.empty((photos, n, 2, POSE + lens.size))
     jacobian[..., :3] = d_camera
+    # exp(d) arm = arm + d x arm = arm - hat(arm) d.
     np.matmul(d_camera, -hat(arm), out=jacobian[..., 3:POSE])
     border = jacobian[..., POSE:]
     np.matmul(d_parameters, lens.basis, out=border[..., :f])

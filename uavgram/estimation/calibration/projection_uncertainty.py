@@ -1,7 +1,7 @@
-"""How far a calibration's errors move what is projected: in pixels, and in lengths on the ground.
+"""Projection uncertainty of a calibration: in pixels, and in lengths on the ground.
 
-Errors of the parameters that a turned (or shifted) camera would hide do no harm where the pose is
-estimated with the same camera; see `uavgram.estimation.calibration.difference`.
+Errors of the parameters that a rotation (or shift) of the camera compensates do no harm where the
+pose is estimated with the same camera; see `uavgram.estimation.calibration.difference`.
 """
 
 from __future__ import annotations
@@ -26,24 +26,25 @@ _REWEIGHTINGS = 5
 def projection_covariance(
     calibration: Calibration, *, distance: float | None = None, columns: int = 40
 ) -> tuple[Floats, Floats]:
-    """Covariance of projected directions over the image.
+    """Compute the covariance of projected directions over the image.
 
     Parameters
     ----------
     calibration
-        The camera.
+        Calibration of the camera.
     distance
-        Of the points from the camera; None: at infinity, where it can only be turned.
+        Distance of the points from the camera; None: at infinity, where only a rotation has an
+        effect.
     columns
-        Of the grid of pixels.
+        Number of columns of the grid of pixels.
 
     Returns
     -------
     pixel_px : (N, 2)
         Pixels of the grid that have a ray.
     covariance_px2 : (N, 2, 2)
-        Of the pixel in which a fixed direction appears, once the turn (and shift) that hides the
-        calibration's error best has been taken away.
+        Covariance of the pixel of a fixed direction, after the rotation (and shift) that
+        compensates the calibration's error best.
     """
     exact = replace(calibration, covariance=np.zeros_like(calibration.covariance))
     difference = camera_difference(calibration, exact, distance=distance, columns=columns)
@@ -51,7 +52,7 @@ def projection_covariance(
 
 
 def worst_sigma(covariance: Floats) -> Floats:
-    """(N,) standard deviation of (N, 2, 2) covariances in their worst direction."""
+    """Compute (N,) standard deviations of (N, 2, 2) covariances in their worst direction."""
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0)))
 
 
@@ -62,18 +63,18 @@ def length_uncertainty(
     pixel_px: Floats | None = None,
     columns: int = 16,
 ) -> LengthUncertainty:
-    """Relative standard deviations of lengths between ground points, by the calibration alone.
+    """Compute relative sigmas of lengths between ground points, by the calibration alone.
 
     Parameters
     ----------
     calibration
-        The camera.
+        Calibration of the camera.
     tilt_rad
-        Of the optical axis from straight down; image up is the direction of the tilt.
+        Angle of the optical axis from the nadir [rad]; image up is the direction of the tilt.
     pixel_px
         (L, 2, 2) ends of the lengths; None: a set over the image, each a third of its width.
     columns
-        Of the grid of ground points by which the pose follows.
+        Number of columns of the grid of ground points that determine the pose.
 
     Raises
     ------
@@ -94,7 +95,7 @@ def length_uncertainty(
             f"camera {calibration.name!r} tilted {np.degrees(tilt_rad):.0f} degrees does not see "
             "the ground there: tilt it less, or choose pixels below the horizon"
         )
-    # The pose that hides the error best: pixel(point, pose, parameters) stays where it is.
+    # The pose that compensates the error best: pixel(point, pose, parameters) does not change.
     near = grid_fall.take(seen)
     follow = _pose_that_follows(near, calibration.covariance)
     along = np.diff(fall.point.reshape(-1, 2, 3), axis=1)[:, 0]
@@ -115,21 +116,21 @@ def length_uncertainty(
 
 
 class _Ground(NamedTuple):
-    """Ground points of pixels, a camera's height above them being 1, and what moves them."""
+    """Ground points of pixels for a camera at height 1 above them, with derivatives."""
 
     point: Floats  # (N, 3)
     by_parameters: Floats  # (N, 3, P)
-    by_pose: Floats  # (N, 3, 6) centre, then turn in the camera's frame
-    to_pixel: Floats  # (N, 2, 3) pixel that a ground point moves to, per shift along the ground
+    by_pose: Floats  # (N, 3, 6) centre, then rotation in the camera's frame
+    to_pixel: Floats  # (N, 2, 3) derivative of the pixel by the point along the ground
 
     def take(self, index: Floats) -> _Ground:
         return _Ground._make(rows[index] for rows in self)
 
 
 def _pose_that_follows(seen: _Ground, covariance: Floats) -> Floats:
-    """(6, P) derivative of the pose by the parameters, where it hides their errors best.
+    """Compute the (6, P) derivative of the pose by the parameters that compensates their errors.
 
-    Weighted by what it cannot hide: where the lens is hardly known no pose would be measured.
+    Weighted by the remaining error: no pose would be measured where the lens is hardly known.
     """
     by_pose, by_parameters = (
         (seen.to_pixel @ d).reshape(2 * len(seen.point), -1)
@@ -138,6 +139,7 @@ def _pose_that_follows(seen: _Ground, covariance: Floats) -> Floats:
     weight = np.ones(len(seen.point))
     for _ in range(_REWEIGHTINGS):
         root = np.repeat(np.sqrt(weight), 2)[:, None]
+        # Weighted least squares: the pose that cancels the change of the pixels by the parameters.
         follow = -np.linalg.lstsq(root * by_pose, root * by_parameters, rcond=None)[0]
         left = (by_parameters + by_pose @ follow).reshape(len(weight), 2, -1)
         variance = np.einsum("nip,pq,niq->n", left, covariance, left)
@@ -165,7 +167,7 @@ def _ground(calibration: Calibration, tilt_rad: float, pixel: Floats) -> _Ground
 
 
 def _thirds(size: Floats) -> Floats:
-    """(L, 2, 2) lengths a third of the image wide, level and upright, over the image."""
+    """Return (L, 2, 2) lengths a third of the image wide, level and upright, over the image."""
     place = np.array([(x, y) for x in (0.1, 0.35, 0.6) for y in (0.2, 0.5, 0.8)])
     level = np.stack([place, place + np.array([0.3, 0.0])], axis=1)
     place = np.array([(x, y) for x in (0.2, 0.5, 0.8) for y in (0.1, 0.35, 0.6)])

@@ -1,9 +1,9 @@
-"""Reliability of a calibration: tests of corners and photos, and the error that all corners share.
+"""Reliability of a calibration: tests of corners and photos, and their common error.
 
-Sigmas that a detector states come from the noise of the grey values. Where residuals are several
-times as large, what dominates is the same for a sharp corner and a blurred one; a common factor
-would trust sharp corners far too much. So a variance common to all is added instead (a model of
-two variance components, of which one is known; Koch 1999, Parameter estimation and hypothesis
+Sigmas that a detector states come from the noise of the grey values. If residuals are several times
+as large, the dominating error is the same for a sharp corner and a blurred one; a common factor
+would give sharp corners far too much weight. So a variance common to all is added instead (a model
+of two variance components, one of which is known; Koch 1999, Parameter estimation and hypothesis
 testing in linear models, sec. 3.6).
 
 After Baarda 1968, "A testing procedure for use in geodetic networks", for the two coordinates of a
@@ -28,21 +28,22 @@ from uavgram.model.camera.board import CornerSigma
 
 
 def common_error(residual_px: Floats, sigma_px: Floats, redundancy: float) -> float:
-    """Standard deviation per coordinate that all corners have in common.
+    """Estimate the standard deviation per coordinate that all corners have in common.
 
     Parameters
     ----------
     residual_px
-        (N, 2) of an adjustment.
+        (N, 2) residuals of an adjustment.
     sigma_px
         (N,) own standard deviations.
     redundancy
-        Of these residuals: their expected sum of squares, in sigmas.
+        Redundancy of these residuals: their expected sum of squares, in sigmas.
 
     Returns
     -------
     float
-        With which the squares sum up as expected [px]; 0 where the own sigmas are large enough.
+        The value for which the sum of squares is as expected [px]; 0 if the own sigmas are large
+        enough.
     """
     squares, variance = np.sum(residual_px**2, axis=1), sigma_px**2
 
@@ -51,19 +52,19 @@ def common_error(residual_px: Floats, sigma_px: Floats, redundancy: float) -> fl
 
     if not len(squares) or redundancy <= 0 or excess(0.0) <= 0:
         return 0.0
-    most = float(squares.sum()) / redundancy  # alone it would make the sum right
+    most = float(squares.sum()) / redundancy  # upper bound: the common variance alone
     return float(np.sqrt(brentq(excess, 0.0, most, xtol=1e-9 * most)))
 
 
 class CornerTests(NamedTuple):
-    """Per corner; all (M, n), 0 (probability 1) where there is none or nothing checks it.
+    """Tests of each corner; all (M, n), 0 (probability 1) if there is none or it is not checked.
 
     Attributes
     ----------
     w
         Length of the residual in its own standard deviations.
     probability
-        Of a residual at least as long by chance.
+        Probability of a residual at least as long by chance.
     redundancy
         Mean of the corner's two redundancy numbers.
     """
@@ -74,21 +75,21 @@ class CornerTests(NamedTuple):
 
 
 class PhotoTests(NamedTuple):
-    """What the photos say of each one of them; M photos.
+    """Tests of each of M photos against the others.
 
     Attributes
     ----------
     excess
-        (M,) by how much the sum of squares falls without the photo.
+        (M,) reduction of the sum of squares without the photo.
     degrees
-        (M,) degrees of freedom that go with it.
+        (M,) degrees of freedom of that reduction.
     probability
-        (M,) of such an excess by chance.
+        (M,) probability of such an excess by chance.
     shift
-        (M, q) how the border moves when the photo is left out, to first order; NaN where the
-        others do not determine it.
+        (M, q) change of the border without the photo, to first order; NaN if the others do not
+        determine it.
     by_border
-        (M,) the part of `excess` that the others gain by moving the border.
+        (M,) the part of `excess` by the change of the border for the other photos.
     """
 
     excess: Floats
@@ -99,7 +100,7 @@ class PhotoTests(NamedTuple):
 
 
 def reduced_border(fit: Fit) -> Floats:
-    """(M, 2 n, q) Jacobian by the border once each photo's pose has followed."""
+    """Compute the (M, 2 n, q) Jacobian by the border with each photo's pose eliminated."""
     return np.asarray(fit.linear.border - fit.linear.pose @ fit.normals.gain)
 
 
@@ -122,8 +123,8 @@ def photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
     v, reduced = fit.linear.residual, reduced_border(fit)
     gradient = np.einsum("mri,mr->mi", reduced, v)
     others = fit.normals.border - fit.normals.photo_border
-    # Without photo i the cost of the others is least at a shift d with (S - S_i) d = g_i.
-    scale = np.sqrt(np.diag(fit.normals.border))  # positive: it could be inverted
+    # Without photo i the cost of the others is minimal at a shift d with (S - S_i) d = g_i.
+    scale = np.sqrt(np.diag(fit.normals.border))  # positive, as the matrix was inverted before
     scaled = others / np.outer(scale, scale)
     values, vectors = np.linalg.eigh(scaled)
     along = np.einsum("mij,mi->mj", vectors, gradient / scale)
@@ -139,8 +140,8 @@ def photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
 
 
 def _judge(squared: Floats, degrees: Floats, fit: Fit, sigma: CornerSigma) -> tuple[Floats, Floats]:
-    """Variance factor without the observation, and the probability of its part of the squares."""
-    squares = np.maximum(squared, 0.0)  # but for rounding
+    """Compute the variance factor without each observation, and the probability of its squares."""
+    squares = np.maximum(squared, 0.0)  # negative only by rounding
     if sigma == "given":
         return np.ones_like(squared), np.asarray(chdtrc(degrees, squares))
     rest = np.maximum(fit.degrees_of_freedom - degrees, 1.0)
@@ -149,16 +150,16 @@ def _judge(squared: Floats, degrees: Floats, fit: Fit, sigma: CornerSigma) -> tu
 
 
 class PhotoEffect(NamedTuple):
-    """How much more the photos disagree about the camera than their corners' noise explains.
+    """Scatter of the single photos' cameras beyond the noise of their corners.
 
     Attributes
     ----------
     factor
-        Of the covariance; 1 where all residuals are independent, NaN where it cannot be told.
+        Factor of the covariance; 1 if all residuals are independent, NaN if it cannot be estimated.
     degrees
         Effective degrees of freedom of that factor.
     probability
-        Of so large a factor by chance.
+        Probability of so large a factor by chance.
     """
 
     factor: float
@@ -167,22 +168,22 @@ class PhotoEffect(NamedTuple):
 
 
 def photo_effect(fit: Fit, tests: PhotoTests, variance_factor: float) -> PhotoEffect:
-    """Compare the scatter of what the single photos want with the inverse normal matrix.
+    """Compare the scatter of the single photos' cameras with the inverse normal matrix.
 
-    Residuals of one photo go together where the board is bent, the lens is not quite of the
-    model, or the camera moved: then the corners are fewer independent observations than they
-    seem (the design effect of clustered samples: Kish 1965, sec. 5.4). With S the reduced normal
+    Residuals of one photo are correlated if the board is bent, the lens does not quite follow the
+    model, or the camera moved: then the corners are fewer independent observations than their
+    number (the design effect of clustered samples: Kish 1965, sec. 5.4). With S the reduced normal
     matrix, S_i the share of photo i and g_i its gradient, g_i^T (S - S_i)^-1 g_i has the
-    expectation tr(S_i S^-1) under independence (the unbiased "HC2" of MacKinnon and White 1985
-    for groups); the sum over photos over that of the expectations is the factor, tested with
+    expectation tr(S_i S^-1) under independence (the unbiased "HC2" of MacKinnon and White 1985 for
+    groups); the factor is the sum over photos divided by the sum of the expectations, tested with
     Satterthwaite's degrees of freedom.
 
     Parameters
     ----------
     fit, tests
-        The adjustment, and the tests of its photos.
+        Adjustment, and the tests of its photos.
     variance_factor
-        Of the corners, by which their scatter is measured.
+        Variance factor of the corners, the unit of their scatter.
     """
     share = fit.normals.photo_border @ fit.border_covariance
     expected = float(np.einsum("mii->", share))

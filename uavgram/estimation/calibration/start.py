@@ -1,4 +1,4 @@
-"""First values of a calibration: homographies, Zhang's closed form, poses from rays."""
+"""Initial values of a calibration: homographies, Zhang's closed form, poses from rays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import LensModel
 
 FEWEST_CORNERS = 4
-"""Corners of a photo from which its homography follows."""
+"""Smallest number of corners of a photo that determine its homography."""
 
 FOCAL_GRID = tuple(float(f) for f in np.geomspace(0.2, 5.0, 14))
 """Focal lengths to try, in widths of the image: from a fisheye to a long lens."""
@@ -24,22 +24,22 @@ def first_values(
     size_px: tuple[int, int],
     known: Floats | None = None,
 ) -> State:
-    """Camera parameters and board poses to start the adjustment from.
+    """Estimate initial camera parameters and board poses for the adjustment.
 
     Parameters
     ----------
     lens, corners
-        What is sought, and the observations; at least four corners in each photo.
+        Lens to estimate, and the observations; at least four corners in each photo.
     size_px
         Width and height of the image.
     known
-        (P,) parameters known beforehand (of a prior), tried beside the others.
+        (P,) prior values of the parameters, tried in addition to the others.
 
     Returns
     -------
     State
-        Of the candidates (Zhang's closed form, his equations with the principal point in the
-        middle of the image, a grid of focal lengths, what is known) the one that fits best.
+        The best fit among the candidates: Zhang's closed form, his equations with the principal
+        point in the middle of the image, a grid of focal lengths, the prior values.
 
     Raises
     ------
@@ -68,7 +68,7 @@ def first_values(
 def _candidates(
     lens: Lens, corners: Corners, size_px: tuple[int, int], known: Floats | None
 ) -> list[Floats]:
-    """(P,) parameters each, consistent with what is held fixed."""
+    """Return candidate parameters (P,) each, consistent with the fixed ones."""
     center = (np.array(size_px) - 1) / 2
     count = len(lens.basis)
     found = [_parameters(count, size_px[0] * f, size_px[0] * f, center) for f in FOCAL_GRID]
@@ -91,7 +91,7 @@ def _parameters(count: int, fx: float, fy: float, center: Floats) -> Floats:
 
 
 def _obeying(lens: Lens, parameters: Floats, center: Floats) -> Floats:
-    """Parameters with a fixed aspect and a fixed principal point as they are asked for."""
+    """Return parameters with the requested fixed aspect and fixed principal point."""
     held: Bools = np.abs(lens.basis).sum(axis=1) == 0
     parameters = np.where(held, 0.0, parameters)
     parameters[2:4] = np.where(held[2:4], center, parameters[2:4])
@@ -103,22 +103,22 @@ def _obeying(lens: Lens, parameters: Floats, center: Floats) -> Floats:
 
 
 def homographies(corners: Corners, image: Floats, seen: Bools) -> Floats:
-    """Homographies from the boards' planes to an image.
+    """Estimate homographies from the boards' planes to an image.
 
     Parameters
     ----------
     corners
-        Where the corners are on the board.
+        Corners with their positions on the board.
     image
-        (M, n, 2) where they are in the image, in any unit.
+        (M, n, 2) their positions in the image, in any unit.
     seen
-        (M, n) which of them to use.
+        (M, n) mask of the corners to use.
 
     Returns
     -------
     (M, 3, 3)
-        Direct linear transformation (Hartley and Zisserman 2004, algorithm 4.2), with the sign
-        that puts the boards' middles in front of the camera.
+        Direct linear transformation (Hartley and Zisserman 2004, algorithm 4.2), with the sign that
+        puts the boards' middles in front of the camera.
     """
     there = np.asarray(seen, np.float64)[..., None]
     count = np.maximum(there.sum(axis=1, keepdims=True), 1.0)
@@ -129,6 +129,7 @@ def homographies(corners: Corners, image: Floats, seen: Bools) -> Floats:
     u, v = np.moveaxis((image - middle) / spread, -1, 0)
     x, y = np.moveaxis(board, -1, 0)
     zero, one = np.zeros_like(x), np.ones_like(x)
+    # DLT rows in normalised coordinates; the eigenvector of the smallest eigenvalue solves them.
     rows = np.concatenate(
         [
             np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=-1) * there,
@@ -144,13 +145,16 @@ def homographies(corners: Corners, image: Floats, seen: Bools) -> Floats:
     back[:, 2, 2] = 1.0
     homography = back @ homography
     homography[:, :, :2] /= size
-    # The board's middle lies in front of the camera.
+    # The board's middle is in front of the camera.
     sign = np.where(homography[:, 2, 2] < 0, -1.0, 1.0)
     return np.asarray(homography * sign[:, None, None])
 
 
 def _products(homography: Floats, i: int, j: int) -> Floats:
-    """(M, 5) factors of (B11, B22, B13, B23, B33) in h_i^T B h_j: Zhang 2000, eq. 7, B12 = 0."""
+    """Return (M, 5) factors of (B11, B22, B13, B23, B33) in h_i^T B h_j.
+
+    Zhang 2000, eq. 7, with B12 = 0.
+    """
     a, b = homography[:, :, i], homography[:, :, j]
     return np.stack(
         [
@@ -165,7 +169,7 @@ def _products(homography: Floats, i: int, j: int) -> Floats:
 
 
 def _constraints(homography: Floats) -> Floats:
-    """(2 M, 5) rows V with V b = 0: Zhang 2000, eq. 8, without skew."""
+    """Return (2 M, 5) rows V with V b = 0: Zhang 2000, eq. 8, without skew."""
     length = np.linalg.norm(homography[:, :, :2], axis=(1, 2))
     homography = homography / length[:, None, None]
     return np.concatenate(
@@ -177,7 +181,7 @@ def _constraints(homography: Floats) -> Floats:
 
 
 def zhang(homography: Floats) -> Floats | None:
-    """fx, fy, cx, cy in the units of the homographies' images; None where they are not real.
+    """Compute fx, fy, cx, cy in the units of the homographies' images; None if not real.
 
     Z. Zhang 2000, "A flexible new technique for camera calibration", IEEE TPAMI 22(11), sec. 3.1
     and appendix B, with the skew held at zero; needs two tilted photos.
@@ -195,7 +199,7 @@ def zhang(homography: Floats) -> Floats | None:
 
 
 def centred(homography: Floats) -> Floats | None:
-    """fx, fy, 0, 0 from the same equations with the principal point in the middle of the image."""
+    """Compute fx, fy, 0, 0 from the same equations, with a centred principal point."""
     rows = _constraints(homography)
     inverse = np.linalg.lstsq(rows[:, :2], -rows[:, 4], rcond=None)[0]  # 1 / fx^2, 1 / fy^2
     if inverse.min() <= 0:
@@ -209,12 +213,12 @@ def centred(homography: Floats) -> Floats | None:
 def poses_from_rays(
     model: LensModel, parameters: Floats, corners: Corners
 ) -> tuple[Floats, Floats] | None:
-    """Poses of the boards for given camera parameters; None where a photo has too few rays.
+    """Compute poses of the boards from given camera parameters; None if a photo has too few rays.
 
     Parameters
     ----------
     model, parameters
-        The lens; (P,).
+        Lens model; (P,).
     corners
         Observations of M photos.
 
@@ -237,14 +241,14 @@ def poses_from_rays(
 
 
 def better_of_two(lens: Lens, corners: Corners, state: State) -> State:
-    """State in which no photo would fit better with the other pose of its board.
+    """Replace the pose of each board by its mirrored pose where this fits better.
 
     Parameters
     ----------
     lens, corners
-        The lens (held), and the observations.
+        The lens (held fixed), and the observations.
     state
-        With a pose of the board in each photo.
+        State with a pose of the board in each photo.
     """
     fixed = lens.without_border()
     linear = linearise(fixed, corners, state)
@@ -256,13 +260,13 @@ def better_of_two(lens: Lens, corners: Corners, state: State) -> State:
 
 
 def mirrored(state: State) -> State:
-    """The other pose of a small or distant board: its normal mirrored about the line of sight.
+    """Compute the second pose of each board: its normal mirrored about the line of sight.
 
-    After Collins and Bartoli 2014, "Infinitesimal plane-based pose estimation", sec. 5: weak
-    perspective cannot tell the two apart.
+    After Collins and Bartoli 2014, "Infinitesimal plane-based pose estimation", sec. 5: for a small
+    or distant board, weak perspective does not distinguish the two.
     """
     sight = state.middle_camera_m / np.linalg.norm(state.middle_camera_m, axis=1)[:, None]
-    # Half a turn about the line of sight after half a turn in the board's own plane.
+    # Rotation by 180 degrees in the board's plane, then by 180 degrees about the line of sight.
     about_sight = 2 * sight[:, :, None] * sight[:, None, :] - np.eye(3)
     turned = about_sight @ state.camera_from_board @ np.diag([-1.0, -1.0, 1.0])
     return State(state.parameters, state.bow_m, turned, state.middle_camera_m)

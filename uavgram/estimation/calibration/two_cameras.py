@@ -1,8 +1,8 @@
-"""Whether photos of one board are of two cameras: the split in two groups that fits best.
+"""Test whether photos of one board are of two cameras: the best split in two groups.
 
-Each photo wants a camera of its own: to first order it says so by its gradient and its share of
-the reduced normal equations. Two cameras make two clusters of these cameras, far apart against the
-scatter within them; a bent board, a moving camera or a poor lens model scatter them about one.
+To first order, the gradient of each photo and its share of the reduced normal equations give the
+camera that fits this photo best. Two cameras produce two clusters of these, far apart compared with
+the scatter within them; a bent board, a moving camera or a poor lens model scatter them about one.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from uavgram.estimation.calibration.reliability import reduced_border
 from uavgram.model.arrays import Bools, Floats, Ints
 
 FEWEST = 3
-"""Photos of a group: fewer are judged as photos that do not fit the others."""
+"""Smallest number of photos of a group: fewer are judged as photos that do not fit the others."""
 
-_DIRECTIONS = 4  # in which the photos' cameras scatter most, for first groups
-_DRAWS = 12  # further first groups, at random
+_DIRECTIONS = 4  # directions of largest scatter, for initial groups
+_DRAWS = 12  # number of random initial groups
 _ROUNDS = 50
 _SINGULAR = 1e-12
 
 
 class Split(NamedTuple):
-    """The M photos in two groups, each with a camera of its own.
+    """M photos in two groups, each with a camera of its own.
 
     Attributes
     ----------
@@ -36,8 +36,8 @@ class Split(NamedTuple):
         cameras about their group's, mean over the parameters. One camera whose photos scatter by
         chance gives about 0.2; one whose photos scatter for other reasons 0.4 to 1.
     decision
-        The least that a photo says for its own group, its group's camera being estimated without
-        it: 1 where it asks for just that camera, 0 halfway to the other one, less beyond.
+        Smallest preference of a photo for its own group, with its group's camera estimated without
+        it: 1 if its best camera is exactly that one, 0 halfway to the other one, less beyond.
     """
 
     group: Ints
@@ -46,7 +46,7 @@ class Split(NamedTuple):
 
 
 class _NormalEquations(NamedTuple):
-    """Cost of photo i of a change d of the camera: 2 gradient[i] d + d normal[i] d; of a prior."""
+    """Quadratic costs 2 gradient d + d normal d of a change d of the camera: by photo, by prior."""
 
     normal: Floats  # (M, q, q)
     gradient: Floats  # (M, q)
@@ -54,14 +54,14 @@ class _NormalEquations(NamedTuple):
     prior_gradient: Floats  # (q,)
 
     def camera(self, photos: Bools) -> Floats:
-        """(..., q) best change for some photos (..., M)."""
+        """Compute the (..., q) best change for some photos (..., M)."""
         normal = np.einsum("...m,mij->...ij", photos, self.normal) + self.prior_normal
         gradient = photos @ self.gradient + self.prior_gradient
         inverse = np.linalg.pinv(normal, rcond=_SINGULAR, hermitian=True)
         return np.asarray(-np.einsum("...ij,...j->...i", inverse, gradient))
 
     def cost(self, change: Floats) -> Floats:
-        """(M,) of each photo, for a change (q,) or one for each (M, q)."""
+        """Compute the (M,) cost of each photo, for a change (q,) or one for each (M, q)."""
         turned = np.einsum("mij,mj->mi", self.normal, np.broadcast_to(change, self.gradient.shape))
         return np.asarray(np.sum((2 * self.gradient + turned) * change, axis=1))
 
@@ -69,13 +69,13 @@ class _NormalEquations(NamedTuple):
 def best_split(fit: Fit) -> Split | None:
     """Find the two groups of photos with cameras of their own that fit best together.
 
-    Hard expectation maximisation from many first groups, on the normal equations of the joint
-    adjustment (the change of a camera by which two groups differ is small against its curvature).
+    Hard expectation maximisation from many initial groups, on the normal equations of the joint
+    adjustment (the difference of the two cameras is small compared with the curvature).
 
     Returns
     -------
     Split or None
-        None where there are too few photos.
+        None if there are too few photos.
     """
     equations = _normal_equations(fit)
     best, most = None, 0.0
@@ -87,7 +87,7 @@ def best_split(fit: Fit) -> Split | None:
 
 
 def _normal_equations(fit: Fit) -> _NormalEquations:
-    """Of the camera alone, in units in which the joint normal matrix has a unit diagonal."""
+    """Return the normal equations of the camera alone, scaled to a unit joint diagonal."""
     free = fit.lens.basis.shape[1]
     gradient = np.einsum("mri,mr->mi", reduced_border(fit), fit.linear.residual)[:, :free]
     normal = fit.normals.photo_border[:, :free, :free]
@@ -98,20 +98,22 @@ def _normal_equations(fit: Fit) -> _NormalEquations:
         normal / np.outer(scale, scale),
         gradient,
         prior / np.outer(scale, scale),
-        -gradient.sum(axis=0),  # all together are at rest
+        -gradient.sum(axis=0),  # the joint gradient is zero at the minimum
     )
 
 
 def _first_groups(equations: _NormalEquations) -> list[Bools]:
-    """Groups (M,) to start from: along the directions of most scatter, by order, by chance."""
+    """Return initial groups (M,): along the directions of most scatter, by order, at random."""
     photos = len(equations.gradient)
     if photos < 2 * FEWEST:
         return []
+    # Whiten the photos' gradients, and find the directions of largest scatter (SVD).
     values, vectors = np.linalg.eigh(equations.normal.sum(axis=0) + equations.prior_normal)
     white = equations.gradient @ (vectors / np.sqrt(np.maximum(values, _SINGULAR)))
     along = np.linalg.svd(white - white.mean(axis=0), full_matrices=False)[2][:_DIRECTIONS]
     place = white @ along.T
     ascending = np.sort(place, axis=0)
+    # Split at the widest gap, and at the mean, along each direction.
     gap = np.diff(ascending, axis=0)[FEWEST - 1 : photos - FEWEST]
     widest = np.argmax(gap, axis=0) + FEWEST - 1
     columns = np.arange(place.shape[1])
@@ -127,7 +129,10 @@ def _first_groups(equations: _NormalEquations) -> list[Bools]:
 
 
 def _settled(equations: _NormalEquations, second: Bools) -> tuple[Ints, float]:
-    """Groups in which each photo prefers its own camera, and the fall of the cost; 0 if none."""
+    """Assign each photo to its preferred camera until it settles; also return the cost reduction.
+
+    The reduction is 0 if the groups do not settle.
+    """
     group = second.astype(np.int64)
     for _ in range(_ROUNDS):
         members = group == np.array([[0], [1]])
@@ -146,9 +151,9 @@ def _settled(equations: _NormalEquations, second: Bools) -> tuple[Ints, float]:
 
 
 def _judged(fit: Fit, equations: _NormalEquations, group: Ints, gain: float) -> Split:
-    """How far apart the groups are, and how sure each photo is of its own."""
+    """Compute the distance of the groups, and the preference of each photo for its own."""
     photos, q = equations.gradient.shape
-    own = group == group[:, None]  # (M, M) the photos of each one's group
+    own = group == group[:, None]  # (M, M) photos in the same group
     mine = equations.camera(own)
     others = equations.camera(~own)
     rest = (
@@ -158,7 +163,7 @@ def _judged(fit: Fit, equations: _NormalEquations, group: Ints, gain: float) -> 
     rest = np.linalg.pinv(rest, rcond=_SINGULAR, hermitian=True)
     left = equations.gradient + np.einsum("mij,mj->mi", equations.normal, mine)
     moved = np.einsum("mij,mj->mi", rest, left)
-    # The scatter of the cameras within the groups, as `photo_effect` has it for one group.
+    # Scatter of the cameras within the groups, as in `photo_effect` for one group.
     scatter = np.sum(left * moved) / np.einsum("mij,mji->", equations.normal, whole)
     noise = (fit.corner_cost - gain) / max(fit.corner_redundancy - q, 1.0)
     without = mine + moved

@@ -1,4 +1,4 @@
-"""How well a calibration predicts photos it has not seen, and which lens model does it best."""
+"""Cross-validation: prediction of unused photos by a calibration, and choice of the lens model."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uavgram.estimation.calibration.problem import POSE
 from uavgram.model.arrays import Floats
 
 MOST_FOLDS = 20
-"""Adjustments that a cross-validation may take."""
+"""Largest number of adjustments of a cross-validation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,8 +21,8 @@ class HeldOut:
     Attributes
     ----------
     squares
-        (M,) whitened sum of squares of each photo's residuals: camera and board as the other
-        photos have them, its pose from its own corners. NaN where the others do not determine it.
+        (M,) whitened sum of squares of each photo's residuals: with camera and board by the other
+        photos, and the pose by its own corners. NaN if the others do not determine it.
     degrees
         (M,) 2 n - 6.
     """
@@ -34,7 +34,7 @@ class HeldOut:
     def factor(self) -> float:
         """Mean square per degree of freedom: corners' noise and camera's error; inf if unknown.
 
-        A model that some of the photos are needed for predicts nothing.
+        A model that needs some of the photos to be determined predicts nothing.
         """
         if not np.isfinite(self.squares).all():
             return np.inf
@@ -42,7 +42,7 @@ class HeldOut:
 
     @property
     def by_photo(self) -> Floats:
-        """(M,) the same, photo by photo."""
+        """(M,) mean square per degree of freedom of each photo."""
         return np.asarray(self.squares / np.maximum(self.degrees, 1.0))
 
 
@@ -66,7 +66,7 @@ def held_out(fit: Fit) -> HeldOut:
 
 
 def information_criteria(fit: Fit) -> tuple[float, float]:
-    """Akaike's and the Bayesian information criterion, the corners' noise being unknown too.
+    """Compute Akaike's and the Bayesian information criterion, with unknown noise of the corners.
 
     Burnham and Anderson 2002, "Model selection and multimodel inference", sec. 2.2 and 6.4.1.
     """
@@ -77,7 +77,7 @@ def information_criteria(fit: Fit) -> tuple[float, float]:
 
 
 def simplest_good(scores: list[HeldOut]) -> int:
-    """Index of the first model (simplest first) that predicts as well as the best one.
+    """Return the index of the first model (simplest first) that predicts as well as the best one.
 
     As well: within one standard error of the difference over photos (Hastie, Tibshirani and
     Friedman 2009, "The elements of statistical learning", sec. 7.10).

@@ -1,1 +1,1 @@
-"""The clocks of autopilot and camera: boot clock to UTC, photos to camera events."""
+"""Clocks of autopilot and camera: boot clock to UTC, photos to camera events."""

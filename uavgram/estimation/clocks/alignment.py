@@ -1,15 +1,15 @@
-"""Match a camera's photos to an autopilot's events when their clocks differ.
+"""Alignment of a camera's photos with an autopilot's events when their clocks differ.
 
-Every difference of a photo's and an event's time votes; the densest windows of votes are the
-candidates. Each is settled on its own pairs, drift included, and judged by how many photos fall on
-an event each. What speaks for a rival is counted generously: a photo without an event does not
-speak against it where an event may just be missing from the log (a gap of twice the spacing, or
-beyond the ends), because that is how a shift by one interval looks in evenly spaced events.
+Every difference of a photo's and an event's time is a vote for an offset; the densest windows of
+votes are the candidates. Each is fitted to its own pairs, drift included, and judged by the number
+of photos with an event each. Evidence for a rival is counted generously: a photo without an event
+does not count against it if an event may be missing from the log (in a gap of twice the spacing, or
+beyond the ends), because a shift by one interval has this effect in evenly spaced events.
 
-Monotone alignment with gaps on both sides. The search for the offset (offset_search.py) says
-whether only one fits; here its pairs are drawn, the camera's clock is fitted to them with its
-drift, and every pair is asked whether another one could explain the photo as well. Evenly spaced
-events fit at several offsets: that is seen, not guessed away.
+The result is a monotone alignment with gaps on both sides. The search also decides whether only one
+offset fits. The camera's clock is then fitted to the pairs of the best offset, with its drift, and
+for every pair it is tested whether another one could explain the photo as well. Evenly spaced
+events fit at several offsets: this is reported, and not decided by a guess.
 """
 
 from __future__ import annotations
@@ -30,19 +30,20 @@ from uavgram.geometry.motion.interpolation import running_median, windows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.frames import PairStatus
 
-# Of shutters about their events: behind a feedback pin a few milliseconds, behind a command some
-# 30 ms (86 to 147 ms of lag in ArduPilot's simulator). Found for each hypothesis between these.
+# Scatter of shutters about their events: behind a feedback pin a few milliseconds, behind a command
+# some 30 ms (86 to 147 ms of lag in ArduPilot's simulator). Estimated for each hypothesis between
+# these.
 LEAST_SCATTER_S, MOST_SCATTER_S = 0.0005, 0.03
-COARSE_SCATTER_S = 0.01  # taken where the readings' step hides it
-_SCATTERS = 4.0  # that a photo may be from its event
-_GENEROSITY = 1.15  # rivals are given that much more of them
+COARSE_SCATTER_S = 0.01  # used where the readings' step hides it
+_SCATTERS = 4.0  # largest difference of a photo from its event
+_GENEROSITY = 1.15  # factor of that tolerance for rivals
 _PEAKS = 32
-_LEAST_SHARE = 0.6  # of the photos on an event: a third of the events were seen to be missing
-_LEAST_LEAD, _LEAST_LEAD_SHARE = 3, 0.05  # in photos, before the best of the rivals
-_LEAD_NATS = 12.0  # log odds that a rival has to trail by
-_PAIR_ODDS = 5.7  # a photo's event is logged rather than lost: 0.85 / 0.15
-_CHANCE = 1e-5  # that chance makes as many pairs at one of the offsets tried
-_LOST_SHARE = 0.3  # of a rival's pairs that may be excused as lost events
+_LEAST_SHARE = 0.6  # share of photos with an event: some logs lack a third of the events
+_LEAST_LEAD, _LEAST_LEAD_SHARE = 3, 0.05  # lead over the best rival, in photos
+_LEAD_NATS = 12.0  # log odds by which the best must lead its rivals
+_PAIR_ODDS = 5.7  # odds that a photo's event is logged: 0.85 / 0.15
+_CHANCE = 1e-5  # probability of as many pairs by chance at any offset tried
+_LOST_SHARE = 0.3  # share of a rival's pairs that may be excused as lost events
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,13 +53,13 @@ class Fit:
     Attributes
     ----------
     clock
-        Settled on its own pairs.
+        Clock fitted to its own pairs.
     event_index
         (F,) nearest event within the tolerance, -1 for none.
     matched
-        Events that have a photo.
+        Number of events that have a photo.
     excused
-        Photos without an event where one may be missing from the log.
+        Number of photos without an event where one may be missing from the log.
     """
 
     clock: ClockLine
@@ -68,22 +69,22 @@ class Fit:
 
     @property
     def explained(self) -> int:
-        """Photos that do not speak against it."""
+        """Number of photos that do not contradict it."""
         return self.matched + self.excused
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """The fits at the tolerance that suits the best one, most pairs first.
+    """Fits at the tolerance that suits the best one, most pairs first.
 
     Attributes
     ----------
     fits
-        No two of them pair the same.
+        Fits, no two with the same pairs.
     tolerance_s
-        Within which a photo is on an event.
+        Largest difference between a photo and its event.
     unique
-        Whether the first one stands alone.
+        Whether the first one has no rival.
     """
 
     fits: tuple[Fit, ...]
@@ -94,25 +95,27 @@ class Search:
 def search_offsets(
     photo_s: Floats, resolution_s: float, event_s: Floats, bounds_s: tuple[float, float]
 ) -> Search:
-    """Find the best hypothesis, and whether any other comes near it.
+    """Find the best hypothesis, and whether any other is nearly as good.
 
     Parameters
     ----------
     photo_s
         (F,) readings, F >= 1.
     resolution_s
-        Their step.
+        Step of the readings.
     event_s
         (E,) increasing, E >= 1.
     bounds_s
-        Between which the offset must lie.
+        Range of the offset.
     """
     loose = resolution_s / 2 + _SCATTERS * MOST_SCATTER_S
     wide = loose + 1.5 * CAMERA_DRIFT_SIGMA * float(np.ptp(photo_s)) / 2
     start = float(event_s[0])
+    # Candidates by votes, each fitted to its pairs with decreasing tolerance.
     peaks = [ClockLine(p, 0.0, start) for p in _peaks(photo_s, event_s, wide, bounds_s)]
     rough = [_settle(photo_s, event_s, c, (wide, max(wide / 2, loose), loose)) for c in peaks]
     clocks = [c for c in rough if c is not None]
+    # Fit and judge again, within the tolerance of the likeliest candidate.
     tolerance = _best_tolerance(photo_s, resolution_s, event_s, clocks)
     usual = _usual_spacing(event_s)
     settled = [_settle(photo_s, event_s, c, (tolerance,) * 3) for c in clocks]
@@ -120,6 +123,7 @@ def search_offsets(
     fits = _ranked([_judged(photo_s, event_s, usual, c, tolerance) for c in inside])
     if not fits:
         return Search((), tolerance, unique=False)
+    # Unique: beyond chance, and ahead of rivals that are judged with a wider tolerance.
     generous = resolution_s / 2 + _GENEROSITY * (tolerance - resolution_s / 2)
     rivals = [_judged(photo_s, event_s, usual, f.clock, generous) for f in fits[1:]]
     unique = _is_beyond_chance(fits[0], photo_s, event_s, tolerance, bounds_s) and _leads(
@@ -131,10 +135,10 @@ def search_offsets(
 def _best_tolerance(
     photo_s: Floats, resolution_s: float, event_s: Floats, clocks: list[ClockLine]
 ) -> float:
-    """The tolerance that suits the hypothesis with the highest likelihood.
+    """Compute the tolerance that suits the hypothesis with the highest likelihood.
 
-    Each one's scatter is that of all its pairs, drawn in from the loosest: a hypothesis is not
-    made good by the few pairs that happen to fit it closely.
+    The scatter of each is that of all its pairs, reduced from the largest: a few pairs that happen
+    to fit closely do not make a hypothesis good.
     """
     best, tolerance = -np.inf, resolution_s / 2 + _SCATTERS * COARSE_SCATTER_S
     if resolution_s > COARSE_S:
@@ -156,7 +160,7 @@ def _best_tolerance(
 
 
 def nearest(time_s: Floats, event_s: Floats) -> tuple[Floats, Ints]:
-    """(F,) time - nearest event's time, and that event."""
+    """Return (F,) time minus nearest event's time, and the index of that event."""
     after = np.searchsorted(event_s, time_s)
     left = np.maximum(after - 1, 0)
     right = np.minimum(after, len(event_s) - 1)
@@ -168,13 +172,13 @@ def nearest(time_s: Floats, event_s: Floats) -> tuple[Floats, Ints]:
 def _peaks(
     photo_s: Floats, event_s: Floats, tolerance_s: float, bounds_s: tuple[float, float]
 ) -> list[float]:
-    """Offsets with the most votes within the tolerance, the densest first."""
+    """Return offsets with the most votes within the tolerance, the densest first."""
     votes = np.sort((photo_s[:, None] - event_s[None, :]).ravel())
     votes = votes[(votes >= bounds_s[0] - tolerance_s) & (votes <= bounds_s[1] + tolerance_s)]
     if not len(votes):
         return []
     count = np.searchsorted(votes, votes + 2 * tolerance_s, side="right") - np.arange(len(votes))
-    # Offsets further apart than this may pair other events: both are kept.
+    # Offsets that differ by more than this may pair other events: both are kept.
     apart = 2 * tolerance_s
     if len(event_s) > 1:
         apart = min(apart, 0.4 * float(np.quantile(np.diff(event_s), 0.05)))
@@ -193,7 +197,7 @@ def _peaks(
 def _settle(
     photo_s: Floats, event_s: Floats, clock: ClockLine, tolerances_s: tuple[float, ...]
 ) -> ClockLine | None:
-    """Draw the tolerance in about the pairs; None where none are left."""
+    """Fit the clock to its pairs with decreasing tolerance; None if no pairs are left."""
     for tolerance in tolerances_s:
         residual, index = nearest(clock.to_time(photo_s), event_s)
         near = np.abs(residual) <= tolerance
@@ -211,7 +215,7 @@ def _settle(
 def _judged(
     photo_s: Floats, event_s: Floats, usual_s: Floats, clock: ClockLine, tolerance_s: float
 ) -> Fit:
-    """Pairs of a settled clock, and which photos without one are excused."""
+    """Count the pairs of a fitted clock, and the photos without one that are excused."""
     time = clock.to_time(photo_s)
     residual, index = nearest(time, event_s)
     near = np.abs(residual) <= tolerance_s
@@ -222,13 +226,13 @@ def _judged(
 
 
 def _by_chance(event_s: Floats, tolerance_s: float) -> float:
-    """Probability that any instant lies within the tolerance of an event."""
+    """Compute the probability that any instant is within the tolerance of an event."""
     density = (len(event_s) - 1) / max(float(np.ptp(event_s)), 1e-9)
     return float(np.clip(2 * tolerance_s * density, 1e-6, 0.95))
 
 
 def _usual_spacing(event_s: Floats) -> Floats:
-    """(E - 1,) median spacing about each interval between events."""
+    """Compute the (E - 1,) median spacing about each interval between events."""
     spacing = np.diff(event_s)
     if not len(spacing):
         return spacing
@@ -236,7 +240,7 @@ def _usual_spacing(event_s: Floats) -> Floats:
 
 
 def _may_be_missing(time_s: Floats, event_s: Floats, usual_s: Floats, tolerance_s: float) -> Bools:
-    """(F,) whether an event about these instants would keep the usual spacing to its neighbours."""
+    """Mark (F,) instants at which an additional event would keep the usual spacing."""
     if not len(usual_s):
         return np.ones(len(time_s), dtype=bool)
     right = np.searchsorted(event_s, time_s)
@@ -248,7 +252,7 @@ def _may_be_missing(time_s: Floats, event_s: Floats, usual_s: Floats, tolerance_
 
 
 def _ranked(fits: list[Fit]) -> list[Fit]:
-    """Most pairs first, without those that settled on the pairs of a better one."""
+    """Sort by number of pairs, without those that converged to the pairs of a better one."""
     kept: list[Fit] = []
     pairs = np.full((len(fits), len(fits[0].event_index) if fits else 0), -1, dtype=np.int64)
     for fit in sorted(fits, key=lambda f: (-f.matched, abs(f.clock.offset_s))):
@@ -267,7 +271,7 @@ def _is_beyond_chance(
     tolerance_s: float,
     bounds_s: tuple[float, float],
 ) -> bool:
-    """Three pairs at least, most photos paired, and more than one of all offsets gives by luck."""
+    """Return whether most photos, and at least three, are paired, and more than by chance."""
     count = len(photo_s)
     if best.matched < max(_LEAST_PAIRS, _LEAST_SHARE * count):
         return False
@@ -279,9 +283,9 @@ def _is_beyond_chance(
 
 
 def _leads(best: Fit, rivals: list[Fit], by_chance: float) -> bool:
-    """Whether the rivals leave so many photos unexplained that they are out of the question.
+    """Return whether the rivals leave so many photos unexplained that they are excluded.
 
-    What one photo on an event speaks for a hypothesis: the odds that its event is logged, times
+    Evidence of one photo with an event for a hypothesis: the odds that its event is logged, times
     the density of a reading about its event (one over the window) against that of events anywhere.
     """
     gain_nats = float(np.log(_PAIR_ODDS / by_chance))
@@ -296,8 +300,8 @@ _LEAST_PAIRS = 3
 _GATE_SIGMAS = 5.0
 _GATE_FLOOR_S, _GATE_LIMIT_S = 0.03, 0.25
 _LINE_SIGMAS = 4.0
-# No event closer to another than this share of the least spacing around it, nor than any camera
-# shoots: where the log lost one, its neighbours still show how fast the camera was triggered.
+# Smallest spacing of events, as a share of the least spacing around, and of any camera [s]: if the
+# log lost one, its neighbours still show how fast the camera was triggered.
 _SPACING_SHARE = 0.6
 _FASTEST_S = 0.1
 _SPACINGS_AROUND = 21
@@ -305,21 +309,21 @@ _SPACINGS_AROUND = 21
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """The result for F photos.
+    """Alignment of F photos.
 
     Attributes
     ----------
     unique
-        Whether one offset is clearly better than every other; pairs mean nothing without it.
+        Whether one offset is clearly better than every other; otherwise pairs have no meaning.
     candidates
         Best first; at least one unless there is nothing to align.
     clock
-        Of the camera, by the best candidate: offset and drift with their sigmas.
+        Clock of the camera, by the best candidate: offset and drift with their sigmas.
     event_index
-        (F,) the photo's event, -1 where it has none; each event at most once.
+        (F,) the photo's event, -1 if it has none; each event at most once.
     status
-        (F,) ``certain``: no other event and no other photo comes into question. ``crowded``: one
-        does. ``hidden``: the photo's own event and the paired event's own photo may both be lost.
+        (F,) ``certain``: no other event and no other photo is possible. ``crowded``: one is.
+        ``hidden``: the photo's own event and the paired event's own photo may both be lost.
         ``none``: no event.
     residual_s
         (F,) photo time on the events' clock - event time; NaN without an event.
@@ -337,7 +341,7 @@ class Alignment:
 
     @property
     def certain(self) -> Bools:
-        """(F,) whether the pair can be relied on."""
+        """(F,) whether the pair is reliable."""
         return np.array([status == "certain" for status in self.status], dtype=bool)
 
 
@@ -354,11 +358,11 @@ def align(
     photo_s
         (F,) readings of the photos' clock, in any order.
     resolution_s
-        Their step.
+        Step of the readings.
     event_s
         (E,) increasing.
     bounds_s
-        Between which the offset must lie.
+        Range of the offset.
     """
     photo = np.asarray(photo_s, dtype=np.float64)
     event = np.asarray(event_s, dtype=np.float64)
@@ -396,12 +400,12 @@ def _none(count: int) -> Alignment:
 
 
 def _gate_s(clock: ClockLine) -> float:
-    """How far a shutter may be from its event beside the readings' step."""
+    """Return the largest difference of a shutter from its event beside the readings' step."""
     return float(np.clip(_GATE_SIGMAS * clock.scatter_s, _GATE_FLOOR_S, _GATE_LIMIT_S))
 
 
 def _fitted(photo_s: Floats, resolution_s: float, event_s: Floats, search: Search) -> ClockLine:
-    """The camera's clock from its unmistakable pairs; the scatter is theirs, not the search's."""
+    """Fit the camera's clock to its unambiguous pairs, whose scatter replaces the search's."""
     clock = search.fits[0].clock
     reach = max(search.tolerance_s, resolution_s / 2 + _GATE_FLOOR_S)
     for _ in range(3):
@@ -419,20 +423,20 @@ def _fitted(photo_s: Floats, resolution_s: float, event_s: Floats, search: Searc
 
 
 def _assigned(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
-    """(F,) one event for one photo: most pairs within the tolerance, then least squares.
+    """Assign (F,) one event to one photo: most pairs within the tolerance, then least squares.
 
     On a line the cheapest assignment with a convex cost never crosses: it is monotone.
     """
     residual = time_s[:, None] - event_s[None, :]
     inside = np.abs(residual) <= tolerance_s[:, None]
     index = np.full(len(time_s), -1, dtype=np.int64)
-    if inside.sum(axis=1).max() <= 1 and inside.sum(axis=0).max() <= 1:  # nothing to choose
+    if inside.sum(axis=1).max() <= 1 and inside.sum(axis=0).max() <= 1:  # no ambiguity
         rows, columns = np.nonzero(inside)
         index[rows] = columns
         return index
     from scipy.optimize import linear_sum_assignment  # noqa: PLC0415 - slow to load
 
-    # one pair more outweighs any residuals
+    # One more pair outweighs any residuals.
     far = 1e3 * (len(time_s) + 1) * float(np.max(tolerance_s)) ** 2
     rows, columns = linear_sum_assignment(np.where(inside, residual**2, far))
     kept = inside[rows, columns]
@@ -446,25 +450,25 @@ def _named(codes: Ints) -> tuple[PairStatus, ...]:
 
 
 def _status(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Ints:
-    """(F,) index into `_STATUS`."""
+    """Return (F,) indices into `_STATUS`."""
     alone = _is_alone_both_ways(time_s, event_s, index, tolerance_s)
     hidden = _could_hide_its_own(time_s, event_s, index, tolerance_s)
     return np.where(index < 0, 3, np.where(~alone, 2, np.where(hidden, 1, _CERTAIN)))
 
 
 def _is_alone_both_ways(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Bools:
-    """(F,) whether photo and event have no other partner within the tolerance.
+    """Mark (F,) pairs whose photo and event have no other partner within the tolerance.
 
-    An event that two photos could claim is nobody's for certain: one photo's own may be lost.
+    An event that two photos could claim is certain for neither: the own event of one may be lost.
     """
     claims = np.abs(time_s[:, None] - event_s[None, :]) <= tolerance_s[:, None]
     return np.asarray((claims.sum(axis=1) == 1) & (claims.sum(axis=0)[index] == 1) & (index >= 0))
 
 
 def _could_hide_its_own(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Bools:
-    """(F,) whether an event that the log lost could be the photo's, beside the paired one.
+    """Mark (F,) photos whose own event could be lost from the log, beside the paired one.
 
-    It would lie within the photo's tolerance, and keep a camera's spacing to its neighbours.
+    It would be within the photo's tolerance, and keep a camera's spacing to its neighbours.
     """
     if len(event_s) < 2:
         return np.ones(len(time_s), dtype=bool)

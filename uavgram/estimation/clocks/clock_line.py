@@ -12,35 +12,36 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Boot, BootClock, ClockSamples
 from uavgram.model.message import Message
 
-# Autopilots were measured to run 18 to 146 ppm off; a short log must not invent more than that.
+# Measured autopilots ran 18 to 146 ppm off; a short log must not give more than that.
 BOOT_DRIFT_SIGMA = 2e-4
-# Of a camera's clock against the autopilot's: quartz without temperature control stays within some
-# 50 ppm.
+# Drift of a camera's clock against the autopilot's: quartz without temperature control stays within
+# some 50 ppm.
 CAMERA_DRIFT_SIGMA = 1e-4
-COARSE_S = 0.1  # clocks of a coarser step: the step outweighs what shutters scatter
+COARSE_S = 0.1  # step above which it exceeds the scatter of shutters
 LEAST_JITTER_S = 0.001
-COARSE_JITTER_S = 0.02  # of shutters, where the readings are too coarse to tell
+COARSE_JITTER_S = 0.02  # scatter of shutters, assumed for coarse readings
 _STEPS = 30
-_LONGEST_DELAY_S = 600.0  # a reading further off the others is damaged
-_TUKEY = 4.685  # of the biweight, 95 % efficient for normal errors (Huber 1981)
-_SIGNIFICANT = 3.0  # sigmas of a drift worth telling
-_FREE = 1e6  # sigma of a drift of which nothing is known beforehand
+_LONGEST_DELAY_S = 600.0  # readings farther from the median are damaged
+_TUKEY = 4.685  # constant of the biweight, 95 % efficient for normal errors (Huber 1981)
+_SIGNIFICANT = 3.0  # sigmas of a drift that is reported
+_FREE = 1e6  # sigma of a drift without prior
 
 
 @dataclass(frozen=True)
 class ClockLine:
-    """``other = time + offset_s + drift * (time - reference_s)``.
+    """Line ``other = time + offset_s + drift * (time - reference_s)``.
 
     Attributes
     ----------
     offset_s, drift
-        Of the line; the offset holds at the reference, drift is dimensionless (1e-6 is 1 ppm).
+        Parameters of the line; the offset is that at the reference, drift is dimensionless (1e-6 is
+        1 ppm).
     reference_s
-        On the first clock.
+        Instant on the first clock.
     offset_sigma_s, drift_sigma
         Standard deviations, uncorrelated by the choice of the reference.
     scatter_s
-        Standard deviation of one pair about the line; of coarse clocks without the readings' step.
+        Standard deviation of one pair about the line; for coarse clocks without the readings' step.
     """
 
     offset_s: float
@@ -56,22 +57,22 @@ class ClockLine:
         return abs(self.drift) > _SIGNIFICANT * self.drift_sigma
 
     def at(self, time_s: float) -> float:
-        """Reading of the other clock at an instant of the first."""
+        """Return the reading of the other clock at an instant of the first."""
         return time_s + self.offset_s + self.drift * (time_s - self.reference_s)
 
     def to_time(self, other_s: Floats) -> Floats:
-        """(N,) instants of the first clock at readings of the other."""
+        """Return (N,) instants of the first clock at readings of the other."""
         since = (other_s - self.offset_s - self.reference_s) / (1.0 + self.drift)
         return np.asarray(self.reference_s + since)
 
     def residual_s(self, time_s: Floats, other_s: Floats) -> Floats:
-        """(N,) by how much readings of the other clock are ahead of the line."""
-        # the offset last: beside 1e9 s a microsecond of the others would be lost
+        """Return (N,) differences of readings of the other clock from the line."""
+        # The large terms cancel first: beside 1e9 s a microsecond of the drift would be lost.
         since = self.drift * (time_s - self.reference_s)
         return np.asarray((other_s - time_s - self.offset_s) - since)
 
     def sigma_at(self, time_s: Floats) -> Floats:
-        """(N,) standard deviation of the line at these instants [s]."""
+        """Return (N,) standard deviations of the line at these instants [s]."""
         return np.asarray(
             np.hypot(self.offset_sigma_s, self.drift_sigma * (time_s - self.reference_s))
         )
@@ -82,24 +83,24 @@ def fit_line(
 ) -> ClockLine:
     """Fit a line; its drift has a prior of zero.
 
-    By least squares where the scatter is known. Else by iteratively reweighted least squares
-    (Tukey's biweight), from the median slope of pairs half the data apart (after Theil and Sen),
-    so up to a quarter of wrong pairs cannot pull it.
+    By least squares if the scatter is known. Otherwise by iteratively reweighted least squares
+    (Tukey's biweight), from the median slope of pairs half the data apart (after Theil and Sen), so
+    that up to a quarter of wrong pairs do not affect it.
 
     Parameters
     ----------
     time_s, other_s
         (N,) readings of the two clocks at the same instants, N >= 1.
     drift_sigma
-        Of the prior.
+        Sigma of the prior of the drift.
     scatter_s
-        Of one pair.
+        Standard deviation of one pair.
     """
     reference = float(time_s.sum()) / len(time_s)
     t = time_s - reference
     apart = other_s - time_s
     base = float(apart[0])
-    y = apart - base  # small numbers: the clocks themselves are 1e9 s large
+    y = apart - base  # subtract a base: the clocks themselves are 1e9 s large
     if scatter_s is not None:
         level = float(y.sum()) / len(y)
         scatter, total, square = scatter_s, float(len(t)), float(t @ t)
@@ -109,10 +110,11 @@ def fit_line(
         level, scatter, weight = float(np.median(y - slope * t)), 0.0, np.ones(len(t))
         for _ in range(_STEPS):
             residual = y - level - slope * t
-            # readings are digital: below a microsecond there is nothing to weigh
+            # Digital readings: a scatter below a microsecond is not resolved.
             scatter = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
             weight = np.clip(1 - (residual / (_TUKEY * scatter)) ** 2, 0, None) ** 2
             previous, moment = (level, slope), weight @ t
+            # Weighted normal equations of level and slope, with the drift's prior.
             normal = [
                 [weight.sum(), moment],
                 [moment, weight @ t**2 + (scatter / drift_sigma) ** 2],
@@ -141,9 +143,9 @@ def _start_slope(t: Floats, y: Floats, most: float) -> float:
 
 
 def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> ClockLine:
-    """Fit the line below readings that come late by an unknown, varying, never negative delay.
+    """Fit the line below readings that are late by an unknown, varying, never negative delay.
 
-    The least delayed reading of every `bin_s` seconds stands for the clock; the line goes through
+    The least delayed reading of every `bin_s` seconds represents the clock; the line is fitted to
     those.
 
     Parameters
@@ -151,10 +153,10 @@ def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> C
     time_s, other_s
         (N,) readings of the two clocks at the same instants; `other_s` may be late.
     bin_s
-        Length of time of which one reading is taken.
+        Length of time from which one reading is taken.
     """
     late = other_s - time_s
-    # one of the readings itself: the mean of two far apart would be near to none
+    # The lower median is one of the readings: the mean of two distant ones would be near neither.
     near = np.abs(late - np.quantile(late, 0.5, method="lower")) < _LONGEST_DELAY_S
     time_s, other_s, late = time_s[near], other_s[near], late[near]
     order = np.lexsort((late, np.floor((time_s - time_s[0]) / bin_s)))
@@ -166,10 +168,10 @@ def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> C
 def fit_camera_clock(event_s: Floats, reading_s: Floats, resolution_s: float) -> ClockLine:
     """Fit the line to pairs of events and a camera's readings, with its standard deviations.
 
-    A fine clock's pairs scatter normally: least squares. A coarse clock's error is uniform over
-    its step: every pair bounds the line, the middle between the extremes is the best offset, and
-    what they leave open is its uncertainty. Readings that all fall on the same part of a step
-    (exposures at whole seconds) leave the whole step open, however many they are.
+    A fine clock's pairs scatter normally: least squares. A coarse clock's error is uniform over its
+    step: every pair bounds the line, the middle between the extremes is the best offset, and the
+    remaining range is its uncertainty. Readings that all fall on the same part of a step (exposures
+    at whole seconds) leave the whole step undetermined, however many they are.
 
     Parameters
     ----------
@@ -186,7 +188,7 @@ def fit_camera_clock(event_s: Floats, reading_s: Floats, resolution_s: float) ->
     residual = free.residual_s(event_s, reading_s)
     scatter = max(float(np.std(residual)), least)
     open_s = max(resolution_s - float(np.ptp(residual)), 0.0) if coarse else 0.0
-    # what the readings leave open is common to all: as if each scattered by it
+    # The undetermined range is common to all readings: added as if each scattered by it.
     lever = float(np.sqrt(np.sum((event_s - free.reference_s) ** 2)))
     common = open_s * lever / max(float(np.ptp(event_s)), 1e-3)
     line = fit_line(event_s, reading_s, CAMERA_DRIFT_SIGMA, float(np.hypot(scatter, common)))
@@ -203,14 +205,14 @@ def fit_camera_clock(event_s: Floats, reading_s: Floats, resolution_s: float) ->
 
 
 def _middle(residual_s: Floats, resolution_s: float) -> tuple[float, float]:
-    """Offset and its sigma from readings with a uniform error.
+    """Compute offset and sigma from readings with a uniform error.
 
-    The midrange of n uniform errors of full width w has sigma w / sqrt(2 (n + 1) (n + 2))
-    (Johnson, Kotz and Balakrishnan 1995, Continuous univariate distributions 2, chapter 26).
-    Readings that do not fill the step leave the offset open over the rest of it; readings that
-    exceed it by more than shutters scatter do not belong together, by as much as they exceed it.
+    The midrange of n uniform errors of full width w has sigma w / sqrt(2 (n + 1) (n + 2)) (Johnson,
+    Kotz and Balakrishnan 1995, Continuous univariate distributions 2, chapter 26). Readings that do
+    not fill the step leave the offset undetermined over the rest of it; readings that exceed it by
+    more than the scatter of shutters do not belong together, and the excess adds to the sigma.
     """
-    # A pair of another event lies outside: the most readings that one step can hold count.
+    # A pair with a wrong event is outside: use the largest set of readings that fits in one step.
     ordered = np.sort(residual_s)
     held = np.searchsorted(ordered, ordered + resolution_s + 2 * COARSE_JITTER_S, side="right")
     first = int(np.argmax(held - np.arange(len(ordered))))
@@ -226,22 +228,22 @@ _WORST_SCATTER_S = 0.5
 _WORST_STATION_SCATTER_S = 2.0
 _JUMP_S = 0.4
 # A fix reaches the autopilot 60 to 220 ms after its epoch, by receiver (ArduPilot pull requests
-# #5405 and #8763), and its arrival is what the log has: common to the flight, unknown.
+# #5405 and #8763), and the log has its arrival: an unknown delay common to the flight.
 RECEIVER_LAG_SIGMA_S = 0.1
-# The least delayed message of a radio link is late as well.
+# Even the least delayed message of a radio link is late.
 LINK_DELAY_SIGMA_S = 0.1
 
 
 def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
-    """Find the line from one boot's clock to UTC, from all pairs that the log has.
+    """Fit the line from one boot's clock to UTC, from all pairs of the log.
 
-    GPS time first (DataFlash); else the autopilot's SYSTEM_TIME where it keeps its own rate and
-    lies within a day of the ground station's clock; else the latter's lower envelope.
+    Preferably GPS time (DataFlash); else the autopilot's SYSTEM_TIME if it keeps its own rate and
+    is within a day of the ground station's clock; else the latter's lower envelope.
 
     Raises
     ------
     UavgramError
-        The log ties its boot clock to no other.
+        The log does not relate its boot clock to any other.
     """
     by_source = {samples.source: samples for samples in boot.clocks}
     gps, system, receive = (by_source.get(name) for name in ("gps", "system_time", "receive"))
@@ -288,12 +290,12 @@ def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
 
 
 def to_utc(clock: BootClock, time_boot_s: Floats) -> Floats:
-    """UTC seconds since the Unix epoch of boot times."""
+    """Convert boot times to UTC seconds since the Unix epoch."""
     return np.asarray(clock.offset_s + clock.rate * np.asarray(time_boot_s, dtype=np.float64))
 
 
 def to_boot(clock: BootClock, time_utc_s: Floats | float) -> Floats:
-    """Boot times of UTC seconds."""
+    """Convert UTC seconds to boot times."""
     return np.asarray((np.asarray(time_utc_s, dtype=np.float64) - clock.offset_s) / clock.rate)
 
 
@@ -305,7 +307,7 @@ def _clock(line: ClockLine, systematic_s: float, source: str) -> BootClock:
     return BootClock(
         offset_s=line.at(0.0),
         rate=1.0 + line.drift,
-        # what scatters need not be independent from reading to reading: no mean is better
+        # Errors may be correlated from reading to reading: their mean is not more precise than one.
         sigma_s=float(np.hypot(max(line.offset_sigma_s, line.scatter_s), systematic_s)),
         source=source,
         drift_sigma=line.drift_sigma,
@@ -314,7 +316,7 @@ def _clock(line: ClockLine, systematic_s: float, source: str) -> BootClock:
 
 
 def _jumps(line: ClockLine, samples: ClockSamples) -> tuple[Message, ...]:
-    """A warning where readings lie a good part of a second off the line: late leap seconds."""
+    """Return a warning if readings are a good part of a second off the line: late leap seconds."""
     off_s = line.residual_s(samples.time_boot_s, samples.utc_s)
     jumped = np.abs(off_s) > _JUMP_S
     if not jumped.any():
@@ -327,7 +329,7 @@ def _jumps(line: ClockLine, samples: ClockSamples) -> tuple[Message, ...]:
 
 
 def _is_dated(line: ClockLine, time_boot_s: Floats) -> bool:
-    """Whether the line tells times at which there were autopilots."""
+    """Return whether the line gives times at which autopilots existed."""
     return MIN_PLAUSIBLE_UTC_S < line.at(float(np.median(time_boot_s))) < MAX_PLAUSIBLE_UTC_S
 
 
@@ -337,7 +339,7 @@ def _is_plausible(line: ClockLine, samples: ClockSamples) -> bool:
 
 
 def _gps_objection(line: ClockLine, gps: ClockSamples) -> str:
-    """Why GPS time cannot be tied to the boot clock by a line."""
+    """Explain why GPS time cannot be related to the boot clock by a line."""
     if not _is_dated(line, gps.time_boot_s):
         return "is nonsense: it is of no year in which there were autopilots"
     half = len(gps.utc_s) // 2
@@ -353,7 +355,7 @@ def _gps_objection(line: ClockLine, gps: ClockSamples) -> str:
 
 
 def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None) -> str:
-    """Why SYSTEM_TIME cannot be believed; empty where it can."""
+    """Explain why SYSTEM_TIME is not plausible; empty if it is."""
     middle = float(np.median(system.time_boot_s))
     stated = line.at(middle)
     if not _is_dated(line, system.time_boot_s):
@@ -368,7 +370,7 @@ def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None)
 
 
 def _difference(line: ClockLine, station: ClockLine | None) -> tuple[Message, ...]:
-    """A remark where the ground station's clock tells another time."""
+    """Return a remark if the ground station's clock differs."""
     apart = 0.0 if station is None else station.at(0.0) - line.at(0.0)
     if abs(apart) < 1.0:
         return ()

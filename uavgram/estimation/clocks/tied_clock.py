@@ -1,8 +1,8 @@
 """Offset of a camera's clock from tie points: poses in free axes against those of a log.
 
-Ties alone tell how photos stand to each other: their places up to a similarity, their directions up
-to one turn. Along the log's track they fit at the right instants, and elsewhere the worse the more
-the flight turned, climbed or changed its pace between the photos.
+Ties alone determine the relative poses of photos: their places up to a similarity, their directions
+up to one rotation. At the right instants they fit the log's track; at others the worse the more the
+flight turned, climbed or changed its speed between the photos.
 """
 
 from __future__ import annotations
@@ -17,30 +17,31 @@ from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Floats
 
 POSITION_M, ATTITUDE_RAD = 0.5, 0.02
-"""Sigmas of a log, from photo to photo: what receivers and estimators were measured to wander."""
+"""Sigmas of a log, from photo to photo: the measured drift of receivers and estimators."""
 
 STOOD_M = 2.0
-"""Root mean square of a vehicle's distances from their middle, below which it stood or hovered:
-photos whose ties tell where they were taken were not taken then."""
+"""Root mean square of a vehicle's distances from their mean, below which it was on the ground or
+hovered [m]: photos whose ties determine their places were not taken then."""
 
 OTHER_HEIGHT = 3.0
-"""Factor by which the height over the ground may differ from that over the lowest place flown."""
+"""Largest ratio of the height over the ground and that over the lowest place flown, either way."""
 
 ROUNDS = 4
 
 UNKNOWN = 10
-"""Scale, shift, turn of the axes, and turn of the camera in its mount."""
+"""Number of unknowns: scale, shift, rotation of the axes, and rotation of the camera in its
+mount."""
 
 
 class Fit(NamedTuple):
-    """Sum of squares over the log's sigmas (infinite: not of this part of the flight).
+    """Sum of squares over the log's sigmas (infinite: not in this part of the flight).
 
     Attributes
     ----------
     cost
-        The sum.
+        Sum of squares.
     degrees
-        Observations less unknowns.
+        Observations minus unknowns.
     """
 
     cost: float
@@ -48,10 +49,11 @@ class Fit(NamedTuple):
 
 
 def fit(poses: tuple[Floats, Floats], flown: tuple[Floats, Floats]) -> Fit:
-    """The similarity and the mount that bring poses nearest to those of a log.
+    """Fit the similarity and the mount that bring poses nearest to those of a log.
 
-    Places alone begin (Umeyama 1991); then attitudes have a say in the turn as well: with A of the
-    vehicle and B of the camera in their own axes, A mount = turn B for all photos.
+    The first rotation is by the places alone (Umeyama 1991); then attitudes contribute to it as
+    well: with A of the vehicle and B of the camera in their own axes, A mount = turn B for all
+    photos.
 
     Parameters
     ----------
@@ -65,6 +67,7 @@ def fit(poses: tuple[Floats, Floats], flown: tuple[Floats, Floats]) -> Fit:
     product = target.T @ source / POSITION_M**2
     turn = nearest_rotation(product)
     size = float(np.sum(source**2))
+    # Alternate scale, mount and rotation, each in closed form for the others.
     for _ in range(ROUNDS):
         scale = max(float(np.sum(target * (source @ turn.T))) / size, 0.0)
         mount = nearest_rotation(np.einsum("nji,jk,nkl->il", body, turn, own))
@@ -83,37 +86,38 @@ def fit(poses: tuple[Floats, Floats], flown: tuple[Floats, Floats]) -> Fit:
 
 
 STEP_S = 0.5
-"""Of the offsets that are tried: a drone flies a few metres in it."""
+"""Step of the offsets that are tried [s]: a drone flies a few metres in it."""
 
 FINE_S = 0.02
-"""How near the best offset is searched."""
+"""Accuracy of the search of the best offset [s]."""
 
 RIVAL = 25.0
 """Sum of squares by which another offset must be worse: five sigmas."""
 
 APART_S = 2.0
-"""Offsets nearer than this are the same one."""
+"""Difference below which two offsets are the same [s]."""
 
 MOST_MINIMA = 20
-"""Minima that are looked at closely."""
+"""Largest number of minima that are refined."""
 
 LAG_S = 0.05
-"""By which a log's positions and attitudes may be late, all alike."""
+"""Sigma of a common delay of a log's positions and attitudes [s]."""
 
 Flown = Callable[[Floats], tuple[Floats, Floats]]
-"""Positions (N, 3) and attitudes of the vehicle (N, 3, 3) of a log at instants (N,)."""
+"""Function that returns positions (N, 3) and attitudes (N, 3, 3) of a log's vehicle at instants
+(N,)."""
 
 
 @dataclass(frozen=True, eq=False)
 class TiedClock:
-    """What ties say of a camera's clock.
+    """Offset of a camera's clock from tie points.
 
     Attributes
     ----------
     offset_s, sigma_s
         Camera clock minus the log's, and its standard deviation.
     misfit
-        Root mean square of what is left, in sigmas of the log.
+        Root mean square of the residuals, in sigmas of the log.
     rival_s
         Other offsets that fit as well.
     """
@@ -127,16 +131,16 @@ class TiedClock:
 def tied_clock(
     poses: tuple[Floats, Floats], reading_s: Floats, flown: Flown, span_s: tuple[float, float]
 ) -> TiedClock | None:
-    """The offset that fits best; None where no offset puts all photos into the log.
+    """Estimate the best offset; None if no offset puts all photos into the log.
 
     Parameters
     ----------
     poses
         (N, 3), (N, 3, 3) places and attitudes of at least four photos, in axes of their own.
     reading_s
-        (N,) of the camera's clock.
+        (N,) readings of the camera's clock.
     flown, span_s
-        The log, and from when to when it knows where the vehicle was.
+        Function of the log's poses, and start and end of the time in which it has them.
     """
     first = float(reading_s.max()) - span_s[1] + FINE_S
     last = float(reading_s.min()) - span_s[0] - FINE_S
@@ -157,7 +161,7 @@ def tied_clock(
     least, best = found[0]
     square = least / at(best).degrees
     scale = max(square, 1.0)
-    # Where the cost hardly rises, the neighbours fit as well, though they are no minima.
+    # If the cost hardly rises, neighbouring offsets fit as well, although they are no minima.
     every = [*found, *zip(cost.tolist(), tried.tolist(), strict=True)]
     rivals: list[float] = []
     for cost_there, offset in sorted(every):
@@ -171,7 +175,7 @@ def tied_clock(
 def _finest(
     at: Callable[[float], Fit], offset_s: float, bounds: tuple[float, float]
 ) -> tuple[float, float]:
-    """Cost and offset of the minimum beside a tried one, halving the step."""
+    """Refine a tried minimum by halving the step; return cost and offset."""
     step, best = STEP_S, (at(offset_s).cost, offset_s)
     while step > FINE_S:
         step *= 0.5
@@ -183,7 +187,7 @@ def _finest(
 def _sigma(
     at: Callable[[float], Fit], offset_s: float, scale: float, bounds: tuple[float, float]
 ) -> float:
-    """From how the cost rises on both sides, over the scatter."""
+    """Compute the sigma from the rise of the cost on both sides, over the scatter."""
     low, high = max(offset_s - STEP_S, bounds[0]), min(offset_s + STEP_S, bounds[1])
     here = at(offset_s).cost
     rise = max(

@@ -1,1 +1,1 @@
-"""First camera poses, where the adjustment starts: by lengths, known points or the log."""
+"""Initial camera poses for the adjustment: from lengths, known points or the log."""

@@ -1,4 +1,4 @@
-"""First values of points off the ground and of tie points: where their rays meet."""
+"""Initial values of points off the ground and of tie points: intersections of their rays."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Sightings
 
 WIDE = 0.1
-"""Standard deviation of where rays meet, as a share of how far away that is, from which on they say
-nothing: as a rule they then come from one place."""
+"""Sigma of an intersection of rays, as a share of its distance, above which it has no meaning:
+usually the rays then come from one place."""
 
 
 def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstValues:
-    """First values with the places of the points whose height is free.
+    """Add initial values of the points whose height is free.
 
-    A point gets none (NaN) where its rays say nothing, unless its coordinates or something else
-    known of it may tell: such a point begins at its coordinates, or on the ground.
+    A point gets none (NaN) if its rays do not determine it, unless its coordinates or another known
+    thing may do so: such a point starts at its coordinates, or on the ground.
 
     Parameters
     ----------
     survey
-        The observations.
+        Observations.
     ray
-        (P, 3) of its picks, in their cameras.
+        (P, 3) rays of its picks, in their cameras.
     values
-        With poses.
+        Initial values with poses.
     """
     free = np.flatnonzero(survey.is_free)
     if not len(free):
@@ -42,6 +42,7 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray[rows])
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     sigma = sigma_px[rows] / survey.calibration.parameters[0]
+    # Intersections of the rays; where these fail, the mean intersection with the ground.
     met, spread = rays_meet(center, direction, sigma, owner, len(survey.label))
     plane = np.array([values.height_m, 0.0, 0.0])
     ground = intersect_ground(center, direction, plane, np.zeros(2), np.zeros(len(rows)))
@@ -62,7 +63,7 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
 
 
 def _with_chains(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Floats]:
-    """Frames, labels, rays and sigmas [px] of the picks and of the matches found from them."""
+    """Return frames, labels, rays and sigmas [px] of the picks and of their matches."""
     matches, camera = survey.matches, survey.calibration
     found = back_project(camera.model, camera.parameters, matches.pixel_px)
     return (
@@ -76,7 +77,7 @@ def _with_chains(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Float
 def rays_meet(
     center: Floats, direction: Floats, sigma_rad: Floats, owner: Ints, count: int
 ) -> tuple[Floats, Floats]:
-    """Where rays meet (K, 3), and the largest sigma of that, as a share of its distance (K,).
+    """Intersect rays: points (K, 3), and their largest sigma as a share of the distance (K,).
 
     The point nearest to all rays, in sigmas: minimum of the sum of |(I - d d^T)(x - c)|^2 over
     (sigma times the distance)^2, the distances those of the unweighted one.
@@ -84,7 +85,7 @@ def rays_meet(
     Parameters
     ----------
     center, direction
-        (n, 3) where rays begin, and unit vectors along them.
+        (n, 3) origins of the rays, and unit vectors along them.
     sigma_rad
         (n,) standard deviations across them.
     owner
@@ -96,6 +97,7 @@ def rays_meet(
     onto = np.einsum("nij,nj->ni", across, center)
     weight = np.ones(len(owner))
     met, spread = np.full((count, 3), np.nan), np.full(count, np.inf)
+    # First without weights, then with weights by the distances.
     for _ in range(2):
         normal = _sums(weight[:, None] * across.reshape(-1, 9), owner, count).reshape(-1, 3, 3)
         right = _sums(weight[:, None] * onto, owner, count)
@@ -112,19 +114,19 @@ def rays_meet(
 
 
 def _sums(rows: Floats, owner: Ints, count: int) -> Floats:
-    """(count, k) sum of the rows (n, k) of each owner."""
+    """Sum the rows (n, k) of each owner, to (count, k)."""
     return np.stack([np.bincount(owner, column, count) for column in rows.T], axis=1)
 
 
 def in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:
-    """(K,) which points lie ahead on all of their rays.
+    """Mark the points (K,) that are ahead on all of their rays.
 
     Parameters
     ----------
     met
-        (K, 3) points; NaN of those without.
+        (K, 3) points; NaN for missing ones.
     center, direction
-        (n, 3) where rays begin, and unit vectors along them.
+        (n, 3) origins of the rays, and unit vectors along them.
     owner
         (n,) point of each ray.
     """
@@ -134,7 +136,7 @@ def in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Boo
 
 
 def means_of(place: Floats, owner: Ints, count: int) -> Floats:
-    """(count, 3) mean of the finite rows of each owner; NaN where there is none.
+    """Compute (count, 3) means of the finite rows of each owner; NaN if there is none.
 
     Parameters
     ----------
@@ -153,30 +155,30 @@ def means_of(place: Floats, owner: Ints, count: int) -> Floats:
 
 
 NEAREST = 0.05
-"""Of the flying height: a point whose first value is nearer to its camera than that has none. The
-camera itself moves by some of it while it reads its rows."""
+"""Smallest distance of an initial point from its camera, as a share of the flying height. The
+camera itself moves by part of it during the readout."""
 
 FEWEST_LABELS = 3
-"""Labels in a frame that give it its pose where its ties say nothing but how it is turned."""
+"""Number of labels in a frame that determine its pose if its ties determine only its rotation."""
 
 
 def with_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats]:
-    """The survey without sightings that have no first values, and those of the tie points.
+    """Remove sightings without initial values, and return those of the remaining tie points.
 
     Parameters
     ----------
     survey
-        The observations.
+        Observations.
     values
-        Of poses and labels.
+        Initial values of poses and labels.
 
     Returns
     -------
     survey
         Without sightings of points that are not in front of their cameras, and without ties that
-        say no more than the labels in their frames do.
+        are redundant to the labels in their frames.
     point_m : (T, 3)
-        Of chains of matches east, north and departure; then of tie points east, north, up.
+        For chains of matches east, north and departure; then for tie points east, north, up.
     """
     if not survey.matches.points + survey.ties.points:
         return survey, np.zeros((0, 3))
@@ -191,9 +193,9 @@ def with_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats
 
 
 def _from_one_place(survey: Survey, values: FirstValues) -> Bools:
-    """(T,) ties that frames which only turned show, while labels in each of them give its pose.
+    """Mark ties (T,) of frames that only turned, while labels in each of them give its pose.
 
-    They have no depth, and iterations would not come to rest on the way to one.
+    They have no depth, and iterations on it would not converge.
     """
     ties = survey.ties
     low, high = np.full((ties.points, 3), np.inf), np.full((ties.points, 3), -np.inf)
@@ -206,7 +208,7 @@ def _from_one_place(survey: Survey, values: FirstValues) -> Bools:
 
 
 def seen_labels(survey: Survey) -> tuple[Ints, Ints]:
-    """Frames and labels, (n,) each, of all pairs of which one shows the other."""
+    """Return frames and labels, (n,) each, of all pairs in which the frame shows the label."""
     matches = survey.matches
     own = survey.pick_label[matches.pick][matches.point]
     frame = np.concatenate([survey.pick_frame, matches.frame])
@@ -216,13 +218,13 @@ def seen_labels(survey: Survey) -> tuple[Ints, Ints]:
 
 
 def _chains(survey: Survey, values: FirstValues) -> Floats:
-    """(T, 3) east, north and departure of the chains of matches: those of their labels."""
+    """Return (T, 3) east, north and departure of chains of matches: those of their labels."""
     label = survey.pick_label[survey.matches.pick]
     return np.column_stack([values.point_m[label], values.departure_m[label]])
 
 
 def _ties(survey: Survey, values: FirstValues) -> Floats:
-    """(T, 3) of the tie points: where the rays meet well ahead; else where they meet the ground."""
+    """Intersect the rays of tie points (T, 3) if well ahead; else the rays and the ground."""
     ties, camera = survey.ties, survey.calibration
     ray = back_project(camera.model, camera.parameters, ties.pixel_px)
     direction = np.einsum("nij,nj->ni", values.rotation[ties.frame], ray)
@@ -239,16 +241,16 @@ def _ties(survey: Survey, values: FirstValues) -> Floats:
 
 
 def _in_front(sightings: Sightings, world_m: Floats, values: FirstValues) -> tuple[Sightings, Ints]:
-    """Sightings of points (T, 3) well in front of their cameras, and which points these are.
+    """Keep sightings of points (T, 3) well in front of their cameras; return these points, too.
 
     Parameters
     ----------
     sightings
-        Which frame shows which point.
+        Sightings: frame and point of each.
     world_m
-        (T, 3) first values; NaN of points without.
+        (T, 3) initial values; NaN for points without.
     values
-        Of poses.
+        Initial values of poses.
     """
     away = world_m[sightings.point] - values.center[sightings.frame]
     forward = values.rotation[sightings.frame][:, :, 2]

@@ -1,9 +1,10 @@
-"""Headings of photos that state a place but none, from the points that they share.
+"""Headings of photos with a stated position but no heading, from shared points.
 
-With its tilt known, a photo sees its points in a plan that only a turn about the vertical and a
-shift bring to their places. Photos are laid down one by one, each at the heading, of a whole round,
-at which its points meet those already there and it stands where its position says; from many first
-headings, for nothing but the positions tells which way the whole lies.
+If the tilt of a photo is known, it shows its points in a plan that a turn about the vertical and a
+shift bring to their places. Photos are placed one by one, each at the heading, over a full circle,
+at which its points meet those already placed and its position is near the stated one. This is
+repeated from many initial headings, because only the positions determine the heading of the whole
+group.
 """
 
 from __future__ import annotations
@@ -16,23 +17,25 @@ import numpy as np
 from uavgram.model.arrays import Bools, Floats, Ints
 
 STARTS = 18
-"""First headings of a group of photos: so close that the right one keeps the others in place."""
+"""Number of initial headings of a group of photos: close enough that the right one keeps the others
+in place."""
 
 STEPS = 48
-"""Headings that are tried of each photo; the best is then refined."""
+"""Number of headings that are tried for each photo; the best is then refined."""
 
 KEPT = 3
-"""First headings that are followed to the end: those that fit best so far."""
+"""Number of initial headings that are continued to the end: those that fit best so far."""
 
 SWEEPS = 3
-"""Times that each photo is laid down anew among all others."""
+"""Number of times that each photo is placed again among all others."""
 
 ROBUST = 3.0
-"""Distance in sigmas from which on a pick weighs less (Cauchy), for labels may be wrong."""
+"""Distance in sigmas above which the weight of a pick falls (Cauchy), because labels may be
+wrong."""
 
 
 class Plan(NamedTuple):
-    """What photos see of the ground, in plan.
+    """Points of the ground in plan, as the photos show them.
 
     Attributes
     ----------
@@ -41,15 +44,15 @@ class Plan(NamedTuple):
     offset_m
         (P, 2) east and north from the photo's position, at its present heading.
     sigma_m
-        (P,) of each offset, but for what moves all of a photo alike.
+        (P,) sigma of each offset, without errors that move all points of a photo alike.
     center_m
         (F, 2) positions of the photos.
     center_sigma_m
-        (F,) of each, with what moves all points of a photo alike.
+        (F,) sigma of each, including errors that move all points of a photo alike.
     turn_sigma_rad
-        (F,) how well the present heading is known; infinite: not at all.
+        (F,) sigma of the present heading; infinite: unknown.
     anchor_m
-        (K, 2) points that are known; NaN where they are not.
+        (K, 2) known points; NaN for others.
     """
 
     frame: Ints
@@ -63,14 +66,14 @@ class Plan(NamedTuple):
 
 
 def search_turns(plan: Plan, free: Bools) -> Floats:
-    """Turns (F,) about up [rad] by which the photos' plans agree; 0 where nothing tells.
+    """Search turns (F,) about up [rad] by which the photos' plans agree; 0 if undetermined.
 
     Parameters
     ----------
     plan
-        What the photos see.
+        Plans of the photos.
     free
-        (F,) whose heading is in question; the others stay.
+        (F,) mask of the photos with unknown heading; the others do not move.
     """
     turns = np.zeros(len(free))
     for frames in _groups(plan):
@@ -85,7 +88,7 @@ def search_turns(plan: Plan, free: Bools) -> Floats:
 
 
 def _groups(plan: Plan) -> list[Ints]:
-    """Photos that hang together by common points."""
+    """Return groups of photos that are connected by common points."""
     group = np.arange(len(plan.center_m))
     while True:
         of_label = np.full(len(plan.anchor_m), len(group))
@@ -104,7 +107,7 @@ def _has_anchor(plan: Plan, frames: Ints) -> bool:
 
 
 def _best_laying(plan: Plan, free: Bools, frames: Ints, *, anchored: bool) -> Floats:
-    """Turns (F,) of the laying that fits best."""
+    """Return the turns (F,) of the layout that fits best."""
     starts: list[tuple[int, float] | None] = [None]
     if not anchored:
         first = int(frames[np.argmax(np.bincount(plan.frame, minlength=len(free))[frames])])
@@ -123,7 +126,7 @@ def _best_laying(plan: Plan, free: Bools, frames: Ints, *, anchored: bool) -> Fl
 def _laid(
     plan: Plan, free: Bools, frames: Ints, start: tuple[int, float] | None
 ) -> tuple[float, _Laying]:
-    """A group laid down from a first photo's turn, or from what is known; and at what cost."""
+    """Place a group from a first photo's turn, or from known photos; also return its cost."""
     laying = _Laying.begun(plan)
     if start is None:
         for frame in frames[~free[frames]]:
@@ -141,7 +144,7 @@ def _laid(
 
 @dataclass(eq=False)
 class _Laying:
-    """Photos laid down so far, and where their points lie (`total` over `weight`, by label)."""
+    """Photos placed so far, and positions of their points (`total` over `weight`, by label)."""
 
     plan: Plan
     picks: list[Ints]
@@ -164,7 +167,7 @@ class _Laying:
         return cls(plan, picks, np.zeros(count), np.zeros((count, 2)), none, total, weight)
 
     def heading_information(self, frame: int) -> float:
-        """How well the points already there tell a photo's heading."""
+        """Compute the information of the points already placed on a photo's heading."""
         picks = self.picks[frame]
         weight = np.where(self.weight[self.plan.label[picks]] > 0, 1.0, 0.0)
         weight /= self.plan.sigma_m[picks] ** 2
@@ -177,7 +180,7 @@ class _Laying:
         return float(weight @ np.sum((offset - mean) ** 2, axis=1) + own * (mean @ mean))
 
     def put(self, frame: int, turn: float, shift: Floats) -> None:
-        """Lay a photo down; its points move with it."""
+        """Place a photo; its points move with it."""
         self._weigh(frame, -1.0)
         self.turn[frame], self.shift[frame], self.there[frame] = turn, shift, True
         self._weigh(frame, 1.0)
@@ -194,7 +197,7 @@ class _Laying:
         np.add.at(self.weight, label, weight)
 
     def settle(self, frame: int) -> float:
-        """Lay a photo down where it fits best among the others; its cost there."""
+        """Place a photo where it fits best among the others, and return its cost there."""
         self._weigh(frame, -1.0)
         self.there[frame] = False
         around = 2 * np.pi * np.arange(STEPS) / STEPS
@@ -207,7 +210,7 @@ class _Laying:
         return float(cost[k])
 
     def _costs(self, frame: int, turn: Floats) -> tuple[Floats, Floats]:
-        """Costs (T,) of a photo at some turns, and the shifts (T, 2) that suit it best there."""
+        """Compute costs (T,) of a photo at some turns, and the best shifts (T, 2) there."""
         plan, picks = self.plan, self.picks[frame]
         label = plan.label[picks]
         met = self.weight[label] > 1e-9
@@ -222,6 +225,7 @@ class _Laying:
         weight = 1.0 / (plan.sigma_m[picks] ** 2 + 1.0 / self.weight[label])
         own = 1.0 / (2.0 * plan.center_sigma_m[frame] ** 2)
         robust = np.ones(off.shape[:2])
+        # Robust shift by reweighted least squares, with the position's sigma as prior.
         for _ in range(3):
             total = weight * robust
             shift = -np.einsum("tp,tpi->ti", total, off) / (total.sum(axis=1) + own)[:, None]
@@ -232,6 +236,6 @@ class _Laying:
 
 
 def _turn(angle: Floats) -> Floats:
-    """(T, 2, 2) turns about up."""
+    """Return (T, 2, 2) rotations about up."""
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.stack([np.stack([cosine, -sine], -1), np.stack([sine, cosine], -1)], -2)

@@ -1,4 +1,4 @@
-"""First pose of a frame from four or more points of a plane whose coordinates are known."""
+"""Initial pose of a frame from four or more known points of a plane."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Pose = tuple[Floats, Floats]
 """Centre (3,) in the axes of the plane [m], and rotation (3, 3), plane from camera."""
 
 POLISHING = 20
-"""Iterations."""
+"""Number of iterations."""
 
 FLAT = 1e-9
 """Ratio of the second smallest to the largest singular value below which the points are in line."""
 
 
 def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | None:
-    """Pose of a camera from points on the plane z = 0.
+    """Estimate the pose of a camera from points on the plane z = 0.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
         In the axes of the plane.
     plane_from_camera : (3, 3)
     None
-        Where the points do not determine it.
+        If the points do not determine it.
 
     Notes
     -----
@@ -49,6 +49,7 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
     x, y = ((point_m - mean) / size).T
     u, v = ray[:, 0], ray[:, 1]
     zero, one = np.zeros_like(x), np.ones_like(x)
+    # DLT: two equations per point, u (h3 . X) = h1 . X and v (h3 . X) = h2 . X.
     rows = np.concatenate(
         [
             np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
@@ -62,10 +63,11 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
 
 
 def _pose_from_homography(homography: Floats, mean: Floats, size: float) -> tuple[Floats, Floats]:
-    """Camera pose from (plane coordinates, normalised) -> ray; the ground lies in front."""
+    """Compute the camera pose from (normalised plane coordinates) -> ray; the ground is ahead."""
+    # H ~ [r1 r2 t]: scale to unit columns, complete by r3 = r1 x r2, and orthonormalise.
     scale = np.sqrt(np.linalg.norm(homography[:, 0]) * np.linalg.norm(homography[:, 1]))
     homography = homography / scale
-    if homography[2, 2] < 0:  # the points' centre lies in front of the camera
+    if homography[2, 2] < 0:  # the points' centre is in front of the camera
         homography = -homography
     first, second, translation = homography.T
     rough = np.stack([first, second, np.cross(first, second)], axis=1)
@@ -75,10 +77,10 @@ def _pose_from_homography(homography: Floats, mean: Floats, size: float) -> tupl
 
 
 def other_pose(pose: Pose, point_m: Floats) -> Pose:
-    """The pose that shows points of the plane z = 0 (N, 2) nearly alike, tilted the other way.
+    """Compute the second pose that shows points of the plane z = 0 (N, 2) nearly alike.
 
-    What the line of sight to their middle makes of the plane when depths along it change sign
-    (Schweighofer and Pinz 2006, sec. 3): equal where perspective is weak.
+    It is tilted the other way: the plane is mirrored by reversing the depths along the line of
+    sight to the points' mean (Schweighofer and Pinz 2006, sec. 3); equal where perspective is weak.
     """
     center, plane_from_camera = pose
     middle = np.array([*point_m.mean(axis=0), 0.0])
@@ -89,12 +91,12 @@ def other_pose(pose: Pose, point_m: Floats) -> Pose:
 
 
 def polished(pose: Pose, world_m: Floats, ray: Floats, sigma: Floats) -> tuple[float, Pose] | None:
-    """The pose that fits the rays best, near another; and its sum of squares.
+    """Refine a pose to the best fit of the rays, and return its sum of squares with it.
 
     Parameters
     ----------
     pose
-        To start from.
+        Initial pose.
     world_m
         (N, 3) points on the plane z = 0 or near it.
     ray
@@ -105,7 +107,7 @@ def polished(pose: Pose, world_m: Floats, ray: Floats, sigma: Floats) -> tuple[f
     Returns
     -------
     None
-        Where a point is not before the camera, or the camera not above the plane.
+        If a point is not before the camera, or the camera not above the plane.
     """
     size = np.linalg.norm(ray, axis=1)[:, None]
     across = np.zeros((len(ray), 2, 3))  # from unit vectors to x and y at z = 1

@@ -1,4 +1,4 @@
-"""Frames joined over a plane, by known things that they see whole and by shared points."""
+"""Joining of frames over a plane, by known things and by shared points."""
 
 from __future__ import annotations
 
@@ -28,18 +28,19 @@ from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
 
 POOR = 3.0
-"""Misfit of known points, in their sigmas, above which a frame waits for others to join first."""
+"""RMS residual of known points, in their sigmas, above which a frame waits for others to join
+first."""
 
 
 class _Joined(NamedTuple):
-    """A pose, and the misfit of the known points under it, in their sigmas."""
+    """Pose, and the RMS residual of the known points under it, in their sigmas."""
 
     misfit: float
     pose: Pose
 
 
 class PlaneNetwork:
-    """Frames joined one by one over the plane z = 0 by the points they share."""
+    """Frames joined one by one over the plane z = 0 by shared points."""
 
     def __init__(self, survey: Survey, ray: Floats) -> None:
         self._survey, self._ray, self._placing = survey, ray, placing(survey)
@@ -50,10 +51,11 @@ class PlaneNetwork:
         self.point = np.full((labels, 2), np.nan)
         self.center = np.full((frames, 3), np.nan)
         self.rotation = np.full((frames, 3, 3), np.nan)
-        self._tried: dict[tuple[int, int], _Joined | None] = {}  # by frame and number of points
+        # By frame and number of known points.
+        self._tried: dict[tuple[int, int], _Joined | None] = {}
 
     def place(self, frame: int, center: Floats, rotation: Floats) -> None:
-        """Give a frame a pose (3,), (3, 3) over the plane, and its points their places below it.
+        """Set the pose (3,), (3, 3) of a frame over the plane, and the places of its new points.
 
         Parameters
         ----------
@@ -69,10 +71,10 @@ class PlaneNetwork:
         self.point[label[new]] = self._ground_points(center, rotation, picks[new])
 
     def grow(self, planes: Mapping[int, Floats]) -> None:
-        """Join every frame that shares enough points: two with planes of its own (n, 3), else four.
+        """Join all frames with enough shared points: two with planes (n, 3) of their own, or four.
 
-        Frames that share most come first. One that does not fit places no points for others until
-        nothing else can be joined: a false pose would spoil all that hang on it.
+        Frames that share most points come first. One that does not fit places no points for others
+        until nothing else can be joined: a false pose would spoil all frames that depend on it.
         """
         waiting = set(np.flatnonzero(np.isnan(self.center[:, 0])).tolist())
         while waiting:
@@ -84,7 +86,7 @@ class PlaneNetwork:
             waiting.remove(frame)
 
     def _next(self, waiting: set[int], planes: Mapping[int, Floats]) -> tuple[int, Pose] | None:
-        """The frame to join next, and its pose."""
+        """Return the frame to join next, and its pose."""
         known = self._is_known(self._survey.pick_label)
         shared = np.bincount(self._survey.pick_frame[known], minlength=len(self.center))
         poor: list[tuple[float, int, Pose]] = []
@@ -103,11 +105,11 @@ class PlaneNetwork:
         return self._by_frame[self._bounds[frame] : self._bounds[frame + 1]]
 
     def _is_known(self, label: Ints) -> Bools:
-        """(n,) whether points have a place that may tell where a frame is."""
+        """Mark the points (n,) with a place that may determine the pose of a frame."""
         return np.asarray(~self._survey.is_free[label] & np.isfinite(self.point[label, 0]))
 
     def _join(self, frame: int, planes: Floats) -> _Joined | None:
-        """The pose that shows the known points best: of either tilt, or over a plane of its own."""
+        """Find the best pose for the known points: of either tilt, or over a plane of its own."""
         picks = self._picks(frame)
         known = picks[self._is_known(self._survey.pick_label[picks])]
         firm = known[self._placing[self._survey.pick_label[known]]]
@@ -130,9 +132,10 @@ class PlaneNetwork:
         return _Joined(float(np.sqrt(found[0] / len(known))), found[1])
 
     def _over(self, planes: Iterable[Floats], known: Ints, target: Floats) -> list[Pose]:
-        """Poses over planes of the frame's own, turned and shifted onto known points (n, 2).
+        """Return poses over the frame's own planes, turned and shifted onto known points (n, 2).
 
-        Those that reach two of them or more: its own plane may not reach a point that others see.
+        Only poses that reach at least two of them: its own plane may not reach a point that others
+        see.
         """
         poses = []
         for plane in planes:
@@ -154,7 +157,7 @@ class PlaneNetwork:
 
 
 def align_in_plane(source: Floats, target: Floats) -> tuple[Floats, Floats]:
-    """Rotation about up (3, 3) and shift (3,) that bring points (n, 2) onto others, n >= 2.
+    """Compute rotation about up (3, 3) and shift (3,) of points (n, 2) onto others, n >= 2.
 
     Least squares in closed form (Umeyama 1991 in two dimensions, scale 1).
     """
@@ -181,20 +184,20 @@ WORDS = {
     "parallel": ("pair of parallel lines", "pairs of parallel lines"),
     "equal_lengths": ("pair of equal lengths", "pairs of equal lengths"),
 }
-"""What each kind is called, one and several."""
+"""Names of each kind, singular and plural."""
 
 
 class FrameThings(NamedTuple):
-    """Known lengths and things that a frame sees whole, on one level of the ground.
+    """Known lengths and things of which a frame shows all points, on one level of the ground.
 
     Attributes
     ----------
     things
         With picks of the survey.
     number
-        Of each among the project's known things; -1: a length of the table.
+        Number of each among the project's known things; -1: a length of the table.
     rows
-        How many numbers they say of the pose; lengths between the same two points count once.
+        Number of rows that constrain the pose; lengths between the same two points count once.
     """
 
     things: tuple[PlaneThing, ...]
@@ -203,11 +206,11 @@ class FrameThings(NamedTuple):
 
     @property
     def scaled(self) -> bool:
-        """Whether one of them says how large things are."""
+        """Whether one of them determines the scale."""
         return any(one.kind in SCALED for one in self.things)
 
     def words(self) -> str:
-        """What they are: "2 lengths and 1 right angle"."""
+        """Return their names: "2 lengths and 1 right angle"."""
         number: Counter[tuple[str, str]] = Counter()
         for one in self.things:
             number[WORDS[one.kind]] += row_count(one.kind, len(one.pick))
@@ -216,13 +219,13 @@ class FrameThings(NamedTuple):
 
 
 def known_rows(survey: Survey) -> int:
-    """How many numbers known things, but for lengths of the table, say of poses over the ground."""
+    """Count the rows of known things, except lengths of the table, that constrain poses."""
     things = [one for one in survey.known if _says_something(survey, one)]
     return sum(row_count(one.kind, len(one.label)) for one in things)
 
 
 def frame_things(survey: Survey) -> dict[int, FrameThings]:
-    """What is known of the points of each frame that sees anything but lengths whole."""
+    """Return the known things of each frame that shows all points of any thing but a length."""
     found = _seen_things(survey)
     if not found:
         return {}
@@ -233,16 +236,16 @@ def frame_things(survey: Survey) -> dict[int, FrameThings]:
 def known_planes(
     survey: Survey, ray: Floats, seen: Mapping[int, FrameThings], without: Collection[int] = ()
 ) -> dict[int, KnownPlanes]:
-    """Planes that lengths and other known things together allow, of frames that they determine.
+    """Search planes that lengths and other known things together allow, for each frame.
 
     Parameters
     ----------
     survey
-        The observations.
+        Observations.
     ray
         (P, 3) undistorted rays of its picks, z = 1.
     seen
-        As `frame_things` finds them.
+        Result of `frame_things`.
     without
         Frames whose planes are known already.
     """
@@ -257,9 +260,9 @@ def known_planes(
 
 
 def odd_ones_out(survey: Survey) -> frozenset[int]:
-    """Numbers of known things without which alone all others of their frame agree.
+    """Return the numbers of known things without which all others of their frame agree.
 
-    Only where they are enough to say so: the others determine a pose and check it.
+    Only if the others suffice: they determine a pose and check it, and one thing alone is possible.
     """
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     sigma = survey.pick_sigma_px / survey.calibration.parameters[0]
@@ -277,15 +280,15 @@ def odd_ones_out(survey: Survey) -> frozenset[int]:
 
 
 def _agree(found: KnownPlanes, things: tuple[PlaneThing, ...]) -> bool:
-    """Whether things determine a plane, check it, and fit it."""
+    """Return whether things determine a plane, check it, and fit it."""
     checks = sum(row_count(one.kind, len(one.pick)) for one in things) - 3
     return bool(checks > 0 and len(found.cost) and found.cost[0] <= chdtri(checks, OUTSIDE))
 
 
 def _seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
-    """Known things with their numbers, but for the table's lengths, by frames that see them whole.
+    """Return known things with numbers, except the table's lengths, by frames that show all points.
 
-    The points must be on the ground, or stated to be equally high above it, in one area.
+    The points must be on the ground, or at equal stated heights above it, in one area.
     """
     found: dict[int, list[tuple[int, PlaneThing]]] = {}
     for one in survey.known:
@@ -304,12 +307,12 @@ def _seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
 
 
 def _says_something(survey: Survey, thing: KnownThing) -> bool:
-    """Whether a thing is of points at one level, and holds not on every plane alike."""
+    """Return whether a thing constrains planes: points on one level, not true on every plane."""
     label = list(thing.label)
-    if thing.position is not None:  # where a frame stands, not how high above what plane
+    if thing.position is not None:  # it constrains the place of a frame, not the plane
         return False
     level = all(len(set(of[label])) == 1 for of in (survey.area, survey.height_above_m))
-    # In line: a distance of zero from a line, an angle of 0 or 180 degrees.
+    # Points in line (a distance of zero from a line, an angle of 0 or 180 degrees) hold on all.
     in_line = ALL_KINDS[thing.kind].has_value and not 0.0 < thing.value < (
         180.0 if thing.kind == "angle" else np.inf
     )
@@ -320,7 +323,7 @@ def _says_something(survey: Survey, thing: KnownThing) -> bool:
 def _with_lines(
     survey: Survey, lines: SeenLines, frame: int, things: list[tuple[int, PlaneThing]]
 ) -> FrameThings:
-    """A frame's things and its known lengths; one pair of points says one number."""
+    """Collect a frame's things and its known lengths; one pair of points counts once."""
     rows: Ints = np.flatnonzero(lines.frame == frame)
     known = [
         PlaneThing(

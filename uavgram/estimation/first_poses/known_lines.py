@@ -1,4 +1,4 @@
-"""Poses of photos from lines of known position, and which line contradicts the others."""
+"""Poses of photos from lines of known position, and detection of a contradicting line."""
 
 from __future__ import annotations
 
@@ -17,31 +17,33 @@ from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.survey.survey import Survey
 
 FEWEST_ROWS = 6
-"""A pose has six unknowns."""
+"""Smallest number of rows: a pose has six unknowns."""
 WORSE = 25.0
-"""Rise of the sum of squares over the best, up to which another minimum is worth a try."""
+"""Largest difference of the sum of squares to the best, up to which another minimum is returned."""
 UNLIKELY = 1e-4
 """Probability of a frame's sum of squares below which some line is wrong."""
 SURE = 2.0 * float(np.log(1000.0))
-"""Fall of the sum of squares by which one line is a likelier fault than any other."""
+"""Reduction of the sum of squares by which one line is a likelier fault than any other."""
 MOST_FRAMES = 3
-"""Frames by which a line is judged: those that show most."""
+"""Number of frames by which a line is judged: those with most rows."""
 CONTROL = -1
-"""Number, in place of a line's, of what a control point says."""
+"""Number that marks the rows of control points, in place of a line's."""
 STEP_DEG = 20.0
-"""Between the rotations of the search."""
+"""Angle between the rotations of the search [deg]."""
 TILTS_DEG = (0.0, 22.0, 40.0, 56.0, 72.0)
 LIKELIEST, FINALISTS = 64, 6
-"""Rotations from which the sum of squares is brought down; of these, how many to the end."""
+"""Number of rotations whose sum of squares is minimised, and number of these that are minimised to
+the end."""
 FIRST_STEPS, LAST_STEPS = 12, 100
 MOST_AT_ONCE = 400_000
-"""Rotations times picks that are tried at once."""
+"""Largest number of rotations times picks that are tried at once."""
 SAME_DIRECTION_RAD, SAME_PLACE = 0.01, 0.02
-"""Poses closer than this, and by a share of the camera's height, are one."""
+"""Differences of direction [rad] and of place, as a share of the camera's height, up to which two
+poses are one."""
 
 
 class _Rows(NamedTuple):
-    """R picks on lines: pick, number of the thing; start, direction (R, 2), sigma (R,) [m]."""
+    """Picks (R,) on lines, with number of the thing; start, direction (R, 2), sigma (R,) [m]."""
 
     pick: Ints
     thing: Ints
@@ -51,17 +53,17 @@ class _Rows(NamedTuple):
 
 
 class _Rays(NamedTuple):
-    """(P, 3) rays of all picks, and roots (P, 2, 2) of the covariances of their x and y."""
+    """Rays (P, 3) of all picks, and roots (P, 2, 2) of the covariances of their x and y."""
 
     ray: Floats
     root: Floats
 
 
 def line_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
-    """Poses of every frame in which points on lines of known position are enough for one.
+    """Estimate the pose of each frame with enough points on lines of known position.
 
-    A control point counts as two lines, to the east and to the north: so a few may help out. A line
-    that contradicts the others has no say.
+    A control point counts as two lines, to the east and to the north: a few may supplement the
+    lines. A line that contradicts the others is left out.
     """
     rows = _rows(survey)
     if not len(rows.pick):
@@ -86,9 +88,9 @@ def line_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
 
 
 def odd_lines(survey: Survey) -> frozenset[int]:
-    """Number of the line of known position without which alone all others agree; or none.
+    """Return the number of the line without which all others agree; empty if there is none.
 
-    Where several could be it, none is.
+    Empty if several lines are possible.
     """
     rows = _rows(survey)
     if not len(rows.pick):
@@ -110,7 +112,7 @@ def odd_lines(survey: Survey) -> frozenset[int]:
 
 
 def _cost(rows: _Rows, rays: _Rays, own: Ints) -> float:
-    """Sum of squares of lines that determine a pose, check it, and fit it; else infinite."""
+    """Compute the sum of squares of lines that determine a pose, check it, and fit it; else inf."""
     degrees = len(own) - FEWEST_ROWS
     if degrees <= 0:
         return float("inf")
@@ -119,7 +121,7 @@ def _cost(rows: _Rows, rays: _Rays, own: Ints) -> float:
 
 
 def _poses(rows: _Rows, rays: _Rays, own: Ints) -> Ends:
-    """Of one frame by some of its rows, over ground at z = 0."""
+    """Estimate poses of one frame by some of its rows, over ground at z = 0."""
     pick = rows.pick[own]
     return poses_from_lines(
         LineRows(
@@ -133,7 +135,7 @@ def _poses(rows: _Rows, rays: _Rays, own: Ints) -> Ends:
 
 
 def _by_frame(survey: Survey, rows: _Rows, rays: _Rays) -> dict[int, Ints]:
-    """Rows of each frame that has enough of them."""
+    """Return the rows of each frame that has enough of them."""
     usable = np.isfinite(rays.ray[rows.pick]).all(axis=1)
     frame = survey.pick_frame[rows.pick]
     found = {f: np.flatnonzero(usable & (frame == f)) for f in range(len(survey.frame_id))}
@@ -147,7 +149,7 @@ def _rays(survey: Survey) -> _Rays:
 
 
 def _rows(survey: Survey) -> _Rows:
-    """Picks of points on the ground that lie on a line; no rows where there is no line."""
+    """Return the picks of points on the ground that are on a line; no rows without lines."""
     lines: dict[int, list[tuple[float, ...]]] = {}
     for one in survey.known:
         if one.position is None:
@@ -187,24 +189,24 @@ def _add_control(survey: Survey, lines: dict[int, list[tuple[float, ...]]]) -> N
 
 
 def are_alone(survey: Survey) -> bool:
-    """Tell whether only lines of known position place a survey on the map."""
+    """Return whether only lines of known position place a survey on the map."""
     few = len(survey.control_label) < 2
     return survey.telemetry is None and few and survey.gauge == "world"
 
 
 def poses_from_lines(seen: LineRows) -> Ends:
-    """Minima of each photo, the lowest first.
+    """Find the minima of each photo, the lowest first.
 
     Returns
     -------
     Ends
-        With shapes (B, S, ...): S poses, of which some may be the same; cost inf: there is none.
+        With shapes (B, S, ...): S poses, some of which may be the same; cost inf: there is none.
 
     Notes
     -----
-    Starts: the direct linear transformation, where the picks are enough; and a search over
-    rotations. Given one, each pick is linear in the centre C: with the ray d = R r, which meets the
-    ground at C - (C_z / d_z) d, the condition is n . (C - (C_z / d_z) d) = n . A.
+    Starts: the direct linear transformation, if there are enough picks; and a search over
+    rotations. For a given rotation, each pick is linear in the centre C: with the ray d = R r,
+    which meets the ground at C - (C_z / d_z) d, the condition is n . (C - (C_z / d_z) d) = n . A.
     """
     direct = direct_poses(seen)
     found = _searched(seen)
@@ -216,7 +218,7 @@ def poses_from_lines(seen: LineRows) -> Ends:
 
 
 def _minima(seen: LineRows, center: Floats, rotation: Floats, iterations: int) -> Ends:
-    """Minima (B, S, ...) from S starts of each photo, the lowest first."""
+    """Return minima (B, S, ...) from S starts of each photo, the lowest first."""
     starts = center.shape[1]
     photo = np.repeat(np.arange(len(center)), starts)
     start = center.reshape(-1, 3), rotation.reshape(-1, 3, 3)
@@ -224,7 +226,7 @@ def _minima(seen: LineRows, center: Floats, rotation: Floats, iterations: int) -
 
 
 def rivals(ends: Ends, within: float) -> Floats:
-    """(B,) by how much the next other minimum is worse than the best; beyond `within`, inf."""
+    """Compute (B,) differences of the next distinct minimum to the best; inf beyond `within`."""
     (center, rotation), cost = ends.state[:2], ends.cost
     height = np.maximum(center[:, :1, 2], 1e-9)
     apart = np.linalg.norm(center - center[:, :1], axis=2) / height
@@ -237,11 +239,11 @@ def rivals(ends: Ends, within: float) -> Floats:
 
 
 def direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
-    """Centres (B, 3) and rotations (B, 3, 3) by direct linear transformation, least squares.
+    """Compute centres (B, 3) and rotations (B, 3, 3) by direct linear transformation.
 
-    The homography G takes rays to the ground: with a line's coordinates l and a ray on it,
-    l^T G r = 0 (as Hartley and Zisserman 2004, sec. 4.1, for lines). Below eight picks the answer
-    means nothing; the search has others.
+    The homography G takes rays to the ground: with a line's coordinates l and a ray on it, l^T G r
+    = 0 (as Hartley and Zisserman 2004, sec. 4.1, for lines); least squares. Below eight picks the
+    result has no meaning; the search has other starts.
     """
     middle = seen.start_m.mean(axis=1)
     size = np.sqrt(np.mean(np.sum((seen.start_m - middle[:, None]) ** 2, axis=2), axis=1))
@@ -252,7 +254,7 @@ def direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
     rows = np.einsum("bni,bnj->bnij", line, seen.ray).reshape(*line.shape[:2], 9)
     _, _, vectors = np.linalg.svd(rows)
     to_ground = vectors[:, -1].reshape(-1, 3, 3)
-    # G = [X_1 X_2 X_3] up to scale is the inverse of [r1 r2 t]: by cofactors it always exists.
+    # G is the inverse of [r1 r2 t] up to scale; the matrix of its cofactors always exists.
     first, second, third = (to_ground[:, i] for i in range(3))
     columns = np.stack(
         [np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=2
@@ -261,7 +263,7 @@ def direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
         np.linalg.norm(columns[:, :, 0], axis=1) * np.linalg.norm(columns[:, :, 1], axis=1)
     )
     columns /= np.maximum(scale, 1e-300)[:, None, None]
-    columns *= np.where(columns[:, 2:3, 2:3] < 0, -1.0, 1.0)  # the middle lies before the camera
+    columns *= np.where(columns[:, 2:3, 2:3] < 0, -1.0, 1.0)  # the middle is before the camera
     rough = np.stack(
         [columns[:, :, 0], columns[:, :, 1], np.cross(columns[:, :, 0], columns[:, :, 1])], axis=2
     )
@@ -272,7 +274,7 @@ def direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
 
 
 def _searched(seen: LineRows) -> tuple[Floats, Floats]:
-    """Centres (B, S, 3) and rotations (B, S, 3, 3) of the likeliest rotations."""
+    """Return centres (B, S, 3) and rotations (B, S, 3, 3) of the likeliest rotations."""
     grid = rotations()
     block = max(1, MOST_AT_ONCE // (len(grid) * seen.ray.shape[1]))
     parts = [_of_block(seen, grid, slice(k, k + block)) for k in range(0, len(seen.ray), block)]
@@ -285,10 +287,11 @@ def _of_block(seen: LineRows, grid: Floats, photos: slice) -> tuple[Floats, Floa
     target = np.einsum("bni,bni->bn", across, seen.start_m[photos])[:, None]
     ray = np.einsum("gij,bnj->bgni", grid, seen.ray[photos])
     down = np.minimum(ray[..., 2], -1e-9)
+    # Linear condition on the centre for each rotation: n . (C - (C_z / d_z) d) = n . A.
     rows = np.empty(ray.shape)
     rows[..., :2] = across[:, None]
     rows[..., 2] = -np.einsum("bni,bgni->bgn", across, ray[..., :2]) / down
-    weight = -down / np.linalg.norm(ray, axis=-1)  # far places move more by the same angle
+    weight = -down / np.linalg.norm(ray, axis=-1)  # far places move more for the same angle
     weighted = rows * weight[..., None]
     transposed = weighted.swapaxes(-1, -2)
     normal = transposed @ weighted
@@ -305,7 +308,7 @@ def _of_block(seen: LineRows, grid: Floats, photos: slice) -> tuple[Floats, Floa
 
 
 def rotations() -> Floats:
-    """(G, 3, 3) world from camera of cameras that look down, about `STEP_DEG` apart."""
+    """Return (G, 3, 3) rotations of cameras that look down, about `STEP_DEG` apart."""
     roll = np.deg2rad(np.arange(0.0, 360.0, STEP_DEG))
     found = []
     for tilt in np.deg2rad(TILTS_DEG):
@@ -325,6 +328,6 @@ def _about_z(angle: Floats) -> Floats:
 
 
 def _tilted(tilt: float) -> Floats:
-    """World from camera of one that looks north and down, `tilt` away from straight down."""
+    """Return the rotation of a camera that looks north and down, `tilt` from the nadir."""
     sine, cosine = np.sin(tilt), np.cos(tilt)
     return np.array([[1.0, 0.0, 0.0], [0.0, -cosine, sine], [0.0, -sine, -cosine]])

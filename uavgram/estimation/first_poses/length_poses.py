@@ -1,15 +1,14 @@
-"""Pose of single frames from known lengths, by maximum likelihood, many frames at once.
+"""Poses of single frames from known lengths, by maximum likelihood, many frames at once.
 
-What the joint adjustment does with one frame and no telemetry, cut down to what it needs: three
-unknowns m of the plane a frame; picked pixels, lengths and the interior orientation are
-observations, all three with their covariances. A point at which two lines meet is one pick. First
-values of the joint adjustment, and what a frame's lengths alone say of other lengths, come from
-here.
+A reduced form of the joint adjustment for one frame without telemetry: three unknowns m of the
+plane for each frame; picked pixels, lengths and the interior orientation are observations, all
+three with their covariances. A point at which two lines meet is one pick. The results are initial
+values of the joint adjustment, and predictions of other lengths from a frame's lengths alone.
 
-Gauss-Helmert model (Mikhail 1976; Neitzel 2010, linearised at the adjusted observations): per
-line f(m, pixels, interior) - length = 0 (`Conditions`). With A, B, C the derivatives by m, pixels
-and interior, W = S_length + B S_pixel B^T + C S_interior C^T is the misclosures' covariance and
-(A^T W^-1 A)^-1 that of m.
+Gauss-Helmert model (Mikhail 1976; Neitzel 2010, linearised at the adjusted observations): per line
+f(m, pixels, interior) - length = 0 (`Conditions`). With A, B, C the derivatives by m, pixels and
+interior, W = S_length + B S_pixel B^T + C S_interior C^T is the misclosures' covariance and (A^T
+W^-1 A)^-1 that of m.
 """
 
 from __future__ import annotations
@@ -36,11 +35,11 @@ class LengthFrames(NamedTuple):
     Attributes
     ----------
     pixel_px, pixel_sigma_px
-        (B, E, 2), (B, E) picks; one no line refers to may hold any finite numbers.
+        (B, E, 2), (B, E) picks; a pick without a line may have any finite values.
     start, end
         (B, n) pick at each end of a line.
     length_m, length_sigma_m
-        (B, n); an infinite sigma says that the frame has no such line (its ends are any two
+        (B, n); an infinite sigma marks a line that the frame does not have (its ends are any two
         picks).
     """
 
@@ -52,21 +51,21 @@ class LengthFrames(NamedTuple):
     length_sigma_m: Floats
 
     def take(self, rows: Ints | slice) -> LengthFrames:
-        """Some of the frames, by index or slice."""
+        """Return some of the frames, by index or slice."""
         return LengthFrames._make(column[rows] for column in self)
 
 
 class View(NamedTuple):
-    """A lens at the undistorted points of both ends of all lines: how pixels hang on them.
+    """Projection of both ends of all lines, linearised in the undistorted points.
 
     Attributes
     ----------
     off
-        (2, 2, B, n) picked u and v (first axis) less those at which the points are seen.
+        (2, 2, B, n) picked u and v (first axis) minus predicted ones.
     inverse
         (2, 2, 2, B, n) inverse of the lens's Jacobian: dx/du, dy/du; dx/dv, dy/dv.
     d_interior
-        (2, P, 2, B, n) of u and v by the interior orientation.
+        (2, P, 2, B, n) derivatives of u and v by the interior orientation.
     """
 
     off: Floats
@@ -75,7 +74,7 @@ class View(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """The conditions of all lines, linearised.
+    """Linearised conditions of all lines.
 
     Attributes
     ----------
@@ -84,7 +83,7 @@ class Conditions(NamedTuple):
     noise
         (B, n, 2 E + r): B and C times the roots of their observations' covariances.
     misclosure
-        (B, n) length minus what the observed pixels and interior give, to first order.
+        (B, n) length minus its prediction from the observed pixels and interior, to first order.
     """
 
     by_plane: Floats
@@ -93,39 +92,38 @@ class Conditions(NamedTuple):
 
 
 class Block:
-    """Some frames: where each line finds its picks among the observations, and writes.
+    """Some frames, with the positions of each line's picks among the observations.
 
-    Everything stands by the ends of lines, (2, B, n); a pick at which two lines meet is there
-    twice, and one observation all the same.
+    All arrays are ordered by the ends of lines, (2, B, n); a pick at which two lines meet occurs
+    twice, but is one observation.
     """
 
     def __init__(self, calibration: Calibration, root: Floats, frames: LengthFrames) -> None:
         self.calibration, self.root = calibration, root
         count, picks = frames.pixel_sigma_px.shape
         lines = frames.start.shape[1]
-        self.split = 2 * picks  # of the observations: pixels before, interior behind
+        self.split = 2 * picks  # first column of the interior, after those of the pixels
         self.shape = (count, lines, self.split + root.shape[1])
         ends = np.stack([frames.start, frames.end])
         frame = np.arange(count)[:, None]
         self.pixel = frames.pixel_px[frame, ends]
         self.sigma = frames.pixel_sigma_px[frame, ends]
-        # Where u and v of each end stand among the observations, and in the entries of `noise`.
+        # Positions of u and v of each end among the observations, and in the entries of `noise`.
         uv = np.stack([ends, ends + picks])
         self.pick = uv + frame * self.shape[2]
         self.place = uv + (frame * lines + np.arange(lines)) * self.shape[2]
         self.there = np.isfinite(frames.length_sigma_m)
         self.all_there = bool(self.there.all())
         self.length = frames.length_m
-        # The system's parts that stay: the lengths' own variance, and no information at all
-        # about the plane (the smallest number in its place keeps a singular matrix from stopping
-        # the others).
+        # Constant parts of the system: the lengths' own variance, and no information about the
+        # plane (the smallest number in its place keeps a singular matrix from stopping the others).
         self.system = np.zeros((count, lines + 3, lines + 3))
         diagonal = np.einsum("bii->bi", self.system)  # a view
         diagonal[:, :lines] = np.where(self.there, frames.length_sigma_m, 1.0) ** 2
         diagonal[:, lines:] = -1e-300
 
     def first_view(self) -> tuple[Floats, View]:
-        """Rays (3, 2, B, n) of the ends by the lens as given, z = 1, and the lens there."""
+        """Compute rays (3, 2, B, n) of the ends by the given lens, z = 1, and the view there."""
         model, interior = self.calibration.model, self.calibration.parameters
         x, y, lens = rays_and_lens(model, interior, self.pixel)
         ray = np.ones((3, *x.shape))
@@ -133,7 +131,7 @@ class Block:
         return ray, self._view(interior, ray, lens, np.zeros((2, *x.shape)))
 
     def view(self, own: Floats, ray: Floats) -> View:
-        """The lens with each frame's own interior (B, P), at rays (3, 2, B, n)."""
+        """Compute the view with each frame's own interior (B, P), at rays (3, 2, B, n)."""
         interior = own.T[:, None, :, None] if len(own) > 1 else own[0]
         lens = distort(self.calibration.model, interior[4:], ray[0], ray[1])
         fx, fy, cx, cy = each(interior[:4])
@@ -144,6 +142,8 @@ class Block:
 
     def _view(self, interior: Floats, ray: Floats, lens: Distorted, off: Floats) -> View:
         fx, fy = each(interior[:2])
+        # Inverse of the symmetric 2 x 2 Jacobian [[a, b], [b, c]] of the distortion, over fx and
+        # fy.
         over = 1.0 / (lens.a * lens.c - lens.b * lens.b)
         over_x, over_y = over / fx, over / fy
         inverse = np.empty((2, 2, *over.shape))
@@ -168,19 +168,21 @@ class Block:
         ray
             (3, 2, B, n) rays of the lines' ends, in the camera frame.
         view
-            The lens at these rays.
+            View at these rays.
         """
         lengths = lengths_on_plane(plane.T[:, :, None], ray)
         reach = reach_of(lengths)
         by_m = by_plane(lengths, reach)
-        # From the derivative by the undistorted point to that by the pixel: (u or v, end, B, n).
+        # Chain rule from the undistorted point to the pixel: (u or v, end, B, n).
         by_pixel = np.add.reduce(view.inverse * by_ends(lengths, reach), axis=1)
-        # Of the interior at a fixed pixel: the point moves against it.
+        # By the interior at a fixed pixel: the undistorted point moves in the opposite sense.
         by_interior = np.add.reduce(view.d_interior * by_pixel[:, None], axis=(0, 2))
         noise = np.zeros(self.shape)
         noise.reshape(-1)[self.place] = by_pixel * self.sigma
         by_white = np.matmul(by_interior.transpose(1, 2, 0), -self.root)
         noise[..., self.split :] = by_white
+        # Length minus f at the observed l0, t0 to first order: f(m, l, t) + B (l0 - l) + C (t0 -
+        # t).
         misclosure = self.length - lengths.length
         misclosure -= np.add.reduce(by_pixel * view.off, axis=(0, 1))
         misclosure += np.matmul(by_white, whitened[..., None])[..., 0]
@@ -191,17 +193,17 @@ class Block:
         return Conditions(by_m, noise, misclosure)
 
     def corrections(self, adjusted: Floats) -> Floats:
-        """(2, 2, B, n) corrections of the pixels [px], from (B, 2 E + r) in sigmas."""
+        """Return (2, 2, B, n) corrections of the pixels [px], from (B, 2 E + r) in sigmas."""
         return np.asarray(adjusted.reshape(-1)[self.pick] * self.sigma)
 
     def follow(self, view: View, adjusted: Floats, change: Floats) -> Floats:
-        """(2, 2, B, n) to adjusted pixels and interior, in undistorted x and y: a Newton step.
+        """Compute (2, 2, B, n) Newton steps in undistorted x and y to the adjusted observations.
 
         Parameters
         ----------
         adjusted, change
-            (B, 2 E + r) corrections of the observations in sigmas, and how they differ from those
-            at which `view` was taken.
+            (B, 2 E + r) corrections of the observations in sigmas, and their change since `view`
+            was computed.
         """
         off = self.corrections(adjusted) + view.off
         interior = np.matmul(change[:, self.split :], self.root.T)
@@ -215,21 +217,22 @@ AT_REST = 1e-4
 the next would be ten times smaller."""
 
 SAME_VIEW = 5e-4
-"""Largest change of an adjusted observation, in sigmas, after which the lens looks as it did: its
-Jacobians move by some millionths, its pixels as predicted."""
+"""Largest change of an adjusted observation, in sigmas, for which the view is kept: its Jacobians
+change by some millionths, and its pixels as predicted."""
 
 NEAR = 10.0
-"""Step of the plane, in its sigmas, below which the observations are adjusted along with it."""
+"""Step of the plane, in its sigmas, below which the observations are adjusted together with it."""
 
 OPEN = 10.0
-"""Sigma of a plane, in its own size, from which on the lengths leave it open: such numbers mean
-nothing, and any step is small in such sigmas."""
+"""Sigma of a plane, relative to its size, above which the lengths do not determine it: its numbers
+have no meaning, and any step is small in such sigmas."""
 
 SHORTENINGS = 12
-"""Halvings of a step that would bring a picked point behind the camera."""
+"""Largest number of halvings of a step that would bring a picked point behind the camera."""
 
 NEWTON_STEPS = 4
-"""From the rays of the lens as given to those of one a few sigmas away: quadratic."""
+"""Newton steps from the rays of the given lens to those of one a few sigmas away: quadratic
+convergence."""
 
 FRAMES_AT_ONCE = 96
 """Frames at a time: their matrices stay in the processor's cache."""
@@ -241,7 +244,7 @@ class LengthPoses(NamedTuple):
     Attributes
     ----------
     plane
-        (B, 3) m = normal / height in the camera frame [1/m]; NaN where nothing was found.
+        (B, 3) m = normal / height in the camera frame [1/m]; NaN if none was found.
     interior
         (B, P) adjusted interior orientation.
     covariance
@@ -249,7 +252,7 @@ class LengthPoses(NamedTuple):
     cost
         (B,) weighted sum of squared residuals; degrees of freedom: number of lines - 3.
     converged
-        (B,) whether the iterations came to rest, at a plane that the lengths determine.
+        (B,) whether the iterations converged to a plane that the lengths determine.
     """
 
     plane: Floats
@@ -259,28 +262,28 @@ class LengthPoses(NamedTuple):
     converged: Bools
 
     def take(self, rows: Ints) -> LengthPoses:
-        """Some of the poses, by index."""
+        """Return some of the poses, by index."""
         return LengthPoses._make(column[rows] for column in self)
 
 
 def resect_from_lengths(
     calibration: Calibration, frames: LengthFrames, start_plane: Floats | None = None
 ) -> LengthPoses:
-    """Poses of frames from the lengths they show.
+    """Estimate the pose of each frame from known lengths.
 
     Parameters
     ----------
     calibration
-        Of the one camera that took them all.
+        Calibration of the one camera that took all frames.
     frames
-        What was picked and taped.
+        Picks and taped lengths.
     start_plane
-        (B, 3) first values of the planes; None: the best that `search_planes` finds.
+        (B, 3) initial planes; None: the best that `search_planes` finds.
 
     Returns
     -------
     LengthPoses
-        Where `converged` is False, the numbers mean nothing.
+        If `converged` is False, the numbers have no meaning.
     """
     if start_plane is None:
         found = search_frames(calibration, frames)
@@ -303,25 +306,26 @@ def lengths_between(
     pixel_sigma_px: Floats,
     pairs: tuple[Ints, Ints],
 ) -> tuple[Floats, Floats]:
-    """Lengths on the ground between other pixels of the frames, and how well they are known.
+    """Predict lengths on the ground between other pixels of the frames, with covariances.
 
     Parameters
     ----------
     calibration
-        As given to `resect_from_lengths`.
+        Calibration as given to `resect_from_lengths`.
     poses
-        Of B frames.
+        Poses of B frames.
     pixel_px, pixel_sigma_px
-        (B, E, 2), (B, E) picks of their own: not those that the poses came from.
+        (B, E, 2), (B, E) independent picks: not those that the poses were computed from.
     pairs
         (B, k), (B, k) picks at either end.
 
     Returns
     -------
     length_m : (B, k)
-        NaN where an end does not meet the ground.
+        NaN if an end does not meet the ground.
     covariance_m2 : (B, k, k)
-        Joint: pose and interior serve all lengths of a frame, a pick all that end in it.
+        Joint covariance: all lengths of a frame share pose and interior, and lengths that end in a
+        pick share the pick.
     """
     number = pairs[0].shape
     frames = LengthFrames(
@@ -330,11 +334,12 @@ def lengths_between(
     block = Block(calibration, np.eye(len(calibration.parameters)), frames)
     ray, _ = block.first_view()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for _ in range(NEWTON_STEPS):  # from the lens as given to that of each frame
+        for _ in range(NEWTON_STEPS):  # from the given lens to the adjusted one of each frame
             view = block.view(poses.interior, ray)
             ray[:2] += np.add.reduce(view.off[:, None] * view.inverse, axis=0)
         view = block.view(poses.interior, ray)
         line = block.conditions(poses.plane, np.zeros_like(poses.interior), ray, view)
+    # Propagate pose and interior, J C J^T, and add the covariance by the picks.
     from_picks, by_interior = line.noise[..., : block.split], line.noise[..., block.split :]
     jacobian = np.concatenate([line.by_plane.transpose(1, 2, 0), by_interior], axis=2)
     covariance = np.matmul(np.matmul(jacobian, poses.covariance), jacobian.swapaxes(1, 2))
@@ -343,16 +348,16 @@ def lengths_between(
 
 @lru_cache(maxsize=16)
 def _root(covariance: bytes) -> Floats:
-    """`covariance_root`, once for all frames of a camera."""
+    """Compute `covariance_root`, once for all frames of a camera."""
     flat = np.frombuffer(covariance)
     size = math.isqrt(len(flat))
     return covariance_root(flat.reshape(size, size))
 
 
 def line_sigmas(frames: LengthFrames) -> Floats:
-    """(B, n) sigma of each length with that of its two picks, from the line's own metres a pixel.
+    """Compute (B, n) sigmas of lengths including their two picks, by the line's own scale [m/px].
 
-    Good enough to search by; the resection itself carries picks through the lens and plane.
+    Accurate enough for the search; the resection itself propagates picks through lens and plane.
     """
     rows = np.arange(len(frames.start))[:, None]
     along = frames.pixel_px[rows, frames.start] - frames.pixel_px[rows, frames.end]
@@ -365,7 +370,7 @@ def line_sigmas(frames: LengthFrames) -> Floats:
 def search_frames(
     calibration: Calibration, frames: LengthFrames
 ) -> list[tuple[PlaneCandidate, ...]]:
-    """`search_planes` over frames as they were picked."""
+    """Search planes of frames by `search_planes`, from their picks."""
     ray = back_project(calibration.model, calibration.parameters, frames.pixel_px)
     rows = np.arange(len(ray))[:, None]
     return search_planes(
@@ -373,11 +378,11 @@ def search_frames(
     )
 
 
-@np.errstate(invalid="ignore", divide="ignore", over="ignore")  # frames that fail, of many
+@np.errstate(invalid="ignore", divide="ignore", over="ignore")  # some frames may fail
 def _solve(
     calibration: Calibration, root: Floats, frames: LengthFrames, start_plane: Floats
 ) -> LengthPoses:
-    """Gauss-Helmert iterations of some frames together; first values of the planes (B, 3)."""
+    """Iterate the Gauss-Helmert model of some frames together, from initial planes (B, 3)."""
     block = Block(calibration, root, frames)
     split = block.split
     ray, view = block.first_view()
@@ -386,7 +391,7 @@ def _solve(
         line = block.conditions(plane, adjusted[:, split:], ray, view)
         fit = _fit(block, line)
         step = np.maximum.reduce(np.abs(fit.step) / fit.sigma, axis=1)
-        # Far from the plane, the misclosures say nothing of the observations' own errors.
+        # Far from the solution the misclosures contain no information on the observations' errors.
         correction = np.matmul(fit.multiplier[:, None], line.noise)[:, 0]
         correction[step >= NEAR] = 0.0
         change = correction - adjusted
@@ -394,7 +399,7 @@ def _solve(
         plane = plane + _shortened(plane, fit.step, ray)
         moved = np.maximum.reduce(np.abs(change), axis=1)
         largest = np.maximum(moved, step)
-        if not (largest >= AT_REST).any():  # NaN is no longer going either
+        if not (largest >= AT_REST).any():  # NaN counts as ended
             break
         ray[:2] += block.follow(view, adjusted, change)
         if np.maximum.reduce(moved) < SAME_VIEW:
@@ -418,8 +423,8 @@ class _Fit(NamedTuple):
     multiplier
         (B, n) Lagrange multipliers: P times the misclosure.
     inverse
-        (B, n + 3, n + 3) of [[W, A], [A^T, 0]]: [[P, K^T], [K, -(A^T W^-1 A)^-1]], with
-        K = (A^T W^-1 A)^-1 A^T W^-1 and P = W^-1 (I - A K).
+        (B, n + 3, n + 3) of [[W, A], [A^T, 0]]: [[P, K^T], [K, -(A^T W^-1 A)^-1]], with K = (A^T
+        W^-1 A)^-1 A^T W^-1 and P = W^-1 (I - A K).
     """
 
     step: Floats
@@ -430,6 +435,7 @@ class _Fit(NamedTuple):
 
 def _fit(block: Block, line: Conditions) -> _Fit:
     n = block.shape[1]
+    # Bordered system [[W, A], [A^T, 0]] of the conditions and the plane.
     system = block.system.copy()
     system[:, :n, :n] += np.matmul(line.noise, line.noise.swapaxes(1, 2))
     system[:, :n, n:] = line.by_plane.transpose(1, 2, 0)
@@ -441,10 +447,10 @@ def _fit(block: Block, line: Conditions) -> _Fit:
 
 
 def _inverses(system: Floats) -> Floats:
-    """Inverses (B, m, m); NaN where a frame's conditions do not determine its plane at all."""
+    """Invert (B, m, m); NaN if a frame's conditions do not determine its plane at all."""
     try:
         return np.asarray(np.linalg.inv(system))
-    except np.linalg.LinAlgError:  # one singular frame would take all others with it
+    except np.linalg.LinAlgError:  # one singular frame stops the inversion of all
         inverse = np.full_like(system, np.nan)
         for frame, own in enumerate(system):
             with suppress(np.linalg.LinAlgError):
@@ -453,7 +459,7 @@ def _inverses(system: Floats) -> Floats:
 
 
 def _shortened(plane: Floats, step: Floats, ray: Floats) -> Floats:
-    """Steps (B, 3), halved until all rays (3, 2, B, n) meet the ground in front of the camera."""
+    """Halve steps (B, 3) until all rays (3, 2, B, n) meet the ground in front of the camera."""
     for _ in range(SHORTENINGS):
         depth = np.add.reduce((plane + step).T[:, None, :, None] * ray, axis=0)
         if depth.min() > 0:
@@ -464,7 +470,7 @@ def _shortened(plane: Floats, step: Floats, ray: Floats) -> Floats:
 
 
 def _joint_covariance(fit: _Fit, c: Floats, root: Floats) -> Floats:
-    """(B, 3 + P, 3 + P) of plane and adjusted interior; c is (B, n, r).
+    """Compute (B, 3 + P, 3 + P) covariances of plane and adjusted interior; c is (B, n, r).
 
     Cov(m, t) = -K C and Cov(t) = I - C^T P C for the interior t in sigmas.
     """

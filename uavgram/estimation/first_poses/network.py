@@ -1,4 +1,4 @@
-"""First values of a survey's unknowns: from the telemetry, or from lengths and known points."""
+"""Initial values of a survey's unknowns: from the telemetry, or from lengths and known points."""
 
 from __future__ import annotations
 
@@ -20,10 +20,11 @@ from uavgram.model.survey.survey import Survey
 
 
 def known_height(survey: Survey) -> float:
-    """Height of the ground under control points, else under lines of known position.
+    """Estimate the height of the ground from control points, or from lines of known position.
 
-    Of control points those whose own height is not known count where all do. Then it is the lowest:
-    they stand on it or above it. Where lines have no heights, that of the ground beforehand.
+    Control points whose own height above the ground is known count, if there are any. Otherwise the
+    height is that of the lowest control point: they are on the ground or above it. If lines have no
+    heights, it is the prior height of the ground.
     """
     label, up = survey.control_label, survey.control_world_m[:, 2]
     if not len(label):
@@ -40,14 +41,16 @@ SAME = 0.01
 """Distance between two planes, in sigmas, up to which they are the same."""
 
 REMEMBERED = 64
-"""Sets of frames whose poses are kept: searches for what is wrong ask for the same ones often."""
+"""Number of sets of frames whose poses are cached: searches for errors request the same ones
+often."""
 
 ROUGHLY_M = 0.3
-"""Sigma of a stated height up to which a point may place cameras: some 10 pixels from 30 m."""
+"""Largest sigma of a stated height for which a point may place cameras [m]: some 10 pixels from 30
+m."""
 
 
 class FirstValues(NamedTuple):
-    """First values; NaN where nothing determines them.
+    """Initial values; NaN if nothing determines them.
 
     Attributes
     ----------
@@ -56,9 +59,9 @@ class FirstValues(NamedTuple):
     center, rotation
         (F, 3), (F, 3, 3) world from camera.
     height_m
-        Of the plane.
+        Height of the plane.
     departure_m
-        (K,) by which points whose height is free are first taken to lie above the plane.
+        (K,) initial heights above the plane of points whose height is free.
     """
 
     point_m: Floats
@@ -69,7 +72,7 @@ class FirstValues(NamedTuple):
 
 
 def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
-    """Points where the picks' rays (P, 3) from the seeds meet the plane: the median over frames."""
+    """Intersect the picks' rays (P, 3) from the seeds with the plane: the median over frames."""
     seeds = survey.seeds
     assert seeds is not None  # noqa: S101  (the caller asked)
     frame, label = survey.pick_frame, survey.pick_label
@@ -84,12 +87,12 @@ def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
 
 
 def placing(survey: Survey) -> Bools:
-    """(K,) points whose height is known well enough to tell where a camera stands."""
+    """Mark the points (K,) whose height is known well enough to determine a camera's position."""
     return np.asarray(~survey.is_free & (survey.height_sigma_m <= ROUGHLY_M))
 
 
 class SeenLines(NamedTuple):
-    """Known lengths that frames see whole, one row each, by frame.
+    """Known lengths with both ends in one frame, one row each, by frame.
 
     Attributes
     ----------
@@ -106,10 +109,10 @@ class SeenLines(NamedTuple):
 
 
 def seen_lines(survey: Survey) -> SeenLines:
-    """Which frames see which known lengths whole, of those that a plane can start from.
+    """Find the known lengths with both ends in a frame, of those that a plane can start from.
 
-    Both ends must lie in one area and stand equally high above it (others would need a ray of
-    their own: they refine the pose but do not start it), and on two pixels.
+    Both ends must be in one area and at one height above it (others would need a ray of their own:
+    they refine the pose but do not start it), and on two pixels.
     """
     labels = len(survey.label)
     key = survey.pick_frame * labels + survey.pick_label
@@ -117,6 +120,7 @@ def seen_lines(survey: Survey) -> SeenLines:
     by_label = np.argsort(survey.pick_label, kind="stable")
     bounds = np.searchsorted(survey.pick_label[by_label], np.arange(labels + 1))
     number = np.diff(bounds)[survey.line_start]
+    # All picks of the start of each line, and for each the pick of the end in the same frame.
     line = np.repeat(np.arange(len(number)), number)
     within = np.arange(len(line)) - np.repeat(np.cumsum(number) - number, number)
     start = by_label[bounds[survey.line_start[line]] + within]
@@ -137,7 +141,7 @@ def seen_lines(survey: Survey) -> SeenLines:
 
 
 def lines_per_frame(survey: Survey) -> Ints:
-    """(F,) how many known lengths each frame sees whole; one taped twice counts once."""
+    """Count (F,) known lengths with both ends in each frame; one taped twice counts once."""
     return _lines_per_frame(survey, seen_lines(survey))
 
 
@@ -148,10 +152,10 @@ def _lines_per_frame(survey: Survey, seen: SeenLines) -> Ints:
 
 
 def length_poses(survey: Survey) -> dict[int, LengthPoses]:
-    """Poses over the plane that explain the lengths of each frame with three or more, best first.
+    """Estimate poses from the lengths of each frame with three or more, best first.
 
     All frames are searched together, and each candidate is refined to the maximum of its own
-    likelihood, with its covariance. Candidates that end in the same maximum count once.
+    likelihood, with its covariance. Candidates that converge to the same maximum count once.
     """
     seen = seen_lines(survey)
     enough = np.flatnonzero(_lines_per_frame(survey, seen) >= 3)
@@ -162,7 +166,7 @@ def length_poses(survey: Survey) -> dict[int, LengthPoses]:
 
 
 class _Asked:
-    """Frames of a camera; those of which every number is the same are equal."""
+    """Frames of a camera as a cache key; equal if all numbers are equal."""
 
     def __init__(self, calibration: Calibration, frames: LengthFrames) -> None:
         self.calibration, self.frames = calibration, frames
@@ -179,14 +183,14 @@ class _Asked:
 
 @lru_cache(maxsize=REMEMBERED)
 def _poses_of(asked: _Asked) -> dict[int, LengthPoses]:
-    """Poses of frames that lengths explain, by index, best first."""
+    """Estimate poses of frames that lengths explain, by index, best first."""
     searched = search_frames(asked.calibration, asked.frames)
     if not any(searched):  # no pose explains the lengths of any frame
         return {}
     row = np.repeat(np.arange(len(searched)), [len(found) for found in searched])
     start = np.array([c.plane for found in searched for c in found]).reshape(-1, 3)
     poses = resect_from_lengths(asked.calibration, asked.frames.take(row), start)
-    # Where the iterations fail, what the search found is still a first value.
+    # If the iterations fail, the result of the search is still an initial value.
     failed = ~poses.converged
     cost = np.array([c.cost for found in searched for c in found])
     poses = poses._replace(
@@ -202,19 +206,19 @@ def _poses_of(asked: _Asked) -> dict[int, LengthPoses]:
 
 
 def _distinct(poses: LengthPoses) -> LengthPoses:
-    """Of poses that came to rest at the same plane, the first."""
+    """Keep the first of the poses that converged to the same plane."""
     variance = np.einsum("bii->bi", poses.covariance)[:, :3]
     sigma = np.sqrt(np.where(poses.converged[:, None], variance, 0.0))
     same = np.all(np.abs(poses.plane[:, None] - poses.plane) <= SAME * sigma, axis=2)
     first = np.argmax(same, axis=0)
     distinct = poses.take(np.flatnonzero(first == np.arange(len(first))))
     for column in distinct:
-        column.flags.writeable = False  # who asks again gets the same arrays
+        column.flags.writeable = False  # the cache returns the same arrays again
     return distinct
 
 
 def _length_frames(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames:
-    """The lines of some frames, filled up to the largest number of picks and of lines."""
+    """Collect the lines of some frames, padded to the largest number of picks and of lines."""
     rows = np.flatnonzero(np.isin(seen.frame, frame))
     row = np.searchsorted(frame, seen.frame[rows])
     used, at = np.unique(np.stack([seen.start[rows], seen.end[rows]]), return_inverse=True)
@@ -236,7 +240,7 @@ def _length_frames(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames
 
 
 def _rank(owner: Ints, owners: int) -> Ints:
-    """(n,) how many with the same owner come before each."""
+    """Count (n,) earlier entries with the same owner."""
     order = np.argsort(owner, kind="stable")
     first = np.searchsorted(owner[order], np.arange(owners))
     rank = np.empty(len(owner), dtype=np.int64)
@@ -245,7 +249,7 @@ def _rank(owner: Ints, owners: int) -> Ints:
 
 
 def _median_by_label(value: Floats, label: Ints, count: int) -> Floats:
-    """(count, 2) median of the finite rows of each label, by coordinate; NaN where there is none.
+    """Compute (count, 2) medians of the finite rows of each label, by coordinate; NaN if none.
 
     One gross error of three does not move it far.
     """

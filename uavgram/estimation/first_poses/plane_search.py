@@ -1,15 +1,15 @@
-"""First poses of single frames from what is known of points on the ground, without a log.
+"""Initial poses of single frames from known things on the ground, without a log.
 
 The plane is m . X = 1 in the camera frame, m = n / h with the unit normal n towards the ground and
 the height h above it, as in `geometry.ground.plane_pose`. Known things that hold on every plane
-alike (points in line stay in line from wherever they are seen) say nothing of it and have no row.
+alike (points in line stay in line in every view) contain no information on it and have no row.
 
 Lengths, angles, parallels and equal lengths: three numbers of a pose over the plane (two of its
-tilt, one of its height) need three of them that say something different, one in metres. Three
-lengths have several exact solutions in about half of all scenes, a triangle nearly always; so the
-hemisphere of plane normals is searched, all candidates are refined together (`minimise_each`), and
-every distinct minimum is kept. Frames with lengths alone are searched together
-(`search_planes`), a frame with other known things by itself (`search_known`).
+tilt, one of its height) need three independent ones, one of them in metres. Three lengths have
+several exact solutions in about half of all scenes, a triangle nearly always; so the hemisphere of
+plane normals is searched, all candidates are refined together (`minimise_each`), and every distinct
+minimum is kept. Frames with lengths alone are searched together (`search_planes`), a frame with
+other known things by itself (`search_known`).
 """
 
 from __future__ import annotations
@@ -35,11 +35,11 @@ from uavgram.geometry.ground.plane_pose import by_plane, lengths_on_plane, reach
 from uavgram.model.arrays import Bools, Floats, Ints
 
 _HORIZON = 1e-12
-"""Smallest m . v over the length of m: nearer to the horizon a ray meets no ground."""
+"""Smallest m . v over the length of m: nearer to the horizon a ray does not meet the ground."""
 
 
 class PlaneThing(NamedTuple):
-    """Something known of points on the ground that one frame sees whole.
+    """Known thing about points on the ground, all of which one frame shows.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class PlaneThing(NamedTuple):
     pick
         Its points, in their order, as rows of the frame's picks.
     value
-        Metres, square metres or degrees; of conditions any number.
+        Metres, square metres or degrees; for conditions any number.
     sigma
         In the same unit.
     """
@@ -60,16 +60,16 @@ class PlaneThing(NamedTuple):
 
 
 class PlaneRows(NamedTuple):
-    """R rows of the things that C planes should fulfil.
+    """Rows of known things: R rows for each of C planes.
 
     Attributes
     ----------
     value
-        (C, R) what they miss; NaN where a point is not before the camera.
+        (C, R) residuals; NaN if a point is not before the camera.
     by_plane
         (C, R, 3) derivatives by m.
     sigma
-        (C, R) of the things, with those of the picks as they work there.
+        (C, R) sigmas of the things, including the effect of the picks' sigmas.
     """
 
     value: Floats
@@ -77,12 +77,12 @@ class PlaneRows(NamedTuple):
     sigma: Floats
 
     def take(self, planes: Ints) -> PlaneRows:
-        """Those of some planes, by index."""
+        """Return the rows of some planes, by index."""
         return PlaneRows(*(column[planes] for column in self))
 
 
 def row_count(kind: str, points: int) -> int:
-    """Number of rows that a known thing has; 0 where it says nothing of the plane."""
+    """Return the number of rows of a known thing; 0 if it does not constrain the plane."""
     if kind == "equal_lengths":
         return points // 2 - 1
     return int(kind in SCALED or kind in SHAPED)
@@ -91,7 +91,7 @@ def row_count(kind: str, points: int) -> int:
 def rows_on_planes(
     plane: Floats, ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]
 ) -> PlaneRows:
-    """What known things miss on planes.
+    """Compute the residuals of known things on planes.
 
     Parameters
     ----------
@@ -117,9 +117,9 @@ def rows_on_planes(
 def fitting_heights(
     normal: Floats, ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]
 ) -> Floats:
-    """(C,) heights over planes of given normals that suit what is known in metres.
+    """Compute (C,) heights over planes of given normals that fit the known things in metres.
 
-    The mean of what each length and area says, by their logarithms: where they agree, the height.
+    The weighted mean of the logarithms of the heights by each length and area.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def fitting_heights(
     ray, ray_sigma
         As for `rows_on_planes`.
     things
-        Some of them of a kind in `SCALED`.
+        Known things, some of a kind in `SCALED`.
     """
     scaled = tuple(one._replace(sigma=0.0) for one in things if one.kind in SCALED)
     rows = rows_on_planes(normal, ray, ray_sigma, scaled)
@@ -145,7 +145,7 @@ def fitting_heights(
 def _rows(
     thing: PlaneThing, plane: Floats, seen: tuple[Floats, Floats, Floats], ray_sigma: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """(C, r) values, (C, r, 3) derivatives by m, (C, r) sigmas of one thing."""
+    """Compute (C, r) values, (C, r, 3) derivatives by m, (C, r) sigmas of one thing."""
     pick = list(thing.pick)
     place, depth, axes = seen[0][:, pick], seen[1][:, pick], seen[2]
     plan = place @ axes.swapaxes(1, 2)
@@ -154,7 +154,7 @@ def _rows(
     if thing.kind in SCALED or thing.kind == "angle":
         value = value - thing.value
     # A point X = v / (m . v) moves by -X (X . dm), and by (dv - X (m . dv)) / (m . v). Axes that
-    # turn with the plane shift and turn the whole plan, which changes none of the values.
+    # turn with the plane only shift and turn the plan, which changes none of the values.
     within = gradient[..., :2]
     by_plane = -np.einsum("crk,cki->cri", np.sum(within * plan[:, None], axis=3), place)
     by_place = within @ axes[:, None]
@@ -165,14 +165,14 @@ def _rows(
 
 
 def _axes_in(normal: Floats) -> Floats:
-    """(C, 2, 3) two axes within planes of unit normals (C, 3)."""
+    """Return (C, 2, 3) two axes within planes of unit normals (C, 3)."""
     least = np.eye(3)[np.abs(normal).argmin(axis=1)]
     first, _ = unit_vectors(np.cross(normal, least))
     return np.stack([first, np.cross(normal, first)], axis=1)
 
 
 def _length(points: Floats) -> Residuals:
-    """Length through points."""
+    """Compute the length through points."""
     unit, length = unit_vectors(points[:, 1:] - points[:, :-1])
     gradient = np.zeros_like(points)
     gradient[:, 1:] += unit
@@ -181,7 +181,7 @@ def _length(points: Floats) -> Residuals:
 
 
 def _area(points: Floats) -> Residuals:
-    """Area of a polygon in plan: the shoelace formula."""
+    """Compute the area of a polygon in plan by the shoelace formula."""
     after, before = np.roll(points, -1, axis=1), np.roll(points, 1, axis=1)
     twice = np.sum(points[..., 0] * after[..., 1] - points[..., 1] * after[..., 0], axis=1)
     across = after - before
@@ -191,14 +191,14 @@ def _area(points: Floats) -> Residuals:
 
 
 def _line_distance(points: Floats) -> Residuals:
-    """Distance of the first point from the line through the others."""
+    """Compute the distance of the first point from the line through the others."""
     offset = conditions.line_offset(points, on_ground=True)
     sign = np.where(offset.value < 0, -1.0, 1.0)
     return Residuals(sign * offset.value, sign[..., None, None] * offset.gradient)
 
 
 def _angle(points: Floats) -> Residuals:
-    """Angle at the middle point."""
+    """Compute the angle at the middle point."""
     short = conditions.right_angle(points)
     return Residuals(90.0 - short.value, -short.gradient)
 
@@ -208,7 +208,7 @@ def _parallel(points: Floats) -> Residuals:
 
 
 class _Scaled(NamedTuple):
-    """A function of points on a plane, and the power of the height that it grows with."""
+    """Function of points on a plane, and the power of the height that it is proportional to."""
 
     function: Callable[[Floats], Residuals]
     power: int
@@ -221,7 +221,7 @@ SCALED = {
     "line_distance": _Scaled(_line_distance, 1),
     "area": _Scaled(_area, 2),
 }
-"""Kinds that say how large things are."""
+"""Kinds that determine the scale."""
 
 SHAPED: dict[str, Callable[[Floats], Residuals]] = {
     "angle": _angle,
@@ -229,7 +229,7 @@ SHAPED: dict[str, Callable[[Floats], Residuals]] = {
     "parallel": _parallel,
     "equal_lengths": conditions.equal_lengths,
 }
-"""Kinds that only say which shape they have."""
+"""Kinds that determine only the shape."""
 
 
 def _function(kind: str) -> Callable[[Floats], Residuals]:
@@ -239,32 +239,33 @@ def _function(kind: str) -> Callable[[Floats], Residuals]:
 TILT_STEP_DEG = 7.5
 MAX_TILT_DEG = 85.0
 NEIGHBOURS = 8
-"""Of a normal of the grid: those that a minimum has to undercut."""
+"""Number of neighbours of a normal of the grid; a minimum must be lower than all of them."""
 
 FEW = 4
-"""Lines up to which every normal of the grid is a start."""
+"""Number of lines up to which every normal of the grid is a start."""
 
 LOWEST = 40
-"""Normals of lowest cost that are starts beside the local minima over the grid."""
+"""Number of normals of lowest cost that are starts in addition to the local minima over the
+grid."""
 
 PLAUSIBLE = 1e-4
-"""Probability below which a minimum no longer counts as an explanation of what is known."""
+"""Probability below which a minimum no longer counts as an explanation of the known things."""
 
 BLOCK = 200_000
 """Lines times candidates at a time: the temporaries stay in the processor's cache."""
 
 ROUNDS, NEAR = (5, 5, 10, 10), 0.01
-"""Steps of each round; of candidates within a hundredth of each other only the best goes on."""
+"""Steps of each round; relative distance of candidates within which only the best is continued."""
 
 AT_REST = 1e-4
-"""Largest fall of cost that another step of a candidate at rest may bring."""
+"""Largest reduction of cost by another step of a converged candidate."""
 
 UNKNOWN = 1.0
-"""Sigma of a plane as a share of its size, from which on its numbers mean nothing."""
+"""Sigma of a plane as a share of its size, above which its numbers have no meaning."""
 
 
 class PlaneCandidate(NamedTuple):
-    """A local minimum: the plane m (3,), and its weighted sum of squared residuals."""
+    """Local minimum: the plane m (3,), and its weighted sum of squared residuals."""
 
     plane: Floats
     cost: float
@@ -272,7 +273,7 @@ class PlaneCandidate(NamedTuple):
 
 @cache
 def normal_grid() -> Floats:
-    """Unit vectors (S, 3) towards the ground, about evenly spread over the visible hemisphere."""
+    """Return unit vectors (S, 3) towards the ground, nearly evenly over the visible hemisphere."""
     normals = [np.array([[0.0, 0.0, 1.0]])]
     for tilt in np.deg2rad(np.arange(TILT_STEP_DEG, MAX_TILT_DEG + 1e-9, TILT_STEP_DEG)):
         count = max(6, round(2 * np.pi * np.sin(tilt) / np.deg2rad(TILT_STEP_DEG)))
@@ -286,25 +287,25 @@ def normal_grid() -> Floats:
 
 @cache
 def _neighbours() -> Ints:
-    """(NEIGHBOURS, S) nearest others of each normal of the grid."""
+    """Return the (NEIGHBOURS, S) nearest others of each normal of the grid."""
     near = np.argsort(-normal_grid() @ normal_grid().T, axis=1, kind="stable")
     return np.ascontiguousarray(near[:, 1 : NEIGHBOURS + 1].T)
 
 
 def _moved(state: State, step: Floats) -> State:
-    """Planes after steps (b, 3)."""
+    """Return planes after steps (b, 3)."""
     return (state[0] + step,)
 
 
 def _distinct(plane: Floats, cost: Floats, information: Floats, limit: float) -> list[int]:
-    """Candidates that no better one is within a sigma of, up to a cost above the first one's.
+    """Return candidates farther than a sigma from any better one, up to a limit of the cost.
 
     Parameters
     ----------
     plane, cost, information
         (C, 3), (C,), (C, 3, 3) minima, the best first.
     limit
-        Rise of the cost up to which what is known allows them.
+        Largest difference to the lowest cost that the known things allow.
     """
     kept: list[int] = []
     rows = np.flatnonzero(cost <= cost[:1] + limit)
@@ -319,26 +320,26 @@ def _distinct(plane: Floats, cost: Floats, information: Floats, limit: float) ->
 def search_planes(
     start_ray: Floats, end_ray: Floats, length_m: Floats, sigma_m: Floats
 ) -> list[tuple[PlaneCandidate, ...]]:
-    """All distinct planes that explain the lengths of each of many frames, best first.
+    """Search all distinct planes that explain the lengths of each of many frames, best first.
 
     Parameters
     ----------
     start_ray, end_ray
         (B, L, 3) undistorted rays of the lines' ends, z = 1, camera frame.
     length_m, sigma_m
-        (B, L) lengths, and the sigma of each with that of its two picks; an infinite sigma says
-        that a frame has no such line (its rays and length are any numbers).
+        (B, L) lengths, and the sigma of each with that of its two picks; an infinite sigma marks a
+        line that a frame does not have (its rays and length are any numbers).
 
     Returns
     -------
     list of tuple of PlaneCandidate
-        Per frame: the best one always, and every other minimum that the lengths allow; empty where
-        no plane of the hemisphere lies in front of all rays, or fewer than three lines are there.
+        Per frame: always the best one, and every other minimum that the lengths allow; empty if no
+        plane of the hemisphere is in front of all rays, or there are fewer than three lines.
     """
     weight = 1.0 / sigma_m
     there = weight > 0
     count = there.sum(axis=1)
-    # A line that is not there becomes a copy of the first one that is, without weight.
+    # A missing line becomes a copy of the first present one, without weight.
     stand_in = np.where(there, np.arange(there.shape[1]), there.argmax(axis=1)[:, None])
     take = stand_in[..., None]
     start_ray = np.take_along_axis(start_ray, take, axis=1)
@@ -357,7 +358,7 @@ def search_planes(
 def _explanations(
     ends: Floats, observed: tuple[Floats, Floats], count: Ints
 ) -> list[tuple[PlaneCandidate, ...]]:
-    """Distinct minima of scenes: rays (3, 2, B, L), weighted lengths and weights (B, L)."""
+    """Find distinct minima of scenes: rays (3, 2, B, L), weighted lengths and weights (B, L)."""
     start, scene = _starts(ends, observed, count)
 
     def rows(which: Ints, state: State) -> tuple[Floats, Floats]:
@@ -368,6 +369,7 @@ def _explanations(
         return lengths.length * weight - wanted, np.moveaxis(by, 0, 2)
 
     minima = minimise_each(Explicit(rows, _moved), (start,))
+    # Minima of each scene by cost; keep the distinct ones within the limit.
     order = np.lexsort((minima.cost, scene))
     bounds = np.searchsorted(scene[order], np.arange(len(count) + 1))
     limit = np.asarray(chdtri(np.maximum(count - 3, 1), PLAUSIBLE))
@@ -382,16 +384,17 @@ def _explanations(
 
 
 def _starts(ends: Floats, observed: tuple[Floats, Floats], count: Ints) -> tuple[Floats, Ints]:
-    """First planes (C, 3) and their scenes (C,): every normal of the grid, or the promising ones.
+    """Compute initial planes (C, 3) and their scenes (C,) from the grid, all or promising ones.
 
     The height over a normal follows in closed form: lengths are proportional to it. With it, the
-    cost over the hemisphere has the same minima as that over all planes: where the grid has a
-    local minimum, a start. Few lines may have several minima within one step of the grid; then
-    it is the direction from which a start comes that leads to the one or the other.
+    cost over the hemisphere has the same minima as that over all planes: each local minimum of the
+    grid is a start. Few lines may have several minima within one step of the grid; then the
+    direction of the start decides which of them is reached, and all normals are starts.
     """
     normal = normal_grid()
     unit = lengths_on_plane(np.ascontiguousarray(normal.T)[:, None, :, None], ends[:, :, :, None])
     wanted, weight = observed[0][:, None], observed[1][:, None]
+    # Height by linear least squares, h = (u . l) / (u . u), and the cost of its residuals.
     scaled = unit.length * weight
     square, mixed = np.sum(scaled * scaled, axis=-1), np.sum(scaled * wanted, axis=-1)
     height = mixed / square
@@ -407,16 +410,16 @@ def _starts(ends: Floats, observed: tuple[Floats, Floats], count: Ints) -> tuple
 
 
 class KnownPlanes(NamedTuple):
-    """Planes that explain what a frame's known things say, best first.
+    """Planes that explain a frame's known things, best first.
 
     Attributes
     ----------
     plane
         (n, 3) m = normal / height in the camera frame [1/m].
     covariance
-        (n, 3, 3) from things and picks; the lens counts as exact.
+        (n, 3, 3) by things and picks; the lens is assumed exact.
     cost
-        (n,) weighted sum of squared misses; degrees of freedom: number of rows less three.
+        (n,) weighted sum of squared residuals; degrees of freedom: number of rows less three.
     """
 
     plane: Floats
@@ -428,7 +431,7 @@ NOTHING = KnownPlanes(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
 
 
 def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]) -> KnownPlanes:
-    """All distinct planes that known things allow a frame.
+    """Search all distinct planes that explain the known things of a frame.
 
     Parameters
     ----------
@@ -437,13 +440,13 @@ def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...])
     ray_sigma
         (E,) of their x and y: those of the pixels over the focal length.
     things
-        What is known of its points.
+        Known things about its points.
 
     Returns
     -------
     KnownPlanes
-        None at all where the things do not determine one: fewer than three rows, none in metres,
-        or all of them about the same.
+        Empty if the things do not determine a plane: fewer than three rows, none in metres, or all
+        of them dependent.
     """
     if row_total(things) < 3 or not any(one.kind in SCALED for one in things):
         return NOTHING
@@ -454,9 +457,9 @@ def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...])
 
 
 class _Things:
-    """Planes that should fulfil what is known; the sigmas follow the planes.
+    """Least-squares problem of planes and known things, with sigmas that depend on the planes.
 
-    Of state are the planes, and the sigmas where the step to them began.
+    The state consists of the planes, and the sigmas at the start of the step to them.
     """
 
     axis = 0
@@ -465,7 +468,7 @@ class _Things:
         self._known = ray, ray_sigma, things
 
     def linearise(self, which: Ints, state: State) -> Linear:  # noqa: ARG002
-        """Normal equations at planes; they are compared by the sigmas of where they came from."""
+        """Compute normal equations at planes; costs are compared by the sigmas before the step."""
         rows = rows_on_planes(state[0], *self._known)
         here = normal_equations(rows.value / rows.sigma, rows.by_plane / rows.sigma[..., None])
         compared = np.sum((rows.value / state[1]) ** 2, axis=1)
@@ -476,7 +479,7 @@ class _Things:
         return state[0] + step, linear.rest[0]
 
     def minima(self, plane: Floats) -> Floats:
-        """Planes (c, 3) at rest from starts (C, 3)."""
+        """Return converged planes (c, 3) from starts (C, 3)."""
         rows = row_total(self._known[2])
         for steps in ROUNDS:
             ends = minimise_each(self, (plane, np.ones((len(plane), rows))), steps)
@@ -486,7 +489,7 @@ class _Things:
 
 @lru_cache(maxsize=256)
 def _found(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> KnownPlanes:
-    """The planes; once for a frame, though an adjustment begins many times."""
+    """Search the planes; cached, because an adjustment begins many times."""
     ray, ray_sigma = np.frombuffer(rays).reshape(-1, 3), np.frombuffer(sigmas)
     normal = normal_grid()
     height = fitting_heights(normal, ray, ray_sigma, things)
@@ -495,9 +498,10 @@ def _found(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> KnownP
     rows = np.ones((len(plane), row_total(things)))
     cost, information, gradient, *_ = problem.linearise(np.arange(len(plane)), (plane, rows))
     covariance, determined = _covariances(plane, information, cost)
+    # Newton decrement g^T N^-1 g: reduction of the cost by another step.
     gain = np.einsum("ci,cij,cj->c", gradient, covariance, gradient)
     resting = np.flatnonzero(gain < AT_REST)
-    # Where two solutions merge nothing determines the one that is left; it may be the true one.
+    # Where two solutions merge the remaining one is undetermined; it may be the true one.
     order = resting[np.lexsort((cost[resting], ~determined[resting]))]
     if not determined[order[:1]].any():
         return NOTHING
@@ -510,12 +514,12 @@ def _found(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> KnownP
 
 
 def row_total(things: tuple[PlaneThing, ...]) -> int:
-    """Number of rows that known things have together."""
+    """Return the number of rows that known things have together."""
     return sum(row_count(one.kind, len(one.pick)) for one in things)
 
 
 def _best_of_near(plane: Floats, cost: Floats) -> Ints:
-    """Of planes within a hundredth of each other, that of least cost; indices."""
+    """Return indices of the planes of least cost among those within a hundredth of each other."""
     size = np.linalg.norm(plane, axis=1)
     cell = np.round(np.column_stack([plane / size[:, None], np.log(size)]) / NEAR)
     order = np.argsort(cost, kind="stable")[: np.isfinite(cost).sum()]
@@ -524,12 +528,12 @@ def _best_of_near(plane: Floats, cost: Floats) -> Ints:
 
 
 def _covariances(plane: Floats, information: Floats, cost: Floats) -> tuple[Floats, Bools]:
-    """(C, 3, 3) inverses, no sigma above `UNKNOWN`, and (C,) whether none had been.
+    """Compute (C, 3, 3) inverses with sigmas up to `UNKNOWN`, and (C,) whether none was larger.
 
     Parameters
     ----------
     plane, information, cost
-        (C, 3), (C, 3, 3), (C,): where the cost is NaN nothing is known.
+        (C, 3), (C, 3, 3), (C,); no information where the cost is NaN.
     """
     size = np.linalg.norm(plane, axis=1)
     relative = information * (size**2)[:, None, None]

@@ -1,12 +1,12 @@
-"""Poses of many photos at once, by maximum likelihood from whatever is known of what they show.
+"""Poses of many photos at once, by maximum likelihood from observations of their points.
 
-One problem for first poses, for single photos and for the comparison of methods; `minimise_each`
+One problem for initial poses, for single photos and for the comparison of methods; `minimise_each`
 (`estimation.solver.batched`) solves it for B photos together. The unknowns are the pose of each
 photo and, where picks are observations, the ground points of its own lines, which are eliminated
 line by line. The observations are kinds of rows:
 
-* `FeatureRows`: pixels of points on level ground, with any of: stated places, lines on which the
-  points lie, taped lengths, a log's pose;
+* `FeatureRows`: pixels of points on level ground, with any of: stated places, lines through the
+  points, taped lengths, a log's pose;
 * `LineRows`: rays that end on lines of known position, the points eliminated beforehand;
 * `RayRows`: rays to points of known position.
 """
@@ -26,11 +26,12 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 
 LEAST_INFORMATION = 1e-9
-"""Of a ground point's coordinates [1/m^2], where a pose that a step tried shows nothing of it."""
+"""Information on a ground point's coordinates [1/m^2] that is added in case a trial pose shows
+nothing of it."""
 
 
 def move_poses(state: State, step: Floats) -> State:
-    """Apply steps (b, 6) of centre [m] and rotation behind that of the photo [rad] to poses."""
+    """Apply steps (b, 6), centre [m] and rotation behind that of the photo [rad], to poses."""
     return state[0] + step[:, :3], state[1] @ exp_so3(step[:, 3:])
 
 
@@ -40,11 +41,11 @@ class PoseRows:
     axis = 0
 
     def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
-        """Residuals (b, r) and Jacobians (b, r, 6) by centre and rotation of photos (b,)."""
+        """Compute residuals (b, r), Jacobians (b, r, 6) by centre, rotation of photos (b,)."""
         raise NotImplementedError
 
     def linearise(self, which: Ints, state: State) -> Linear:
-        """Normal equations of photos (b,) at a state."""
+        """Compute the normal equations of photos (b,) at a state."""
         return normal_equations(*self.rows(which, state))
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
@@ -53,9 +54,9 @@ class PoseRows:
         Parameters
         ----------
         state
-            Of b problems.
+            State of b problems.
         linear
-            As it was linearised there.
+            Linearisation at this state.
         step
             (b, 6) of centre [m] and rotation [rad].
         """
@@ -64,7 +65,7 @@ class PoseRows:
 
 @dataclass(frozen=True, eq=False)
 class Logged:
-    """Where a log has each photo: (B, 3), (B, 3, 3); sigmas (6,) of centre [m], rotation [rad]."""
+    """Logged pose of each photo: (B, 3), (B, 3, 3); sigmas (6,) of centre [m], rotation [rad]."""
 
     center: Floats
     rotation: Floats
@@ -73,26 +74,26 @@ class Logged:
 
 @dataclass(frozen=True, eq=False)
 class FeatureRows:
-    """n features, lines with two picked ends each, in each of B photos.
+    """Features, n lines with two picked ends each, in each of B photos.
 
     Attributes
     ----------
     calibration
-        The lens; it counts as known exactly.
+        Calibration of the lens, assumed exact.
     pixel_px, pick_sigma_px
         (B, n, 2, 2) picks of start and end, and sigma of each coordinate.
     place_m, place_sigma_m
         (B, n, 2, 2) stated places of start and end.
     length_m, length_sigma_m
-        (B, n) taped.
+        (B, n) taped lengths.
     start_place, start_on_line, end_on_line, length
-        What is observed: the start's place; that the start, that the end lies on the line; the
-        length.
+        Flags of the observations: the place of the start; that the start, or the end, is on the
+        line; the length.
     logged
-        Where a log has the photos.
+        Logged poses of the photos.
     held
         Centres (B, 3) and rotations (B, 3, 3) whose east, north and heading the poses keep, where
-        nothing observed tells them.
+        no observation determines them.
     """
 
     calibration: Calibration
@@ -118,7 +119,7 @@ class FeatureRows:
         return int(own * self.pixel_px.shape[1] + given - 6)
 
     def linearise(self, which: Ints, state: State) -> Linear:
-        """Normal equations of the poses, the points eliminated.
+        """Compute the normal equations of the poses, with the points eliminated.
 
         With pose p and points q of a feature, N = [[A, B], [B^T, C]] and right side (a, c): the
         pose has A - sum B C^-1 B^T and a - sum B C^-1 c, and q moves by -C^-1 (c + B^T p).
@@ -140,6 +141,7 @@ class FeatureRows:
             c_right += by_ends * off[..., None]
         there = np.isfinite(cost)
         c += LEAST_INFORMATION * np.eye(4)
+        # Schur complement: eliminate the points of each feature.
         inverse = np.linalg.inv(np.where(there[:, None, None, None], c, np.eye(4)))
         gone = b @ inverse
         normal = a - np.einsum("bnik,bnjk->bij", gone, b)
@@ -150,14 +152,14 @@ class FeatureRows:
         return Linear(cost, normal, gradient, ((inverse @ c_right[..., None])[..., 0], gone))
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:
-        """Poses after steps, and the points that follow.
+        """Apply steps to the poses, and the resulting steps to the eliminated points.
 
         Parameters
         ----------
         state
-            Of b problems.
+            State of b problems.
         linear
-            As it was linearised there.
+            Linearisation at this state.
         step
             (b, 6) of centre [m] and rotation [rad].
         """
@@ -168,9 +170,9 @@ class FeatureRows:
     def _picks(
         self, which: Ints, center: Floats, rotation: Floats, point: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """Residuals (b, n, 2, 2) over their sigma, and derivatives by pose and by own point.
+        """Compute residuals (b, n, 2, 2) over their sigma, and derivatives by pose and own point.
 
-        NaN where a point lies behind its camera, or the camera below the ground.
+        NaN if a point is behind its camera, or the camera below the ground.
         """
         world = np.concatenate([point, np.zeros((*point.shape[:3], 1))], axis=-1)
         turn = rotation[:, None, None]
@@ -186,7 +188,7 @@ class FeatureRows:
         return miss, by_pose * weight, by_world[..., :2] * weight
 
     def _stated(self, which: Ints, point: Floats) -> list[tuple[Floats, Floats]]:
-        """Rows that hang on the points alone: residuals (b, n) and gradients (b, n, 4)."""
+        """Compute rows of the points alone: residuals (b, n) and gradients (b, n, 4)."""
         rows = []
         place = self.place_m[which]
         weight = 1.0 / self.place_sigma_m
@@ -197,6 +199,7 @@ class FeatureRows:
                 rows.append(((point[:, :, 0, axis] - place[:, :, 0, axis]) * weight, gradient))
         along = place[:, :, 1] - place[:, :, 0]
         along = along / np.linalg.norm(along, axis=2, keepdims=True)
+        # Unit vectors perpendicular to the stated lines: distance of an end from its line.
         across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
         for end, used in enumerate((self.start_on_line, self.end_on_line)):
             if used:
@@ -204,6 +207,7 @@ class FeatureRows:
                 gradient[..., 2 * end : 2 * end + 2] = across * weight
                 off = np.sum((point[:, :, end] - place[:, :, end]) * across, axis=2)
                 rows.append((off * weight, gradient))
+        # Length between the ends: gradient minus and plus the unit vector.
         if self.length:
             away = point[:, :, 1] - point[:, :, 0]
             length = np.linalg.norm(away, axis=2)
@@ -215,11 +219,11 @@ class FeatureRows:
     def _of_pose(
         self, which: Ints, center: Floats, rotation: Floats
     ) -> list[tuple[Floats, Floats]]:
-        """Rows that hang on the pose alone: residuals (b, r) and gradients (b, r, 6)."""
+        """Compute rows of the pose alone: residuals (b, r) and gradients (b, r, 6)."""
         rows = []
         if self.logged is not None:
             rows.append(_off_pose(self.logged, which, center, rotation))
-        if self.held is not None:  # nothing else notices these three: they are met exactly
+        if self.held is not None:  # no other row depends on these three: they are met exactly
             at, turn = self.held[0][which], self.held[1][which]
             off = np.zeros((len(which), 3))
             off[:, :2] = (center - at)[:, :2]
@@ -227,7 +231,7 @@ class FeatureRows:
             off[:, 2] = away[:, 2]
             gradient = np.zeros((len(which), 3, 6))
             gradient[:, 0, 0] = gradient[:, 1, 1] = 1.0
-            # exp(v) R = R_0-turned: a turn a behind R is R a before it
+            # For R = exp(v) R_0: a turn a behind R is the turn R a before it.
             gradient[:, 2, 3:] = (right_jacobian_inverse(-away) @ rotation)[:, 2]
             rows.append((off, gradient))
         return rows
@@ -245,12 +249,12 @@ def _off_pose(
 
 
 def first_points(rows: FeatureRows, center: Floats, rotation: Floats) -> tuple[Floats, Bools]:
-    """Ground points (B, n, 2, 2) of the picks under poses, and whether all reach the ground.
+    """Compute ground points (B, n, 2, 2) of the picks under poses; mark photos where all exist.
 
     Parameters
     ----------
     rows
-        What is observed.
+        Observations.
     center, rotation
         (B, 3), (B, 3, 3).
     """
@@ -262,12 +266,12 @@ def first_points(rows: FeatureRows, center: Floats, rotation: Floats) -> tuple[F
 def ground_points(
     calibration: Calibration, pixel_px: Floats, center: Floats, rotation: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """Where picks meet the ground z = 0.
+    """Intersect the rays of picks with the ground z = 0.
 
     Parameters
     ----------
     calibration
-        The lens.
+        Calibration of the lens.
     pixel_px
         (B, ..., 2).
     center, rotation
@@ -276,7 +280,7 @@ def ground_points(
     Returns
     -------
     point : (B, ..., 2)
-        NaN where a ray does not go down to the ground.
+        NaN if a ray does not go down to the ground.
     by_pose : (B, ..., 2, 6)
     by_pixel : (B, ..., 2, 2)
     """
@@ -296,7 +300,7 @@ def ground_points(
 
 @dataclass(frozen=True, eq=False)
 class LineRows(PoseRows):
-    """N picks on lines in each of B photos, over ground at z = 0.
+    """Picks on lines, N in each of B photos, over ground at z = 0.
 
     Attributes
     ----------
@@ -307,7 +311,7 @@ class LineRows(PoseRows):
     start_m, along
         (B, N, 2) a place on the line of each, and the line's unit vector.
     sigma_m
-        (B, N) of the line's place, square to it.
+        (B, N) sigma of the line's place, perpendicular to it.
     """
 
     ray: Floats
@@ -317,7 +321,7 @@ class LineRows(PoseRows):
     sigma_m: Floats
 
     def of_photos(self, photo: Ints) -> LineRows:
-        """Rows of photos (b,), which may repeat."""
+        """Return the rows of photos (b,), which may repeat."""
         return LineRows(
             self.ray[photo],
             self.ray_root[photo],
@@ -328,13 +332,13 @@ class LineRows(PoseRows):
 
     @property
     def across(self) -> Floats:
-        """(B, N, 2) unit vectors square to the lines, to the left."""
+        """(B, N, 2) unit vectors perpendicular to the lines, to the left."""
         return np.stack([-self.along[..., 1], self.along[..., 0]], axis=-1)
 
     def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
-        """Distances (b, N) of the picks from the images of their lines, over their sigmas.
+        """Compute distances (b, N) of picks from the images of their lines, over their sigmas.
 
-        NaN where a ray does not go down to the ground. The Jacobian (b, N, 6) is by centre [m] and
+        NaN if a ray does not go down to the ground. The Jacobian (b, N, 6) is by centre [m] and
         rotation [rad].
 
         Notes
@@ -344,11 +348,11 @@ class LineRows(PoseRows):
         which moves it by d_z; with both the quotient is the distance in sigmas to first order
         (Sampson 1982).
 
-        From where a camera is to where its mirror image below the ground is, lines tell no
-        difference: they look the same from (x, y, -z) as rays have no direction on them (Xu, Zhang,
-        Cheng and Koch 2017, "Pose estimation from line correspondences: a complete analysis and a
-        series of solutions", on signs of the depth). Here rays go forward to the ground below the
-        camera: that one falls away.
+        Lines do not distinguish a camera from its mirror image below the ground: they look the same
+        from (x, y, -z), as rays have no direction on them (Xu, Zhang, Cheng and Koch 2017, "Pose
+        estimation from line correspondences: a complete analysis and a series of solutions", on
+        signs of the depth). Here rays go forward to the ground below the camera, which excludes the
+        mirror image.
         """
         center, rotation = state[:2]
         ray, root, turn = self.ray[which], self.ray_root[which], rotation[:, None]
@@ -356,7 +360,8 @@ class LineRows(PoseRows):
         along[..., :2] = self.along[which]
         away = -np.broadcast_to(center[:, None], ray.shape)
         away = away + np.concatenate([self.start_m[which], ray[..., 2:] * 0.0], axis=-1)
-        normal = _turned_back(turn, np.cross(along, away))  # of the plane, in the camera's axes
+        # Normal of the plane through camera and line, in the camera's axes.
+        normal = _turned_back(turn, np.cross(along, away))
         world = (turn @ ray[..., None])[..., 0]
         down = np.where((world[..., 2] < 0) & (center[:, 2:] > 0), world[..., 2], np.nan)
         miss = np.sum(normal * ray, axis=-1)
@@ -380,15 +385,15 @@ def _turned_back(turn: Floats, vectors: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class RayRows(PoseRows):
-    """N rays to points of known position in each of B photos.
+    """Rays to points of known position, N in each of B photos.
 
     Attributes
     ----------
     ray
         (B, N, 3) unit vectors in the camera.
     across
-        (B, N, 2, 3) rows normal to the rays that turn small differences of unit vectors into
-        sigmas; zero of rays without a say.
+        (B, N, 2, 3) rows normal to the rays that convert small differences of unit vectors into
+        sigmas; zero for rays without weight.
     world_m
         (B, N, 3) points.
     """
@@ -398,9 +403,9 @@ class RayRows(PoseRows):
     world_m: Floats
 
     def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
-        """By how many sigmas rays miss their points: (b, 2 N), and Jacobians (b, 2 N, 6).
+        """Compute residuals of rays in sigmas (b, 2 N), and Jacobians (b, 2 N, 6).
 
-        NaN where a point with a say is not before its camera.
+        NaN if a point with weight is not before its camera.
         """
         residual, by_point, by_turn = ray_residuals(
             self.ray[which], self.across[which], self.world_m[which], (state[0], state[1])
@@ -410,7 +415,7 @@ class RayRows(PoseRows):
 
 
 def across_rays(ray: Floats) -> Floats:
-    """Two unit vectors (..., 2, 3) square to unit vectors (..., 3) and to each other."""
+    """Return two unit vectors (..., 2, 3) perpendicular to a third (..., 3) and to each other."""
     least = np.eye(3)[np.argmin(np.abs(ray), axis=-1)]
     first = np.cross(ray, least)
     first /= np.linalg.norm(first, axis=-1, keepdims=True)
@@ -420,7 +425,7 @@ def across_rays(ray: Floats) -> Floats:
 def ray_residuals(
     ray: Floats, across: Floats, world_m: Floats, pose: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats, Floats]:
-    """Misses of rays against points, and their derivatives.
+    """Compute residuals of rays against points, and their derivatives.
 
     Parameters
     ----------

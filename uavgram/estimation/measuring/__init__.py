@@ -1,1 +1,1 @@
-"""Values measured on the adjusted survey, their covariance, and which errors make it."""
+"""Measured values of the adjusted survey, their covariance and their error budget."""

@@ -1,14 +1,13 @@
-"""Error budget of measured values, and their shifts by a cause that no observation shows.
+"""Error budget of measured values, and their shifts by causes that no observation shows.
 
-The estimates are linear in the observations, to first order: with S the covariance of the
-unknowns, A the whitened Jacobian and g the gradient of a measured value, a whitened observation
-moves the value by A S g. Its variance is the sum of the squares over all observations, for
-g' S A' A S g = g' S g (law of propagation, JCGM 100:2008, 5.1.2).
+The estimates are linear in the observations, to first order: with S the covariance of the unknowns,
+A the whitened Jacobian and g the gradient of a measured value, a whitened observation moves the
+value by A S g. Its variance is the sum of the squares over all observations, for g' S A' A S g = g'
+S g (law of propagation, JCGM 100:2008, 5.1.2).
 
-A point that lies off the surface that was taken for it, and a tape that is wrong beyond its prior,
-move a value through the whole adjustment: with S the covariance of the unknowns, g the gradient of
-the value and a change e of the whitened residuals, the unknowns move by -S J^T e (as in
-stages/linear_update.py), the value by -(S g)^T J^T e. S g is at hand for every value.
+A point off the surface that was assumed for it, and a tape that is wrong beyond its prior, move a
+value through the whole adjustment: with a change e of the whitened residuals, the unknowns move by
+-S J^T e (as in stages/linear_update.py), the value by -(S g)^T J^T e. S g is known for every value.
 """
 
 from __future__ import annotations
@@ -28,31 +27,32 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.reliability import ErrorBudget
 
 OTHER = "friction and times"
-"""Source of what no observation of the survey contributes."""
+"""Name of the contributions of no observation of the survey."""
 
 LEAST = 1e-12
-"""Share of a variance that is rounding: the conditions that fix a free gauge contribute none."""
+"""Share of a variance that is rounding error: the conditions that fix a free gauge contribute
+nothing."""
 
 ENTRIES_AT_ONCE = 2_000_000
-"""Bound of the arrays that are held at a time."""
+"""Largest number of array entries in memory at a time."""
 
 
 def error_budget(blocks: Mapping[str, Block], measured: MeasuredValues) -> dict[str, Floats]:
-    """Variances that the groups of observations contribute.
+    """Compute the variances that the groups of observations contribute.
 
     Parameters
     ----------
     blocks
         Whitened Jacobians of all groups of the adjustment, priors included.
     measured
-        The values.
+        Measured values.
 
     Returns
     -------
     dict
-        Of each group (M,) variances in the squared unit of each value; with ``other`` (friction,
-        times) they add up to the value's variance. ``roughness`` holds that of the ground below
-        points off it as well. NaN where there is no value.
+        For each group (M,) variances in the squared unit of each value; with ``other`` (friction,
+        times) they add up to the value's variance. ``roughness`` includes that of the ground below
+        points off it. NaN if there is no value.
     """
     parts = {name: _contribution(block, measured.solved) for name, block in blocks.items()}
     first_order = (measured.gradient * measured.solved).sum(axis=0)
@@ -70,7 +70,7 @@ def _below(others: Mapping[str, float]) -> float:
 
 
 def _contribution(block: Block, solved: Floats) -> Floats:
-    """(M,) sum over the observations of the squares of what each moves the values by."""
+    """Compute (M,) sums over the observations of the squared changes A S g of the values."""
     count = solved.shape[1]
     n, _, width = block.jacobian.shape
     total = np.zeros(count)
@@ -83,7 +83,7 @@ def _contribution(block: Block, solved: Floats) -> Floats:
 
 
 def shares(variances: Mapping[str, Floats]) -> ErrorBudget:
-    """Sum the groups under their names for people, as parts of the whole."""
+    """Sum the groups by their source names, as shares of the total variance."""
     total = np.sum(list(variances.values()), axis=0)
     by_source: dict[str, Floats] = {}
     for group, variance in variances.items():
@@ -100,13 +100,13 @@ TAPE_SHARE = 0.01
 
 
 class Shifts(NamedTuple):
-    """Changes of M values, in the unit of each; NaN where they mean nothing.
+    """Changes of M values, in the unit of each; NaN where they are meaningless.
 
     Attributes
     ----------
     relief
-        (M,) by points that lie `RELIEF_M` above or below the surface, each to the side where it
-        does most: the sum of the sizes.
+        (M,) by points that are `RELIEF_M` above or below the surface, each on the side of its
+        largest effect: the sum of the sizes.
     tape
         (M,) by readings that are all `TAPE_SHARE` longer.
     """
@@ -116,7 +116,7 @@ class Shifts(NamedTuple):
 
 
 def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
-    """What relief and a wrong tape would do to each measured value."""
+    """Compute the effects of relief and of a wrong tape on each measured value."""
     none = np.array([row.gradient is None for row in measured.rows], dtype=bool)
     place = adjustment.survey.row_of_label
     points = [sorted({place[p] for p in row.request.points if p in place}) for row in measured.rows]
@@ -135,28 +135,30 @@ def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
 
 
 def by_heights(adjustment: Adjustment, measured: MeasuredValues, label: Ints) -> Floats:
-    """(n, M) derivative of each value by how high each of some points lies above its surface.
+    """Compute (n, M) derivatives of each value by the heights of points above their surface.
 
-    Picks and readings stay as they are; only what is taken for the point's height changes.
+    Picks and readings do not change; only the assumed height of the point does.
 
     Parameters
     ----------
     adjustment, measured
-        The adjusted survey, and M values measured in it.
+        Adjusted survey, and M values measured in it.
     label
-        (n,) the points.
+        (n,) labels of the points.
     """
     names, size = adjustment.survey.label, adjustment.problem.layout.size
     row_of = np.full(len(names), -1)
     row_of[label] = np.arange(len(label))
     place = {names[k]: row for row, k in enumerate(label.tolist())}
     total = np.zeros((len(label), len(measured.rows)))
+    # Direct effect: derivative of the value by the heights of its points.
     for m, row in enumerate(measured.rows):
-        if row.gradient is not None:  # the ground below a point rises with the surface
+        if row.gradient is not None:  # the ground below rises with the surface
             up = row.gradient[:, 2] + (0.0 if row.by_feet is None else row.by_feet[:, 2])
             for name, by_up in zip(row.request.points, up.tolist(), strict=True):
                 if name in place:
                     total[place[name], m] += by_up
+    # Effect through the adjustment: -(S g)^T J^T e, e the derivative of the residuals.
     for name, observation in adjustment.problem.observations.items():
         block = adjustment.minimum.blocks[name]
         for point, by_height in observation.heights(adjustment.minimum):

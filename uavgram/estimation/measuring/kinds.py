@@ -1,8 +1,8 @@
-"""What can be measured: each kind's value, and how it depends on its points.
+"""Kinds of measurements: the value of each, and its derivatives by its points.
 
-A kind is one function of the world coordinates of its points, and where it is measured from the
-ground, of the places on it straight below them; stages turn the gradients into sigmas, or sample
-the values.
+A kind is one function of the world coordinates of its points, and, if it is measured from the
+ground, of the places on the ground straight below them; stages turn the gradients into sigmas, or
+sample the values.
 """
 
 from __future__ import annotations
@@ -22,52 +22,53 @@ from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
 
 STANDARD_GRAVITY = 9.80665
-"""m/s^2 (CGPM 1901); the local value differs by less than 0.3 %, a speed by less than 0.15 %."""
+"""Standard gravity [m/s^2] (CGPM 1901); the local value differs by less than 0.3 %, a speed by less
+than 0.15 %."""
 
 AXES = ("east", "north")
 
 BELOW = "roughness of the ground below "
-"""Before the label in the name of such a source of error."""
+"""Prefix of the label in the name of such a source of error."""
 
 
 class Measurand(NamedTuple):
-    """One measured number and how it depends on its points and on what else has a sigma."""
+    """One measured number and its derivatives by its points and by other sources with a sigma."""
 
     name: str
     request: MeasurementRequest
     value: float
     gradient: Floats | None
-    """(k, 3) by the request's points; None where there is no value."""
+    """(k, 3) by the request's points; None if there is no value."""
     others: Mapping[str, float]
-    """Other sources of error by name (``time of IMG_1.jpg``): signed derivative times sigma.
-    Two values that share a source are correlated through it."""
+    """Other sources of error by name (``time of IMG_1.jpg``): signed derivative times sigma. Two
+    values that share a source are correlated through it."""
     by_feet: Floats | None = None
-    """(k, 3) by the places on the smooth ground straight below the points; None: not at all."""
+    """(k, 3) by the places on the smooth ground straight below the points; None: no dependence."""
 
 
 def exact(source: str) -> float:  # noqa: ARG001  (the error of every source)
-    """No error in any source."""
+    """Return no error for any source."""
     return 0.0
 
 
 def require_picked(
     request: MeasurementRequest, known: Collection[str], picked: Collection[str] = ()
 ) -> None:
-    """Make sure that every point of a request is among the known labels.
+    """Check that every point of a request is among the known labels.
 
     Parameters
     ----------
     request
-        What to measure.
+        Requested measurement.
     known
         Labels that were adjusted.
     picked
-        Labels that somebody picked, whose picks may have been left out.
+        Labels with picks, which may have been left out.
 
     Raises
     ------
     UnmeasurableError
-        Names those that are not, with the nearest spelling.
+        Names the labels that are missing, with the nearest spelling.
     """
     words = []
     for label in request.points:
@@ -86,22 +87,22 @@ def measurands(
     error: Callable[[str], float] = exact,
     feet: Floats | None = None,
 ) -> list[Measurand]:
-    """Values of one request, with gradients.
+    """Compute the values of one request, with gradients.
 
     Parameters
     ----------
     request
-        What to measure.
+        Requested measurement.
     points
         (k, 3) world coordinates of its points.
     survey, frames
-        For ``speed``: which frames see the points, and their times. For what is measured from the
-        ground: which points are off it, and how rough it is.
+        For ``speed``: the frames that see the points, and their times. For measurements from the
+        ground: the points off it, and its roughness.
     error
-        Name of another source (friction, a time) to its error, in its sigmas; to sample them.
+        Function that returns the error of another source (friction, a time) by its name, in its
+        sigmas; used to sample them.
     feet
-        (k, 3) places on the smooth ground straight below the points; needed where
-        `refers_to_ground` says so.
+        (k, 3) places on the smooth ground straight below the points; needed if `refers_to_ground`.
 
     Raises
     ------
@@ -127,7 +128,7 @@ def measurands(
 
 
 def refers_to_ground(request: MeasurementRequest) -> bool:
-    """Whether a request is measured from the ground straight below its points."""
+    """Return whether a request is measured from the ground straight below its points."""
     parameters = dict(request.parameters)
     return measurable.refers_to_ground(request.kind, len(request.points), parameters)
 
@@ -135,7 +136,7 @@ def refers_to_ground(request: MeasurementRequest) -> bool:
 def _skid_speed(
     request: MeasurementRequest, points: Floats, error: Callable[[str], float]
 ) -> Measurand:
-    """Speed at the start of a skid to rest: v = sqrt(2 mu g d) (work of friction = energy)."""
+    """Compute the speed at the start of a skid to rest: v = sqrt(2 mu g d) (friction = energy)."""
     parameters = dict(request.parameters)
     source, mu_sigma = f"friction of {request.name}", parameters["mu_sigma"]
     mu = parameters["mu"] + mu_sigma * error(source)
@@ -157,9 +158,9 @@ def _speed(
     frames: Frames,
     error: Callable[[str], float],
 ) -> Measurand:
-    """Mean speed between two exposures: distance over the difference of their times.
+    """Compute the mean speed between two exposures: distance over the difference of their times.
 
-    The camera's clock offset drops out; each frame's own timing error stays.
+    The camera's clock offset cancels; each frame's own timing error remains.
     """
     times, sources = [], []
     for label in request.points:
@@ -176,7 +177,7 @@ def _speed(
     if length <= 0 or not np.isfinite(gradient).all():
         raise UnmeasurableError("its points coincide")
     speed = float(length / abs(elapsed))
-    by_time = (speed / elapsed, -speed / elapsed)  # of the first and of the second exposure
+    by_time = (speed / elapsed, -speed / elapsed)  # by the first and by the second time
     timing = {
         source: derivative * sigma
         for (source, sigma), derivative in zip(sources, by_time, strict=True)
@@ -191,7 +192,7 @@ def _over_ground(
     survey: Survey,
     error: Callable[[str], float],
 ) -> Measurand:
-    """What is measured from the ground below, and how its roughness adds to the sigma."""
+    """Measure from the ground below, with the contribution of its roughness to the sigma."""
     label = np.array([survey.label.index(one) for one in request.points])
     below = ground_below(survey, label, points, feet)
     if request.kind == "height" and below.told.all():
@@ -215,7 +216,7 @@ def _over_ground(
 
 
 def _stated(label: str, height_m: float) -> str:
-    """Why the height of a point is none that could be measured."""
+    """Explain why the height of a point cannot be measured."""
     where = f"stands {height_m:g} m over it, as stated" if height_m else "is a point on it"
     return (
         f"the height is that over the ground, and {label!r} {where}: write `free` as the "
@@ -224,7 +225,7 @@ def _stated(label: str, height_m: float) -> str:
 
 
 def unmeasured(request: MeasurementRequest) -> list[Measurand]:
-    """The rows of a request that cannot be measured: NaN."""
+    """Return NaN rows for a request that cannot be measured."""
     names = [request.name]
     if request.kind == "coordinate":
         names = [f"{request.name} {axis}" for axis in AXES]

@@ -1,10 +1,10 @@
-"""Predict where ground points and known points appear in photos, with covariances.
+"""Prediction of ground points and known points in photos, with covariances.
 
-What a pixel depends on is correlated through the adjustment: the point, the pose, the lens, the
-plane and what all of the flight has in common. The covariance of a predicted pixel is therefore
-J S J^T with S the joint covariance of all unknowns. A photo without any pick is no part of the
-adjustment: its pose is what the adjusted flight says of it, with the telemetry's own error of that
-frame added.
+The quantities that a pixel depends on are correlated through the adjustment: the point, the pose,
+the lens, the plane and the shared unknowns of the flight. The covariance of a predicted pixel is
+therefore J S J^T with S the joint covariance of all unknowns. A photo without any pick is no part
+of the adjustment: its pose is predicted from the adjusted flight, with the telemetry's own error of
+that frame added.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Flight, Poses, TelemetryPrior
 
 PAIRS_AT_ONCE = 500
-"""Bound of the right-hand sides that are solved for at a time."""
+"""Largest number of pairs whose right-hand sides are solved for at a time."""
 
 
 @dataclass(frozen=True, eq=False)
 class PredictedPixels:
     """N pairs of photo and label with the pixel (N, 2) and its covariance (N, 2, 2) [px^2].
 
-    `label` counts the adjustment's labels.
+    `label` is the index among the adjustment's labels.
     """
 
     frame_id: tuple[str, ...]
@@ -45,19 +45,20 @@ class PredictedPixels:
 
 @dataclass(frozen=True, eq=False)
 class PixelRows:
-    """Pixels of n pairs of photo and label, and how they hang on the adjustment's unknowns.
+    """Pixels of n pairs of photo and label, with derivatives by the adjustment's unknowns.
 
     Attributes
     ----------
     frame_id, label
-        (n,) of each pair; labels as the adjustment counts them.
+        (n,) of each pair; labels by their index in the adjustment.
     pixel_px
-        (n, 2).
+        (n, 2) pixels.
     jacobian, columns
-        (n, 2, k), (n, k): derivatives by which unknowns; those of the point come first.
+        (n, 2, k), (n, k): derivatives, and the columns of the unknowns; those of the point come
+        first.
     own
-        (n, 2, 6) root of the covariance of what is no unknown: the telemetry's own error of a photo
-        that is no part of the adjustment.
+        (n, 2, 6) root of the covariance of errors that are no unknowns: the telemetry's own error
+        of a photo that is no part of the adjustment.
     """
 
     frame_id: tuple[str, ...]
@@ -68,12 +69,12 @@ class PixelRows:
     own: Floats
 
     def covariance(self, adjustment: Adjustment) -> Floats:
-        """(n, 2, 2) of the pixels."""
+        """Compute the (n, 2, 2) covariances of the pixels."""
         own = self.own @ np.swapaxes(self.own, 1, 2)
         return np.asarray(own + propagated(adjustment, self.columns, self.jacobian))
 
     def predicted(self, adjustment: Adjustment) -> PredictedPixels:
-        """The pixels with their covariances."""
+        """Return the pixels with their covariances."""
         covariance = self.covariance(adjustment)
         return PredictedPixels(self.frame_id, self.label, self.pixel_px, covariance)
 
@@ -83,12 +84,12 @@ FlightOfPhotos = tuple[TelemetryPrior, Flight, tuple[str, ...]]
 
 
 def predict_unpicked(adjustment: Adjustment, flight: FlightOfPhotos | None) -> PredictedPixels:
-    """Every label in every photo that should show it and in which it is not picked.
+    """Predict every label in every photo that should show it and in which it is not picked.
 
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     flight
         Prior, flight and frame names of all photos with telemetry, for those without a pick.
     """
@@ -102,7 +103,7 @@ def predict_unpicked(adjustment: Adjustment, flight: FlightOfPhotos | None) -> P
 
 
 def unpicked_rows(adjustment: Adjustment, flight: FlightOfPhotos | None) -> list[PixelRows]:
-    """What `predict_unpicked` predicts: in adjusted photos; and in others, where there are any."""
+    """Return the rows of `predict_unpicked`: in adjusted photos, and in others if there are any."""
     rows = [_in_adjusted(adjustment)]
     if flight is not None and len(adjustment.state.telemetry):
         rows.append(_in_others(adjustment, *flight))
@@ -110,7 +111,7 @@ def unpicked_rows(adjustment: Adjustment, flight: FlightOfPhotos | None) -> list
 
 
 def _in_adjusted(adjustment: Adjustment) -> PixelRows:
-    """Labels in photos that have picks of other labels."""
+    """Predict labels in photos that have picks of other labels."""
     survey, state = adjustment.survey, adjustment.state
     free = np.ones((len(survey.frame_id), len(survey.label)), dtype=bool)
     free[survey.pick_frame, survey.pick_label] = False
@@ -124,14 +125,14 @@ def _in_adjusted(adjustment: Adjustment) -> PixelRows:
 
 
 def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats, Floats]:
-    """Pixels (n, 2) of labels in frames of the adjustment, and their covariances (n, 2, 2).
+    """Predict pixels (n, 2) of labels in frames of the adjustment, with covariances (n, 2, 2).
 
-    Those of the adjusted point alone, without the error of a pick.
+    They are those of the adjusted point alone, without the error of a pick.
 
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     frame, label
         (n,) each, by index.
     """
@@ -140,12 +141,12 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
 
 
 def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
-    """Labels in frames of the adjustment; NaN behind the camera.
+    """Predict labels in frames of the adjustment; NaN behind the camera.
 
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     frame, label
         (n,) each, by index.
     """
@@ -156,7 +157,8 @@ def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
     asked = seen(problem, points, frame, place, np.ones(n))
     pixel, jacobian = np.full((n, 2), np.nan), np.full((n, 2, asked.columns.shape[1]), np.nan)
     placed = problem.world_points(state, label[shown])
-    # Sought in the row where they appear, they are off by 0, whatever the camera moved meanwhile.
+    # Observed at the predicted place (the image row where they appear), their residual is 0,
+    # whatever the motion of the camera.
     where = Seen(frame[shown], place[shown], np.ones(int(shown.sum())), asked.columns[shown])
     block = rows_of_sightings(problem, state, where, placed)
     if block is not None:
@@ -166,14 +168,14 @@ def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
 
 
 def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
-    """(n, 2, 2) covariances of n pairs of values.
+    """Compute (n, 2, 2) covariances of n pairs of values.
 
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     columns, jacobian
-        (n, k), (n, 2, k): derivatives of each pair by which unknowns.
+        (n, k), (n, 2, k): columns of the unknowns, and derivatives of each pair by them.
     """
     covariance = np.empty((len(columns), 2, 2))
     size = adjustment.problem.layout.size
@@ -182,6 +184,7 @@ def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Float
         at = columns[some, :, None], np.arange(len(columns[some]))[:, None, None], np.arange(2)
         gradient = np.zeros((size, len(columns[some]), 2))
         np.add.at(gradient, at, np.swapaxes(jacobian[some], 1, 2))
+        # J S J^T by solutions of the normal equations for the columns of J^T.
         solved = adjustment.minimum.factor.solve(gradient.reshape(size, -1)).reshape(gradient.shape)
         covariance[some] = np.einsum("sni,snj->nij", gradient, solved, optimize=True)
     return covariance
@@ -190,7 +193,7 @@ def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Float
 def _in_others(
     adjustment: Adjustment, prior: TelemetryPrior, track: Flight, names: tuple[str, ...]
 ) -> PixelRows:
-    """Labels in photos without any pick, whose poses the adjusted flight gives."""
+    """Predict labels in photos without any pick, whose poses the adjusted flight gives."""
     known = set(adjustment.survey.frame_id)
     rows = np.array([k for k, f in enumerate(prior.frame_index) if names[f] not in known], int)
     chosen = [names[prior.frame_index[k]] for k in rows]
@@ -226,6 +229,7 @@ def _in_others(
     camera_from_world = np.swapaxes(poses.rotation @ exp_so3(turn), 1, 2)
     camera = np.einsum("nij,nj->ni", camera_from_world, world - of_row)
     pixel, d_camera, d_lens = project_with_jacobian(survey.calibration.model, parameters, camera)
+    # Pixel by point, by pose (centre, turn) and by readout time, all through the camera axes.
     d_world = d_camera @ camera_from_world
     d_pose = np.concatenate([-d_world, d_camera @ hat(camera)], axis=2)
     by_readout = d_pose @ (share[:, None] * motion[frame])[..., None]
@@ -250,12 +254,13 @@ def _in_others(
         ],
         axis=1,
     )
+    # The telemetry's own error of each frame, by the pose.
     own = d_pose @ np.linalg.cholesky(prior.covariance[rows])[frame]
     return PixelRows(tuple(chosen[f] for f in frame), label, pixel, jacobian, columns, own)
 
 
 def in_photo(camera: Calibration, pixel_px: Floats) -> Bools:
-    """(N,) whether pixels (N, 2) lie in the image; NaN does not."""
+    """Mark (N,) the pixels (N, 2) inside the image; NaN is outside."""
     size = np.array([camera.width_px, camera.height_px])
     with np.errstate(invalid="ignore"):
         return np.asarray(((pixel_px >= -0.5) & (pixel_px <= size - 0.5)).all(axis=1))
@@ -276,19 +281,19 @@ class KnownPixels(NamedTuple):
 def pixels_of_known_points(
     calibration: Calibration, poses: Poses, sweep: Floats, known: tuple[Floats, Floats]
 ) -> KnownPixels:
-    """Every known point in every photo that should show it.
+    """Predict every known point in every photo that should show it.
 
-    The covariance is that of the pose and of the known point, taken as independent of each other,
-    and of the lens as exact: good enough to look there, which is all that it is for.
+    The covariance is that of the pose and of the known point, assumed independent of each other,
+    with an exact lens: good enough for its only use, to search for the point there.
 
     Parameters
     ----------
     calibration
-        Of the photos.
+        Calibration of the photos.
     poses
         (F,) poses.
     sweep
-        (F, 6) by which each camera moved while its photo was read; see `RowPoses`.
+        (F, 6) motion of each camera during the readout; see `RowPoses`.
     known
         (K, 3) points in the world, and their standard deviations [m].
     """
@@ -308,6 +313,7 @@ def pixels_of_known_points(
     from_world = np.swapaxes(rotation[pose] @ exp_so3(turn[shown]), 1, 2)
     camera = np.einsum("nij,nj->ni", from_world, world_m[point] - of_row[shown])
     pixel, d_camera, _ = project_with_jacobian(calibration.model, calibration.parameters, camera)
+    # Propagate pose and point: J_pose C J_pose^T + J_point C J_point^T.
     d_world = d_camera @ from_world
     d_pose = np.concatenate([-d_world, d_camera @ hat(camera)], axis=2)
     by_pose = d_pose @ poses.covariance[pose] @ np.swapaxes(d_pose, 1, 2)

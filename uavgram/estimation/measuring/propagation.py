@@ -1,4 +1,4 @@
-"""Measured values of an adjusted survey, and how they hang on its unknowns."""
+"""Measured values of an adjusted survey, and their derivatives by its unknowns."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
 
 CANCELLED = 1e-12
-"""Share of its parts below which a derivative is their rounding."""
+"""Share of its parts below which a derivative is only their rounding error."""
 
 UNITS = {
     "area": "m2",
@@ -37,7 +37,7 @@ UNITS = {
     "slope": "deg",
     "volume": "m3",
 }
-"""Of kinds that are no lengths [m]."""
+"""Units of the kinds that are not lengths [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,14 +49,15 @@ class MeasuredValues:
     rows
         (M,) values; a request may give several.
     gradient
-        (size, M) by the unknowns of the adjustment, sparse, as a value hangs on few of them itself;
-        zero where there is no value.
+        (size, M) derivatives by the unknowns of the adjustment, sparse, as a value depends directly
+        on few of them; zero if there is no value.
     solved
         (size, M) S times the gradient, S the covariance of the unknowns.
     covariance
-        (M, M) with what else has a sigma (friction, times); NaN where there is no value.
+        (M, M) covariance, including other sources with a sigma (friction, times); NaN if there is
+        no value.
     why_not
-        Names of what cannot be measured, and why.
+        Names of the requests that cannot be measured, and the reasons.
     """
 
     rows: tuple[Measurand, ...]
@@ -77,7 +78,7 @@ class MeasuredValues:
 
     @property
     def value(self) -> Floats:
-        """(M,) in the unit of each."""
+        """(M,) values, in the unit of each."""
         return np.array([row.value for row in self.rows])
 
     @property
@@ -87,7 +88,7 @@ class MeasuredValues:
 
 
 class _Sparse(NamedTuple):
-    """Derivatives by some unknowns; the others have none."""
+    """Derivatives by some unknowns; those by all others are zero."""
 
     column: Ints
     by_column: Floats
@@ -104,18 +105,18 @@ def propagate(
     frames: Frames,
     picked: Collection[str] = (),
 ) -> MeasuredValues:
-    """Measure what was asked for, with the joint covariance of all values.
+    """Measure all requests, with the joint covariance of all values.
 
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     requests
-        What to measure.
+        Requested measurements.
     frames
         Times of the exposures, for ``speed``.
     picked
-        Labels that somebody picked, be they adjusted or not.
+        Labels with any pick, adjusted or not.
     """
     place = adjustment.survey.row_of_label
     rows: list[Measurand] = []
@@ -132,6 +133,7 @@ def propagate(
         rows += [row for row, _ in found]
         parts += [part for _, part in found]
     gradient = _by_unknowns(parts, size)
+    # Error propagation: G^T S G, plus the covariance by other sources.
     solved = adjustment.minimum.factor.solve(gradient)
     covariance = gradient.T @ solved + _of_others(rows)
     without = [row.gradient is None for row in rows]
@@ -147,7 +149,7 @@ def _measured(
     frames: Frames,
     place: Mapping[str, int],
 ) -> list[tuple[Measurand, _Sparse]]:
-    """Values of one request, and on which unknowns each hangs, and how."""
+    """Measure the values of one request, with their derivatives."""
     survey = adjustment.survey
     label = np.array([place[p] for p in request.points], dtype=np.int64)
     world, jacobian, unknowns = adjustment.points_with_jacobian(label)
@@ -156,6 +158,7 @@ def _measured(
         feet, feet_jacobian, feet_unknowns = adjustment.ground_with_jacobian(label)
     found = []
     for row in measurands(request, world, survey, frames, feet=feet):
+        # Chain rule: derivatives by points and ground points times theirs by the unknowns.
         by_points, by_feet = row.gradient, row.by_feet
         parts = [] if by_points is None else [(unknowns, by_points, jacobian)]
         parts += [] if by_feet is None else [(feet_unknowns, by_feet, feet_jacobian)]
@@ -166,7 +169,7 @@ def _measured(
             steps.append(part.ravel())
             largest = max(largest, float(np.abs(part).max()))
         found_at, which = np.unique(np.concatenate(columns), return_inverse=True)
-        # A point may occur twice in one outline.
+        # Sum the derivatives by the same unknown: a point may occur twice in one outline.
         column = np.bincount(which, np.concatenate(steps), len(found_at)).astype(np.float64)
         if not row.others and np.abs(column).max(initial=0.0) <= CANCELLED * largest:
             raise UnmeasurableError(
@@ -178,7 +181,7 @@ def _measured(
 
 
 def _by_unknowns(parts: list[_Sparse], size: int) -> csc_array:
-    """(size, M) gradients of all values."""
+    """Assemble the (size, M) gradients of all values."""
     ends = np.cumsum([0, *(len(part.column) for part in parts)])
     column = np.concatenate([_NO_COLUMN, *(part.column for part in parts)])
     step = np.concatenate([_NO_STEP, *(part.by_column for part in parts)])
@@ -186,7 +189,7 @@ def _by_unknowns(parts: list[_Sparse], size: int) -> csc_array:
 
 
 def _of_others(rows: list[Measurand]) -> Floats:
-    """(M, M) covariance by friction and times; two values that share a source are correlated."""
+    """Compute the (M, M) covariance by friction and times; values may share such a source."""
     sources = sorted({source for row in rows for source in row.others})
     if not sources:
         return np.zeros((len(rows), len(rows)))
@@ -201,20 +204,19 @@ def values_at(
     frames: Frames,
     error: Callable[[str], float] = exact,
 ) -> Floats:
-    """(M,) values under another state of the unknowns; NaN where there is none.
-
-    `error` gives the errors of what else has a sigma, by source, in sigmas.
+    """Compute (M,) values under another state of the unknowns; NaN if there is none.
 
     Parameters
     ----------
     problem
-        Says what the unknowns are.
+        Likelihood, which defines the unknowns.
     state
-        Their values.
+        Values of the unknowns.
     requests, frames
-        What to measure; times of the exposures, for ``speed``.
+        Requested measurements; times of the exposures, for ``speed``.
     error
-        Name of another source of error (friction, a time) to its error, in its sigmas.
+        Function that returns the error of another source (friction, a time) by its name, in its
+        sigmas.
     """
     values: list[float] = []
     for request in requests:
@@ -230,16 +232,16 @@ def values_at(
 def values_of_each(
     problem: SurveyProblem, states: State, request: MeasurementRequest, frames: Frames
 ) -> Floats:
-    """(m, M) values of one request, all points of which are picked, under each of m states.
+    """Compute (m, M) values of one request with all points picked, under each of m states.
 
     Parameters
     ----------
     problem
-        Says what the unknowns are.
+        Likelihood, which defines the unknowns.
     states
-        Their values, with a leading axis.
+        Values of the unknowns, with a leading axis.
     request, frames
-        What to measure; times of the exposures, for ``speed``.
+        Requested measurement; times of the exposures, for ``speed``.
     """
     world, feet = _places(problem, states, request)
     below = [None] * len(world) if feet is None else feet
@@ -254,7 +256,7 @@ def values_of_each(
 def _places(
     problem: SurveyProblem, state: State, request: MeasurementRequest
 ) -> tuple[Floats, Floats | None]:
-    """(..., k, 3) the points of a request, and what lies below them where it is asked."""
+    """Return (..., k, 3) points of a request, and the ground below them if it is needed."""
     place = problem.survey.row_of_label
     require_picked(request, place)
     label = np.array([place[p] for p in request.points], dtype=np.int64)
@@ -273,7 +275,7 @@ def _values(
     frames: Frames,
     error: Callable[[str], float],
 ) -> list[float]:
-    """Values of a request whose points stand there; NaN where there is none."""
+    """Compute values of a request from the positions of its points; NaN if there is none."""
     try:
         found = measurands(request, world, survey, frames, error, feet)
     except UnmeasurableError:

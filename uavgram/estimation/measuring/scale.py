@@ -1,10 +1,10 @@
-"""Scale of a survey: what it rests on, and which line to tape next.
+"""Scale of a survey: the observations that determine it, and the next line to tape.
 
-How uneven the ground is, the survey learns from its own points, and without a log how fast the
-drone flew, from its own photos: in metres that the known lengths alone give. Were these twice as
-long, so would be both. As priors of a fixed width they would bear on the scale nevertheless, the
-smaller the survey the better they would fit; so where it is asked what bears on the scale, their
-widths go with it.
+The survey learns the roughness of the ground from its own points, and without a log the speed of
+the drone from its own photos: both in metres that the known lengths alone give. If these were twice
+as long, so would both be. As priors of fixed width they would nevertheless contribute to the scale,
+since they fit the better the smaller the survey is; so for the contributions to the scale, their
+widths are scaled with the survey.
 """
 
 from __future__ import annotations
@@ -24,30 +24,30 @@ from uavgram.model.survey.survey import Survey
 
 
 def by_size(adjustment: Adjustment) -> dict[str, Floats]:
-    """How residuals change with a factor by which all that is measured comes out too long.
+    """Compute the change of residuals by a factor by which all measured sizes are too long.
 
     Returns
     -------
     dict
         By group, (m, r) derivatives of its whitened residuals by the factor, as the widths of these
-        priors and the speed go with the size of the survey: at a given departure, a width that is
-        smaller by the factor makes a residual larger by it.
+        priors and the speed scale with the size of the survey: at a given departure, a width that
+        is smaller by the factor makes a residual larger by it.
     """
     blocks, rolling = adjustment.minimum.blocks, adjustment.survey.rolling
     change = {kind: block.residual for kind, block in blocks.items() if kind_of(kind).by_size}
     if rolling is not None and rolling.by_photos:
-        # At half the speed, rows read in twice the time show the same.
+        # At half the speed, twice the readout time gives the same rows.
         share = rolling.readout.value_s / rolling.readout.sigma_s
         change["readout"] = np.full_like(blocks["readout"].residual, share)
     return change
 
 
 NOTHING = 0.3
-"""Relative sigma from which on something does not bear on the scale."""
+"""Relative sigma from which an observation does not contribute to the scale."""
 
 
 class ScaleSigmas(NamedTuple):
-    """Relative standard deviations of the size of all.
+    """Relative standard deviations of the scale.
 
     Attributes
     ----------
@@ -56,8 +56,8 @@ class ScaleSigmas(NamedTuple):
     lengths
         Of a factor common to the known lengths, by their readings and tapes; inf without any.
     others
-        Of the same factor, by all the rest: log, control, stated heights; inf where nothing else
-        bears on it. What the survey learns of itself does not: see estimation/survey/size.
+        Of the same factor, by all other observations: log, control, stated heights; inf if there
+        are none. Sizes that the survey learns from itself do not count: see estimation/survey/size.
     """
 
     all: float
@@ -66,7 +66,7 @@ class ScaleSigmas(NamedTuple):
 
 
 def scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
-    """How well the scale is known, and by what."""
+    """Compute the sigmas of the scale by all observations, by the lengths, and by the others."""
     everything = _of_extent(adjustment)
     if "lengths" not in adjustment.minimum.blocks:
         return ScaleSigmas(everything, np.inf, everything)
@@ -76,27 +76,28 @@ def scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
 
 
 def _of_readings(survey: Survey, line: Ints) -> float:
-    """Sigma of a factor common to all lengths: by the readings of each tape, and its own scale."""
+    """Compute the sigma of a factor of all lengths by each tape's readings and its own scale."""
     readings = (survey.length_m[line] / survey.length_sigma_m[line]) ** 2
     tapes = np.array(taped_lines(survey, line).tape)
     told = [
         1.0 / (1.0 / float(readings[tapes == tape].sum()) + survey.scale_sigma_of(tape) ** 2)
         for tape in dict.fromkeys(tapes.tolist())
     ]
+    # Weights of independent tapes add up.
     return float(np.sqrt(1.0 / sum(told)))
 
 
 def _of_others(adjustment: Adjustment) -> float:
-    """Sigma of a factor common to all readings, of which nothing is known but by all else.
+    """Compute the sigma of an unknown factor common to all readings, by all other observations.
 
-    It is one more unknown in place of the tapes' scales, and eliminated last: what is left of its
-    information then is exact to rounding, however little it is.
+    The factor is one more unknown in place of the tapes' scales, eliminated last: its remaining
+    information is then exact to rounding, however small it is.
     """
     blocks, layout = dict(adjustment.minimum.blocks), adjustment.problem.layout
     survey, line = adjustment.survey, adjustment.problem.line_index
     readings = blocks["lengths"]
     width = readings.columns.shape[1] - (1 if layout.tape else 0)
-    # Of what should be read: what is read would take its residual for something that is known.
+    # By the predicted readings: with the actual ones, their residuals would act as information.
     by_factor = survey.length_m[line] / survey.length_sigma_m[line] + readings.residual[:, 0]
     blocks.pop("tape", None)
     bare = replace(layout, tape=0)
@@ -107,7 +108,7 @@ def _of_others(adjustment: Adjustment) -> float:
     blocks["lengths"] = _with_column(bare_readings, last + layout.tape, by_factor[:, None])
     for kind, change in by_size(adjustment).items():
         blocks[kind] = _with_column(blocks[kind], last + layout.tape, change)
-    # What stands behind the tapes' scales moves up.
+    # Shift the columns behind the tapes' scales.
     moved = [replace(b, columns=_without_tapes(b.columns, layout)) for b in blocks.values()]
     structure = replace(bare.structure, size=last + 1)
     try:
@@ -118,7 +119,7 @@ def _of_others(adjustment: Adjustment) -> float:
 
 
 def _with_column(block: Block, column: int, derivative: Floats) -> Block:
-    """Rows by one more unknown, of which each row has its derivative (m, r)."""
+    """Add one more unknown to rows, with the derivative (m, r) of each row."""
     return Block(
         block.residual,
         np.column_stack([block.columns, np.full(len(block.columns), column)]),
@@ -127,18 +128,19 @@ def _with_column(block: Block, column: int, derivative: Floats) -> Block:
 
 
 def _without_tapes(columns: Ints, layout: Layout) -> Ints:
-    """Columns of a layout in which no tape has a scale."""
+    """Return the columns in a layout without tape scales."""
     return np.where(columns >= layout.first_readout, columns - layout.tape, columns)
 
 
 def _of_extent(adjustment: Adjustment) -> float:
-    """Relative sigma of the extent of all points about their middle; inf for a single one."""
+    """Compute the relative sigma of the extent of all points about their mean; inf for one."""
     layout = adjustment.problem.layout
     world, jacobian, columns = adjustment.points_with_jacobian(np.arange(layout.points))
     arm = world - world.mean(axis=0)
     size = float(np.vdot(arm, arm))
     if size == 0.0:
         return float("inf")
+    # Gradient of the log of the root sum of squares: arm / size.
     gradient = np.zeros(layout.size)
     np.add.at(gradient, columns, np.einsum("ni,nik->nk", arm / size, jacobian))
     solved = adjustment.minimum.factor.solve(gradient[:, None])[:, 0]
@@ -146,44 +148,48 @@ def _of_extent(adjustment: Adjustment) -> float:
 
 
 PARALLEL_RAD = np.deg2rad(12.0)
-"""Lines whose directions differ from their mean by no more (root mean square) count as parallel."""
+"""Largest root mean square deviation of lines from their mean direction that counts as parallel
+[rad]."""
 
 STRIP = 0.12
 """Width over length of a strip that holds the ends of all lines."""
 
 IN_LINE = 0.01
-"""The same for ends that lie in one line."""
+"""The same ratio for ends that are on one line."""
 
 SHORT = 0.1
 """Longest line over the extent of all points below which the lines are short."""
 
 ONE_POINT = 0.1
-"""Median distance of the lines from one point, over their median length, that is passing near."""
+"""Median distance of the lines from one point, over their median length, that counts as passing
+near."""
 
 MOST_POINTS = 40
-"""Labels among which the next line is looked for: those farthest out."""
+"""Number of labels among which the next line is searched: the outermost ones."""
 
 
 def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, ...]:
-    """What is degenerate about lines on the ground as a set; nothing where they are well spread.
+    """List the degeneracies of a set of lines on the ground; empty if they are well spread.
 
     Parameters
     ----------
     start_m, end_m
         (L, 2) ends of the lines on the ground.
     point_m
-        (K, 2) all points, for the scene's extent; NaN where there is none.
+        (K, 2) all points, for the scene's extent; NaN if there is none.
     """
     along = end_m - start_m
     length = np.linalg.norm(along, axis=1)
     ends = np.concatenate([start_m, end_m])
     if not len(length) or not np.isfinite(ends).all() or not (length > 0).all():
         return ()
+    # Principal axes of the ends: width and length of the strip that holds them.
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(ends.T)), 0.0))
     faults = []
     if spread[0] <= IN_LINE * spread[1]:
         return ("the ends of all lines lie in one line",)
-    angle = 2.0 * np.arctan2(along[:, 1], along[:, 0])  # a line has no sense: double angles
+    # Double angles, as a line has no sense of direction.
+    angle = 2.0 * np.arctan2(along[:, 1], along[:, 0])
     mean = np.hypot(np.cos(angle).mean(), np.sin(angle).mean())
     # Root mean square of small deviations d: mean of cos 2d = 1 - 2 d^2.
     if mean >= 1.0 - 2.0 * PARALLEL_RAD**2:
@@ -199,26 +205,27 @@ def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, .
 
 
 def _through_one_point(start: Floats, unit: Floats, length: Floats) -> bool:
-    """Whether the lines, prolonged, pass close to the point that is nearest to all of them."""
+    """Return whether the extended lines pass near the point that is nearest to all of them."""
     if len(start) < 3:
         return False
     normal = np.column_stack([-unit[:, 1], unit[:, 0]])
+    # Least-squares intersection: normal . x = normal . start for every line.
     nearest, *_ = np.linalg.lstsq(normal, np.sum(normal * start, axis=1))
     off = np.abs(normal @ nearest - np.sum(normal * start, axis=1))
     return bool(np.median(off) <= ONE_POINT * np.median(length) and off.max() <= 0.5 * length.min())
 
 
 class LineAdvice(NamedTuple):
-    """The line that would help most, and what it would bring.
+    """Line whose measurement would improve the survey most, and the improvement.
 
     Attributes
     ----------
     start, end
         Labels (of the adjusted survey).
     length_m, sigma_m
-        Of that line now, and of the tape reading that was reckoned with.
+        Present length of that line, and the assumed sigma of the tape reading.
     relative_sigma, relative_sigma_after
-        Root mean square over the distances between all labels looked at: sigma over length.
+        Root mean square over the distances between all labels considered: sigma over length.
     """
 
     start: int
@@ -230,10 +237,10 @@ class LineAdvice(NamedTuple):
 
 
 def next_line(adjustment: Adjustment) -> LineAdvice | None:
-    """The pair of labels whose distance, if taped, makes the scene's distances best known.
+    """Find the pair of labels whose taped distance would improve the scene's distances most.
 
-    Every pair is a candidate but those already taped; a reading has the median sigma of those that
-    are there. One more observation d of variance s^2 takes Cov(x, d) Cov(d, x) / (Var(d) + s^2)
+    Every pair is a candidate except those already taped; a reading has the median sigma of the
+    existing ones. One more observation d of variance s^2 takes Cov(x, d) Cov(d, x) / (Var(d) + s^2)
     from the covariance of all distances x (Plackett 1950): greedy and exact to first order.
 
     Returns
@@ -257,9 +264,11 @@ def next_line(adjustment: Adjustment) -> LineAdvice | None:
     gradient = np.zeros((len(length), len(label), 3))
     gradient[rows, first], gradient[rows, second] = -unit, unit
     flat = gradient.reshape(len(length), -1)
+    # Covariance of the distances between all pairs of points.
     joint = flat @ covariance @ flat.T
     relative = joint / np.outer(length, length)
     sigma = float(np.median(survey.length_sigma_m[used]))
+    # Reduction of the sum of relative variances by a reading of each distance.
     taken = np.sum(joint**2 / length[:, None] ** 2, axis=0) / (np.diag(joint) + sigma**2)
     taken[_taped(label[first], label[second], survey.line_start[used], survey.line_end[used])] = 0
     best = int(np.argmax(taken))
@@ -276,7 +285,7 @@ def next_line(adjustment: Adjustment) -> LineAdvice | None:
 
 
 def distance_changes(adjustment: Adjustment, other: Adjustment) -> tuple[float, float]:
-    """Relative changes of the distances between labels in another solution: median and largest."""
+    """Compute relative changes of distances between labels in another solution: median, largest."""
     label = _outermost(adjustment.state.point[:, :2])
     first, second = np.triu_indices(len(label), k=1)
     here, there = (
@@ -289,13 +298,13 @@ def distance_changes(adjustment: Adjustment, other: Adjustment) -> tuple[float, 
 
 
 def _outermost(point: Floats) -> Ints:
-    """Labels in the order of the survey, the farthest from the middle where there are many."""
+    """Return labels in the survey's order; if there are many, those farthest from the middle."""
     from_middle = np.linalg.norm(point - np.median(point, axis=0), axis=1)
     return np.sort(np.argsort(-from_middle, kind="stable")[:MOST_POINTS])
 
 
 def _taped(first: Ints, second: Ints, start: Ints, end: Ints) -> Ints:
-    """Which pairs are among the lines, either way round."""
+    """Return the pairs that are among the lines, in either direction."""
     size = 1 + max(int(a.max()) for a in (first, second, start, end))
     pair = np.minimum(first, second) * size + np.maximum(first, second)
     return np.flatnonzero(np.isin(pair, np.minimum(start, end) * size + np.maximum(start, end)))

@@ -1,18 +1,18 @@
-"""Check whether first order is enough: measured values of observations moved by sqrt(3) sigmas.
+"""Second-order check of measured values, from observations moved by sqrt(3) sigmas.
 
-With slopes g and second derivatives H by independent errors of sigma 1, a value's mean is off by
+With slopes g and second derivatives H by independent errors of sigma 1, the bias of a value is
 tr(H) / 2, and its variance is g^T g + tr(H H) / 2 (Magnus 1978, "The moments of products of
-quadratic forms in normal variables"; so too Criminisi 1997). H is taken from values at both ends of
-each direction, and of each pair of directions.
+quadratic forms in normal variables"; likewise Criminisi 1997). H is computed from values at both
+ends of each direction, and of each pair of directions.
 
-An estimate is a function of the observations, and first-order propagation takes it for a plane.
-For each measurement the observations are moved along orthogonal directions that move its points,
-both ways by sqrt(3) sigmas, as in the unscented transform (Julier & Uhlmann 2004, with
-n + kappa = 3, which meets the fourth moment of the normal distribution). The first direction is
-the one that moves the measurement most: along it the survey is adjusted anew, so that the
-curvature is that of the whole chain (lens, pose, plane, shape). The others move it in second order
-only; along them the points move by the first-order solution, and the curvature is that of the
-shape: near a coincidence of two points, say, that is what makes a distance too long.
+An estimate is a function of the observations, and first-order propagation treats it as linear. For
+each measurement the observations are moved along orthogonal directions that move its points, both
+ways by sqrt(3) sigmas, as in the unscented transform (Julier & Uhlmann 2004, with n + kappa = 3,
+which matches the fourth moment of the normal distribution). The first direction is the one that
+moves the measurement most: along it the survey is readjusted, so that the curvature is that of the
+whole chain (lens, pose, plane, shape). The others move it in second order only; along them the
+points move by the first-order solution, and the curvature is that of the shape: near a coincidence
+of two points, for example, this makes a distance too long.
 """
 
 from __future__ import annotations
@@ -43,19 +43,19 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 
 REACH = float(np.sqrt(3.0))
-"""Sigmas by which errors are moved, as in the unscented transform (Julier & Uhlmann 2004, with
-n + kappa = 3, which meets the fourth moment of the normal distribution)."""
+"""Sigmas by which errors are moved, as in the unscented transform (Julier & Uhlmann 2004, with n +
+kappa = 3, which matches the fourth moment of the normal distribution)."""
 
 
 class SecondOrderTerms(NamedTuple):
-    """What second order adds to M values: to the mean, and to the variance; (M,) each."""
+    """Second-order terms of M values: of the mean, and of the variance; (M,) each."""
 
     bias: Floats
     variance: Floats
 
 
 def moves(directions: Floats) -> Floats:
-    """By how much errors are moved, both ways: (d (d + 1), n) of d orthonormal directions (d, n).
+    """Return error moves, both ways: (d (d + 1), n) for d orthonormal directions (d, n).
 
     First along each direction, then along the sum of each two.
     """
@@ -65,28 +65,31 @@ def moves(directions: Floats) -> Floats:
 
 
 def second_order_terms(values: Floats, middle: Floats) -> SecondOrderTerms:
-    """Terms of values (S, M) at `moves`, in their order, and (M,) without any move.
+    """Compute terms from values (S, M) at `moves`, in their order, and (M,) without any move.
 
-    NaN where one of the values is.
+    NaN if one of the values is.
     """
     ahead, behind = np.split(values - middle, 2)
+    # Second differences along each direction and along each sum of two.
     bent = (ahead + behind) / REACH**2
     count = (int(np.sqrt(8 * len(bent) + 1)) - 1) // 2
     first, second = np.triu_indices(count, 1)
     own = bent[:count]
+    # Mixed derivative: half of (H along the sum) - H_ii - H_jj.
     mixed = 0.5 * (bent[count:] - own[first] - own[second])
+    # tr(H H) / 2: squares of the diagonal by half, and each mixed one counts twice.
     variance = 0.5 * np.sum(own**2, axis=0) + np.sum(mixed**2, axis=0)
     return SecondOrderTerms(0.5 * own.sum(axis=0), variance)
 
 
 FLAT = 1e-9
-"""Variance, as a share of the largest, of directions that do not move the points."""
+"""Variance, as a share of the largest, below which directions do not move the points."""
 
 TOGETHER = 16
-"""Requests near each other whose observations are moved together: solved for at once."""
+"""Number of requests near each other whose observations are moved together, by one solution."""
 
 TOGETHER_IN_SMALL = 256
-"""The same of a small survey, all of which is near: to be near each other gains nothing there."""
+"""The same for a small survey, which is all near: grouping by distance gains nothing there."""
 
 Wanted = Sequence[tuple[MeasurementRequest, Ints]]
 """Requests, and the rows of their values."""
@@ -98,7 +101,7 @@ class Curvature(NamedTuple):
     Attributes
     ----------
     bias
-        (M,) mean minus value; NaN where observations so near have no solution.
+        (M,) mean minus value; NaN if moved observations have no solution.
     sigma
         (M,) standard deviation with second-order terms; NaN likewise.
     curvature
@@ -113,7 +116,8 @@ class Curvature(NamedTuple):
 class _Direction(NamedTuple):
     """Steps (d, n) of the unknowns near by, the first ones towards the values of a request.
 
-    `whole` is what makes those of all unknowns of columns that were solved for: (size, c), (c, d).
+    `whole` holds the factors of the steps of all unknowns, solved columns times coefficients:
+    (size, c), (c, d).
     """
 
     steps: Floats
@@ -125,18 +129,18 @@ def curvature(
     measured: MeasuredValues,
     frames: Frames,
 ) -> Curvature:
-    """Second-order bias and sigma of every measured value.
+    """Compute second-order bias and sigma of every measured value.
 
     Parameters
     ----------
     adjustment, measured
-        The adjusted survey, and what was measured in it.
+        Adjusted survey, and the values measured in it.
     frames
-        As they were measured.
+        Frames that were used for the measurement.
 
     Notes
     -----
-    With m+ and m- at +-t: slope (m+ - m-) / 2t, which holds the third derivative as the variance
+    With m+ and m- at +-t: slope (m+ - m-) / 2t, which contains the third derivative as the variance
     of a normal variable does; second derivative c = (m+ + m- - 2 m) / t^2; bias sum(c) / 2,
     variance sum(slope^2 + c^2 / 2).
     """
@@ -164,7 +168,7 @@ def _curved(
     frames: Frames,
     found: Curvature,
 ) -> None:
-    """Second-order terms of some requests, with their rows: their observations move together."""
+    """Compute second-order terms of some requests whose observations are moved together."""
     labels = adjustment.label_rows([label for request, _ in some for label in request.points])
     near = neighbourhood(adjustment, np.unique(labels))
     directions = list(_directions(adjustment, near, measured, some))
@@ -190,7 +194,7 @@ def _plainly(
     frames: Frames,
     steps: Sequence[Floats],
 ) -> Iterator[list[tuple[Floats, Floats]]]:
-    """Values of each request at both ends of steps of its own, which are taken as they are."""
+    """Yield the values of each request at both ends of its linear steps."""
     ends = np.cumsum([0, *(2 * len(own) for own in steps)])
     both = np.concatenate([np.concatenate([own, -own]) for own in steps])
     states = advance(near.problem.layout, near.state, both)
@@ -209,11 +213,11 @@ def _adjusted(
     directions: Sequence[_Direction],
     frames: Frames,
 ) -> Iterator[tuple[Floats, Floats]]:
-    """Values of the observations moved both ways along the directions towards each request."""
+    """Yield the values after readjustment of observations moved both ways towards each request."""
     every = np.concatenate([rows for _, rows in some])
     sigma = np.where(measured.sigma[every] > 0, measured.sigma[every], 1.0)
     of_row = np.repeat(np.arange(len(some)), [len(rows) for _, rows in some])
-    # A request has as many directions towards its values as it has values, or fewer.
+    # One direction for each value of a request, or fewer if its values are dependent.
     which = [
         (k, d)
         for k, (_, rows) in enumerate(some)
@@ -244,14 +248,14 @@ def _adjusted(
 
 
 def _error_in(one: str, reach: float, source: str) -> float:
-    """Error of a source, where only one has any."""
+    """Return the error of a source, if only one has any."""
     return reach if source == one else 0.0
 
 
 def _directions(
     adjustment: Adjustment, near: Neighbourhood, measured: MeasuredValues, some: Wanted
 ) -> Iterator[_Direction]:
-    """Steps of the unknowns by observations that move by one sigma each, by request.
+    """Yield steps of the unknowns by observations that move by one sigma each, by request.
 
     The observations move along J s, which moves the unknowns by s, and s^T N s = 1: orthogonal
     directions of the observations' space, the first ones towards the measured values.
@@ -268,10 +272,12 @@ def _directions(
         joint = spread.T @ solved[unknowns]
         sigma = np.sqrt(np.diag(joint))
         sigma = np.where(sigma > 0, sigma, 1.0)
+        # Whiten the covariance of the points (scaled to a unit diagonal), without null directions.
         variance, axes = np.linalg.eigh(joint / np.outer(sigma, sigma))
         kept = variance > FLAT * variance.max()
         whitened = (axes[:, kept] / np.sqrt(variance[kept])) / sigma[:, None]
         towards = whitened.T @ (solved.T @ gradient)
+        # QR: the first axes along the gradients of the values, the others orthogonal.
         turned, _ = np.linalg.qr(np.concatenate([towards, np.eye(len(towards))], axis=1))
         makes = whitened @ turned
         yield _Direction((solved[near.columns] @ makes).T, (solved, makes))
@@ -280,9 +286,9 @@ def _directions(
 def _spreads(
     adjustment: Adjustment, requests: Sequence[MeasurementRequest]
 ) -> Iterator[tuple[Ints, Floats]]:
-    """Of the points of each request, and where it refers to the ground, of their heights over it.
+    """Yield the derivatives of each request's points, and of their heights if it needs the ground.
 
-    The unknowns (u,) that they hang on, and gradients (u, 3n) by these.
+    The unknowns (u,) that they depend on, and gradients (u, 3n) by these.
     """
     own = [np.unique(adjustment.label_rows(request.points)) for request in requests]
     label = np.unique(np.concatenate(own))
@@ -297,9 +303,9 @@ def _spreads(
 
 
 def _spread(jacobian: Floats, columns: Ints) -> Floats:
-    """(u, 3n) gradients of n places by their unknowns (n, k).
+    """Compute (u, 3n) gradients of n places by their unknowns (n, k).
 
-    Of their mean, apart from what parts them: all may share an error a million times as large.
+    Of their mean, separate from their differences: all may share an error a million times as large.
     """
     n = len(jacobian)
     by_all = np.zeros((n, 3, columns.max() + 1))
@@ -310,12 +316,12 @@ def _spread(jacobian: Floats, columns: Ints) -> Floats:
 
 @lru_cache
 def _means(count: int) -> Floats:
-    """(n, n) orthogonal: the mean of n numbers, and what parts them."""
+    """Return an (n, n) orthogonal matrix: the mean of n numbers, and their differences."""
     return np.asarray(helmert(count, full=True))
 
 
 def _side_by_side(spreads: Sequence[tuple[Ints, Floats]], size: int) -> csc_array:
-    """(size, m) all gradients by all unknowns."""
+    """Assemble (size, m) gradients by all unknowns."""
     many = [len(unknowns) for unknowns, spread in spreads for _ in range(spread.shape[1])]
     where = [np.tile(unknowns, spread.shape[1]) for unknowns, spread in spreads]
     entries = np.concatenate([spread.T.ravel() for _, spread in spreads])
@@ -324,7 +330,7 @@ def _side_by_side(spreads: Sequence[tuple[Ints, Floats]], size: int) -> csc_arra
 
 
 def _collect(pairs: Floats, measured: MeasuredValues, rows: Ints, found: Curvature) -> None:
-    """Second-order terms from the values (d, 2, rows) at both ends of each direction."""
+    """Compute second-order terms from the values (d, 2, rows) at both ends of each direction."""
     middle = measured.value[rows]
     slope = (pairs[:, 0] - pairs[:, 1]) / (2.0 * REACH)
     second = (pairs[:, 0] + pairs[:, 1] - 2.0 * middle) / REACH**2

@@ -1,10 +1,11 @@
-"""Where the thing under a picked pixel appears in other photos, and how well that is known.
+"""Transfer of picked pixels to other photos, with covariances.
 
-Not where the label appears: what was picked beside the thing that was meant is beside it in every
-photo. The pixel is carried over by the derivative of the two photos' pixels by one point,
-A = J_target J_source^-1, with the point on its ground (or at its height), so the error that is
-left is that of J_target - A J_source in all unknowns: where the point lies drops out, and what the
-poses of both photos have in common nearly does. The height above the ground stays in it.
+The transferred pixel shows the picked thing, and not the label's point: an offset between the
+picked and the meant thing is the same in every photo. The pixel is transferred by the derivative of
+the two photos' pixels by one point, A = J_target J_source^-1, with the point on its ground (or at
+its height). The remaining error is that of J_target - A J_source in all unknowns: the position of
+the point cancels, and errors that the poses of both photos share nearly do. The height above the
+ground remains in it.
 """
 
 from __future__ import annotations
@@ -27,12 +28,12 @@ PLACE = slice(0, 2)
 """East and north among the unknowns of a point."""
 
 SMALLEST = 1e-9
-"""Square pixels per square pixel below which a photo sees the ground edge-on."""
+"""Determinant [px^2/m^2] below which a photo sees the ground edge-on."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clicked:
-    """m picked pixels (m, 2), each in a frame (m,) and of a label (m,) of the adjustment."""
+    """Picks of m pixels (m, 2), each in a frame (m,) and of a label (m,) of the adjustment."""
 
     frame: Ints
     label: Ints
@@ -41,25 +42,26 @@ class Clicked:
 
 @dataclass(frozen=True, eq=False)
 class Transferred:
-    """n picked pixels as they should appear in other photos.
+    """n picked pixels at their predicted places in other photos.
 
     Attributes
     ----------
     click
-        (n,) which of the picked pixels.
+        (n,) index of the picked pixel.
     frame_id
         (n,) the other photo.
     pixel_px, covariance_px2
-        (n, 2), (n, 2, 2) where, and how well that is known.
+        (n, 2), (n, 2, 2) predicted pixel and its covariance.
     affine
         (n, 2, 2) d pixel there / d pixel here.
     rise
-        (n, 2) d pixel there / d height [px/m] of what is shown here; 0 where its height is stated,
-        or has been found.
+        (n, 2) d pixel there / d height [px/m] of the shown thing; 0 if its height is stated, or was
+        estimated.
     jacobian, columns
-        (n, 2, k), (n, k): derivatives of the error by which unknowns.
+        (n, 2, k), (n, k): derivatives of the error, and the columns of the unknowns.
     own
-        (n, 2, 6) root of what the other photo's telemetry adds, where it is not adjusted.
+        (n, 2, 6) covariance root of the other photo's telemetry errors, if the photo is not
+        adjusted.
     """
 
     click: Ints
@@ -73,7 +75,7 @@ class Transferred:
     own: Floats
 
     def joint_covariance(self, adjustment: Adjustment, rows: Ints) -> Floats:
-        """(2 m, 2 m) of some places in one other photo, together."""
+        """Compute the joint covariance (2 m, 2 m) of some places in one other photo."""
         size, m = adjustment.problem.layout.size, len(rows)
         gradient = np.zeros((size, m, 2))
         at = self.columns[rows, :, None], np.arange(m)[:, None, None], np.arange(2)
@@ -85,16 +87,16 @@ class Transferred:
 def transferred(
     adjustment: Adjustment, flight: FlightOfPhotos | None, clicked: Clicked
 ) -> Transferred:
-    """Picked pixels in every photo that should show them and in which their label is not picked.
+    """Transfer picked pixels to every photo that should show them but has no pick of their label.
 
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     flight
-        Of all photos with telemetry, for those without a pick.
+        Flight of all photos with telemetry, for those without a pick.
     clicked
-        The pixels.
+        Picked pixels.
     """
     here = rows_at(adjustment, clicked.frame, clicked.label)
     parts = [
@@ -109,7 +111,7 @@ def transferred(
 
 
 def _widened(part: Transferred, width: int) -> Transferred:
-    """With further columns that nothing hangs on."""
+    """Pad the derivatives with columns of zeros."""
     more = width - part.columns.shape[1]
     return replace(
         part,
@@ -121,24 +123,26 @@ def _widened(part: Transferred, width: int) -> Transferred:
 def _carried(
     adjustment: Adjustment, here: PixelRows, there: PixelRows, clicked: Clicked
 ) -> Transferred:
-    """Every picked pixel in the photos `there` that show its label."""
+    """Transfer every picked pixel to the photos `there` that show its label."""
     click, row = np.nonzero(clicked.label[:, None] == there.label[None])
     at, to = here.jacobian[click], there.jacobian[row]
     place = at[:, :, PLACE]
     area = place[:, 0, 0] * place[:, 1, 1] - place[:, 0, 1] * place[:, 1, 0]
-    with np.errstate(invalid="ignore"):  # NaN is not seen
+    with np.errstate(invalid="ignore"):  # NaN: not visible
         seen = np.asarray((np.abs(area) > SMALLEST) & np.isfinite(to.sum(axis=(1, 2))))
     click, row, at, to = click[seen], row[seen], at[seen], to[seen]
+    # A = J_target J_source^-1; the click's offset from the label's predicted pixel moves with A.
     affine = to[:, :, PLACE] @ np.linalg.inv(at[:, :, PLACE])
     beside = clicked.pixel_px[click] - here.pixel_px[click]
     moved = there.pixel_px[row] + np.einsum("nij,nj->ni", affine, beside)
+    # Error of the transfer: (J_target - A J_source) by all unknowns.
     jacobian = np.concatenate([to, -affine @ at], axis=2)
     columns = np.concatenate([there.columns[row], here.columns[click]], axis=1)
     own = there.own[row]
     covariance = own @ np.swapaxes(own, 1, 2) + propagated(adjustment, columns, jacobian)
     names = tuple(there.frame_id[k] for k in row)
     survey, up = adjustment.survey, slice(2, adjustment.problem.layout.point_size)
-    rise = (to[:, :, up] - affine @ at[:, :, up]).sum(axis=2)  # 0 where no height is unknown
+    rise = (to[:, :, up] - affine @ at[:, :, up]).sum(axis=2)  # 0 if no height is unknown
     is_known = (survey.height_above_m != 0.0) | survey.is_free
     rise[is_known[clicked.label[click]]] = 0.0
     return Transferred(click, names, moved, covariance, affine, rise, jacobian, columns, own)

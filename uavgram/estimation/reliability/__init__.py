@@ -1,1 +1,1 @@
-"""Baarda's reliability: redundancy, w-tests, data snooping, effects of undetected errors."""
+"""Reliability after Baarda: redundancy, w-tests, data snooping, effects of undetected errors."""

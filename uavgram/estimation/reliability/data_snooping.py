@@ -1,10 +1,9 @@
-"""Which observations are wrong, which others could be it instead, and which no test can part.
+"""Data snooping: suspected observations, rivals and inseparable groups.
 
-Data snooping after Baarda 1968, with the separability of two hypotheses judged by the
-correlation of their test statistics (Foerstner 1983, "Reliability and discernability of extended
-Gauss-Markov models"). Where one observation is suspected, the others are tested anew as if it
-were not there (in the linear model, without a new adjustment), so that nothing is blamed that it
-explains already.
+Data snooping after Baarda 1968, with the separability of two hypotheses judged by the correlation
+of their test statistics (Foerstner 1983, "Reliability and discernability of extended Gauss-Markov
+models"). After each suspected observation, the others are tested again as if it were not there (in
+the linear model, without a new adjustment), so that its error does not raise suspicion of others.
 """
 
 from __future__ import annotations
@@ -23,27 +22,27 @@ from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 
 INSEPARABLE = 0.99
-"""Correlation of two test statistics from which on no test can part their observations: of a
-blunder that the test finds with a probability of 80 %, it takes the wrong one in 4 of 10 cases
-(statistics of mean 4.13 and 0.99 * 4.13, and a difference of sigma sqrt(2 * 0.01))."""
+"""Correlation of two test statistics from which their observations count as inseparable: for a
+blunder that the test finds with a probability of 80 %, it takes the wrong observation in 4 of 10
+cases (statistics of mean 4.13 and 0.99 * 4.13, and a difference of sigma sqrt(2 * 0.01))."""
 
 LEAST_REDUNDANCY = 0.02
-"""Redundancy number of a reading below which it is not accused: its error would have to be many
-times its sigma, and any small error of the model, seen through so little, looks like that."""
+"""Redundancy number of a reading below which it is not suspected: its error would have to be many
+times its sigma, and any small error of the model looks like that through so small a redundancy."""
 
 RIVAL = 2.0 * float(np.log(20.0))
-"""Difference of squared test statistics up to which the smaller has odds of more than 1 in 20 to
-be the wrong observation (likelihood ratio of one blunder here or there)."""
+"""Difference of squared test statistics up to which the smaller has odds of more than 1 in 20 to be
+the wrong observation (likelihood ratio of one blunder here or there)."""
 
 REMAINDER = 0.1
-"""Share of what one blunder explains of another observation's residual below which the rest is not
-blamed on that: large blunders leave the linear model."""
+"""Smallest remaining error of a suspect, as a share of the part that previous blunders explain:
+large blunders leave the linear model, and smaller remainders may be their effect."""
 
 MOST_SUSPECTS = 30
-"""Suspicions that are spelled out; with more of them, the model is wrong and not observations."""
+"""Largest number of suspicions; with more of them, the model is wrong and not the observations."""
 
 LOOKED_AT = 0.3
-"""Correlation of a single axis from which on all axes of an observation are taken together."""
+"""Correlation of a single axis from which all axes of an observation are tested together."""
 
 
 def suspicions(
@@ -51,16 +50,17 @@ def suspicions(
     groups: dict[str, Observed],
     significance: float,
 ) -> Iterator[Suspicion]:
-    """Observations that do not fit, largest test statistic first; at most `MOST_SUSPECTS`.
+    """Yield observations that do not fit, largest statistic first; at most `MOST_SUSPECTS`.
 
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     groups
-        Its observations (see ``observed``).
+        Test statistics of its observations (see ``observed``).
     significance
-        Of the test of each single axis; many axes of one kind share it (see `level_of_each`).
+        Significance of the test of each single axis; many axes of one kind share it (see
+        `level_of_each`).
     """
     snooping = _Snooping(adjustment, groups, significance)
     for _ in range(MOST_SUSPECTS):
@@ -72,7 +72,7 @@ def suspicions(
 
 @dataclass(frozen=True, eq=False)
 class _Axes:
-    """All axes of all groups in one row: group, row and axis of each, and the row's number."""
+    """All axes of all groups in one vector: group, row, axis and observation number of each."""
 
     kinds: tuple[str, ...]
     kind: Ints
@@ -103,10 +103,10 @@ class _Axes:
 
 @dataclass(eq=False)
 class _Snooping:
-    """Test statistics of all axes, and how they change as suspects are set aside.
+    """Test statistics of all axes, updated as suspects are set aside.
 
-    `error` are the residuals along the axes, `variance` theirs, both given the suspects so far;
-    `basis` the orthogonal directions of these suspects, as seen from every axis.
+    `error` are the residuals along the axes, `variance` their variances, both given the suspects so
+    far; `basis` holds the orthogonalised covariance columns of these suspects with every axis.
     """
 
     adjustment: Adjustment
@@ -128,7 +128,7 @@ class _Snooping:
         self.limit = np.concatenate([np.full(g.w.size, g.limit(self.significance)) for g in groups])
 
     def next_one(self) -> Suspicion | None:
-        """The next suspicion; its observation is set aside. None: all fits."""
+        """Find the next suspicion and set its observation aside; None if all observations fit."""
         w = self._statistics()
         explained = np.abs(self.first_error - self.error)
         blamed = (np.abs(w) > self.limit) & (np.abs(self.error) > REMAINDER * explained)
@@ -141,8 +141,9 @@ class _Snooping:
         at = self._representative(group, largest)
         column = self._covariances(at)
         group = self._inseparable(column, at)
-        # The less an error shows, the larger it has to be: of gross errors all orders of magnitude
-        # are alike, so that one n times as large in its own sigmas is n times less likely.
+        # The smaller the redundancy, the larger the error has to be. Gross errors of all orders of
+        # magnitude are equally likely, so one n times as large in its own sigmas is n times less
+        # likely.
         ratio = self.whole[at] / np.maximum(self.whole, NO_REDUNDANCY)
         is_likely = np.log(ratio) < RIVAL
         group &= is_likely
@@ -158,19 +159,21 @@ class _Snooping:
         return suspicion
 
     def _likeliest(self, largest: Floats) -> int:
-        """The axis to suspect: of the readings, unless a prior is far more likely."""
+        """Return the axis to suspect: one of a reading, unless a prior is far more likely."""
         prior = ~np.isin(self.axes.kind, [_place(self.axes.kinds, kind) for kind in READINGS])
         return int((largest**2 - np.where(prior & (largest > 0), RIVAL, 0.0)).argmax())
 
     def _statistics(self) -> Floats:
+        # An axis that is inseparable from the suspects so far is no longer tested.
         checked = self.variance > np.maximum(NO_REDUNDANCY, (1 - INSEPARABLE**2) * self.whole)
         return np.where(checked, self.error / np.sqrt(np.where(checked, self.variance, 1)), 0.0)
 
     def _covariances(self, at: int) -> Floats:
-        """Of the error along one axis with those along all, given the suspects so far."""
+        """Compute covariances of the error along one axis with all, given the suspects so far."""
         here = self.axes.member(at)
         group = self.groups[here.kind]
         weight = group.direction[here.row, :, here.axis]
+        # Column of Q = I - A S A^T along the axis, projected on all axes.
         right = np.zeros(self.adjustment.problem.layout.size)
         np.add.at(right, group.block.columns[here.row], weight @ group.block.jacobian[here.row])
         step = self.adjustment.minimum.factor.solve(right)
@@ -181,14 +184,16 @@ class _Snooping:
                 along[here.row] += weight
             parts.append(np.einsum("nra,nr->na", other.direction, along).ravel())
         column = np.concatenate(parts)
+        # Condition on the suspects so far (Gram-Schmidt).
         for known in self.basis:
             column -= known * known[at]
         return np.asarray(column)
 
     def _inseparable(self, column: Floats, at: int) -> Bools:
-        """Axes of the observations that could explain the whole of the error along one axis."""
+        """Mark the axes of the observations that could explain all of the error along one axis."""
         pivot = column[at]
         possible = self.variance > NO_REDUNDANCY
+        # Squared correlation of each axis with the suspected one; the largest for each observation.
         single = np.zeros(len(column))
         np.divide(column**2, self.variance * pivot, out=single, where=possible)
         count = int(self.axes.observation[-1]) + 1
@@ -204,7 +209,7 @@ class _Snooping:
     def _take_together(
         self, k: int, group: Observed, column: Floats, pivot: float, whole: Floats
     ) -> None:
-        """Squared multiple correlation of the axes of each promising observation of a group."""
+        """Update the squared multiple correlations with all axes of promising observations."""
         n, a = group.w.shape
         place = np.flatnonzero(self.axes.kind == k).reshape(n, a)
         mine = column[place]
@@ -219,6 +224,7 @@ class _Snooping:
         for known in self.basis:
             seen = known[place[rows]]
             own -= seen[:, :, None] * seen[:, None, :]
+        # Squared multiple correlation: c^T Q^-1 c / q, Q of the observation's own axes.
         inverse = np.linalg.pinv(own, rcond=1e-6, hermitian=True)
         squared = np.einsum("na,nab,nb->n", mine[rows], inverse, mine[rows]) / pivot
         observation = self.axes.observation[place[rows, 0]]
@@ -227,7 +233,8 @@ class _Snooping:
     def _representative(self, group: Bools, largest: Floats) -> int:
         """Choose the axis that represents a group: of a length, else of a pick, else of a prior.
 
-        Of priors, the one with the largest redundancy: the smallest error of it shows.
+        Among priors, the one with the largest redundancy is taken: its error is the smallest that
+        shows.
         """
         for kind in READINGS:
             of_kind = group & (self.axes.kind == _place(self.axes.kinds, kind)) & (largest > 0)
@@ -236,20 +243,21 @@ class _Snooping:
         return int(np.where(group & (largest > 0), self.whole, -1.0).argmax())
 
     def _members(self, chosen: Bools, but: int, w: Floats) -> tuple[Member, ...]:
-        """Each observation once, by its axis with the largest statistic."""
+        """Return each observation once, by its axis with the largest statistic."""
         places = np.flatnonzero(chosen & (self.axes.observation != but))
         places = places[np.argsort(-np.abs(w[places]), kind="stable")]
         _, once = np.unique(self.axes.observation[places], return_index=True)
         return tuple(self.axes.member(int(p)) for p in places[np.sort(once)])
 
     def _set_aside(self, observation: int, first: int, column: Floats) -> None:
-        """Test all others as if this observation, with all of its axes, were not there."""
+        """Update all statistics as if this observation, with all of its axes, were not there."""
         places = np.flatnonzero(self.axes.observation == observation)
         for at in (first, *places[places != first].tolist()):
             if at != first:
                 if self.variance[at] <= max(NO_REDUNDANCY, 1e-3 * self.whole[at]):
                     continue
                 column = self._covariances(at)
+            # Condition all errors and variances on the axis: one step of a Cholesky decomposition.
             known = column / np.sqrt(column[at])
             self.error = self.error - known * (self.error[at] / np.sqrt(column[at]))
             self.variance = np.maximum(self.variance - known**2, 0.0)

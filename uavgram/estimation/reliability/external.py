@@ -1,10 +1,10 @@
-"""External reliability: what errors that no test finds would do to the measured values.
+"""External reliability: effects of undetected errors on the measured values.
 
 Baarda 1968, "A testing procedure for use in geodetic networks"; Foerstner & Wrobel 2016,
-"Photogrammetric computer vision", ch. 4.6.4: an observation that is wrong by its minimal
-detectable bias moves the estimates by S A^T of its whitened error. A pick has two coordinates, and
-may be wrong in any direction: the largest effect of an error that stays at the bound of detection
-is delta0 sqrt(g^T Q^-1 g), g the effects of its coordinates and Q their cofactors.
+"Photogrammetric computer vision", ch. 4.6.4: an observation that is wrong by its minimal detectable
+bias moves the estimates by S A^T of its whitened error. A pick has two coordinates, and may be
+wrong in any direction: the largest effect of an error at the bound of detection is delta0 sqrt(g^T
+Q^-1 g), with g the effects of its coordinates and Q their cofactors.
 """
 
 from __future__ import annotations
@@ -23,34 +23,35 @@ from uavgram.model.arrays import Floats, Ints
 
 UNCHECKED = 0.01
 """Redundancy up to which an observation counts as unchecked: an error in it shows only from 41 of
-its sigmas on (significance 0.001, power 80 %)."""
+its sigmas (significance 0.001, power 80 %)."""
 
 FELT = 0.01
-"""Share of a measurement's sigma that one sigma of an unchecked observation moves, from which on
-the measurement is said to hang on it."""
+"""Share of a measurement's sigma from which the effect of one sigma of an unchecked observation
+makes the measurement dependent on it."""
 
 UNSEEN_SIGMAS = 10.0
-"""Sigmas by which an error of a reading may move a measurement unseen, beyond which nothing checks
-the measurement."""
+"""Undetected change of a measurement by an error of a reading, in sigmas, beyond which the
+measurement counts as unchecked."""
 
 LARGEST_SIGMAS = 1e4
-"""Size of the largest error of a reading: that of a click anywhere in the photo."""
+"""Largest possible error of a reading, in sigmas: that of a click anywhere in the photo."""
 
 ENTRIES_AT_ONCE = 2_000_000
-"""Bound of the arrays that are held at a time."""
+"""Largest number of array entries in memory at a time."""
 
 
 class Worst(NamedTuple):
-    """The largest effects of the minimal detectable biases of one group of observations.
+    """Largest effects of the minimal detectable biases of one group of observations.
 
     Attributes
     ----------
     measurement
-        (n, a) which of the measurements each axis moves most, in that one's sigmas; -1: none.
+        (n, a) index of the measurement that each axis moves most, in that measurement's sigmas; -1:
+        none.
     change
-        (n, a) of that measurement, in its own unit; NaN where there is none.
+        (n, a) change of that measurement, in its own unit; NaN if there is none.
     sigmas
-        (n, a) its size in that measurement's sigmas; 0 where there is none.
+        (n, a) size of the change in that measurement's sigmas; 0 if there is none.
     """
 
     measurement: Ints
@@ -59,16 +60,16 @@ class Worst(NamedTuple):
 
 
 class Unseen(NamedTuple):
-    """A reading whose error may move a measurement far before any test shows it.
+    """Reading whose error may move a measurement far before any test detects it.
 
     Attributes
     ----------
     member
-        The reading, along the axis that moves the measurement most.
+        Reading, with the axis that moves the measurement most.
     sigmas
-        Size of that error, in sigmas of the reading; about `LARGEST_SIGMAS` where none shows.
+        Size of that error, in sigmas of the reading; about `LARGEST_SIGMAS` if it shows in no test.
     change
-        Of the measurement, in its unit.
+        Change of the measurement, in its unit.
     """
 
     member: Member
@@ -77,18 +78,18 @@ class Unseen(NamedTuple):
 
 
 class Weakest(NamedTuple):
-    """Of one measurement, what moves it most.
+    """Observations with the largest effects on one measurement.
 
     Attributes
     ----------
     member
-        The observation; None where nothing checked moves it.
+        Observation with the largest effect; None if no checked one has an effect.
     change
-        Of the measurement, by the observation's minimal detectable bias.
+        Change of the measurement by the observation's minimal detectable bias.
     unchecked
-        Observations that move it and that nothing checks.
+        Observations that move it and are not checked.
     unseen
-        Readings that may move it far unseen, the worst first; none where each is checked.
+        Readings that may move it far undetected, the worst first; empty if each is checked.
     """
 
     member: Member | None
@@ -103,25 +104,25 @@ def external_reliability(
     significance: float,
     shown: Mapping[str, Floats] = MappingProxyType({}),
 ) -> tuple[dict[str, Worst], tuple[Weakest, ...]]:
-    """Effects of undetected errors, by observation and by measurement.
+    """Compute effects of undetected errors, by observation and by measurement.
 
     Parameters
     ----------
     groups
-        The observations of the adjustment.
+        Observations of the adjustment.
     measured
-        The values of interest.
+        Measured values.
     significance
-        Of the test that should have found the error.
+        Significance of the test that should have found the error.
     shown
-        Of each group of readings (n, a, a) cofactor matrices: how much of their errors shows in
-        any test.
+        For each group of readings (n, a, a) cofactor matrices: the part of their errors that shows
+        in any test.
     """
     worst: dict[str, Worst] = {}
     count = len(measured.rows)
     best = np.full(count, -1.0)
     weakest = [Weakest(None, np.nan, ()) for _ in range(count)]
-    sigma = np.nan_to_num(measured.sigma, nan=np.inf)  # of what has no value nothing is said
+    sigma = np.nan_to_num(measured.sigma, nan=np.inf)  # no effect on missing values
     sigma = np.where(sigma > 0, sigma, np.inf)
     for kind, group in groups.items():
         parts = []
@@ -147,11 +148,12 @@ def _portions(group: Observed, count: int) -> list[slice]:
 def _changes(
     group: Observed, rows: slice, measured: MeasuredValues, significance: float
 ) -> tuple[Floats, Floats]:
-    """(n, a, M) changes by the biases of axes that something checks, and of those nothing checks.
+    """Compute (n, a, M) changes by the biases of checked axes, and by one sigma of unchecked ones.
 
-    The latter by one of their sigmas; each is 0 for the axes of the other.
+    Each is 0 for the axes of the other.
     """
     response = group.block.times(rows, measured.solved)
+    # Effect of one whitened sigma along each axis: d^T A S g.
     by_unit = group.direction[rows].swapaxes(1, 2) @ response
     checked = group.redundancy[rows] > UNCHECKED
     whitened = group.bias(significance)[rows] / group.scale[rows]
@@ -197,13 +199,15 @@ def _weakest_of(
 def _unseen(
     group: Observed, rows: slice, measured: MeasuredValues, shown: Floats, significance: float
 ) -> tuple[Floats, Floats]:
-    """(n, a, M) errors in sigmas that no test shows, and (n, M) how they change measurements.
+    """Compute (n, a, M) undetected errors in sigmas, and (n, M) changes of measurements by them.
 
     Each is in the direction that moves the measurement most.
     """
+    # Largest effect at the bound of detection: delta0 sqrt(g^T Q^-1 g), by the error delta0 Q^-1 g
+    # / sqrt(g^T Q^-1 g).
     bound = noncentrality(level_of_each(significance, group.tests))
     response = group.block.times(rows, measured.solved)
-    # No error is larger than the largest one, which bounds it where no test shows it at all.
+    # `LARGEST_SIGMAS` bounds the error where it shows in no test at all.
     limited = shown + (bound / LARGEST_SIGMAS) ** 2 * np.eye(shown.shape[1])
     along = np.linalg.solve(limited, response)
     size = np.sqrt(np.maximum(np.sum(response * along, axis=1), 0.0))

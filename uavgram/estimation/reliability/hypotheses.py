@@ -1,8 +1,8 @@
-"""Test whether something that the model leaves out explains the misfits.
+"""Tests of hypotheses that errors missing from the model explain the misfits.
 
 Each hypothesis adds unknowns that move the predicted observations along known directions. In the
-linear model the fall of the weighted sum of squares, the values of these unknowns and what of them
-can be told follow from the residuals (Teunissen 2006, "Testing theory", ch. 3 to 5; Baarda's w-test
+linear model the reduction of the weighted sum of squares, the values of these unknowns and their
+covariance follow from the residuals (Teunissen 2006, "Testing theory", ch. 3 to 5; Baarda's w-test
 is the case of one observation and one unknown).
 """
 
@@ -25,20 +25,20 @@ from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools, Floats, Ints
 
 CHECKED = 0.01
-"""Share of a direction that has to show in the residuals for its unknown to be tested."""
+"""Smallest share of a direction that has to show in the residuals for its unknown to be tested."""
 
 SMALLEST = 1e-290
-"""Probability below which its logarithm is that of the leading term of the tail."""
+"""Probability below which its logarithm is computed from the leading term of the tail."""
 
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """How unknowns that the model leaves out move the predictions of a group of observations.
+    """Effect of additional unknowns on the predictions of a group of observations.
 
     Attributes
     ----------
     kind
-        The group.
+        Name of the group.
     rows
         (m,) its observations that are moved.
     along
@@ -51,18 +51,18 @@ class Moved:
 
 
 class Explained(NamedTuple):
-    """What a hypothesis explains.
+    """Test result of a hypothesis.
 
     Attributes
     ----------
     gain
-        Fall of the weighted sum of squares.
+        Reduction of the weighted sum of squares.
     unknowns
-        How many of its unknowns anything checks.
+        Number of its unknowns that are checked.
     value
-        (q,) the unknowns; 0 along combinations that nothing checks.
+        (q,) estimates of the unknowns; 0 along combinations that are not checked.
     covariance
-        (q, q) of them; infinite where nothing checks one of them.
+        (q, q) covariance of the estimates; infinite for unknowns that are not checked.
     """
 
     gain: float
@@ -74,22 +74,23 @@ class Explained(NamedTuple):
 def explained(
     adjustment: Adjustment, hypotheses: Sequence[Sequence[Moved]], checked: float = CHECKED
 ) -> tuple[Explained, ...]:
-    """What each hypothesis explains of the misfits of an adjustment.
+    """Test how much of the misfits of an adjustment each hypothesis explains.
 
     Parameters
     ----------
     adjustment
-        At rest.
+        Converged adjustment.
     hypotheses
-        Each by the groups that it moves, all with the same number of unknowns.
+        Each hypothesis by the groups that it moves, all with the same number of unknowns.
     checked
-        Share of a direction that has to show in the residuals for its unknown to be tested.
+        Smallest share of a direction that has to show in the residuals for its unknown to be
+        tested.
 
     Notes
     -----
-    With residuals v (predicted less observed), directions C and normal matrix N = A^T A, the
-    unknowns are x = -R^-1 C^T v with R = C^T (I - A N^-1 A^T) C, as A^T v = 0 at rest; the sum of
-    squares falls by x^T R x.
+    With residuals v (predicted minus observed), directions C and normal matrix N = A^T A, the
+    unknowns are x = -R^-1 C^T v with R = C^T (I - A N^-1 A^T) C, as A^T v = 0 at the minimum; the
+    sum of squares falls by x^T R x.
     """
     if not hypotheses:
         return ()
@@ -97,6 +98,7 @@ def explained(
     counts = [moved[0].along.shape[2] for moved in hypotheses]
     first = np.concatenate([[0], np.cumsum(counts)])
     right = np.zeros((size, int(first[-1])))
+    # Of each hypothesis: A^T C as columns of the right-hand sides, C^T v and C^T C.
     scores, plain = [], []
     for moved, start, count in zip(hypotheses, first, counts, strict=False):
         score, own = np.zeros(count), np.zeros((count, count))
@@ -112,6 +114,7 @@ def explained(
             own += np.einsum("mrq,mrp->qp", part.along, part.along)
         scores.append(score)
         plain.append(own)
+    # One solution for all hypotheses: N^-1 A^T C.
     solved = adjustment.minimum.factor.solve(right)
     found = []
     for start, count, score, own in zip(first, counts, scores, plain, strict=False):
@@ -121,7 +124,9 @@ def explained(
 
 
 def _explained(score: Floats, plain: Floats, information: Floats, least: float) -> Explained:
-    """Of one hypothesis, from C^T v, C^T C and R."""
+    """Compute the result of one hypothesis from C^T v, C^T C and R."""
+    # Scale the unknowns so that C^T C has a unit diagonal; the eigenvalues of R are then the shares
+    # that show in the residuals, and smaller ones than `least` are left out.
     length = np.sqrt(np.maximum(plain.diagonal(), 0.0))
     scale = np.where(length > 0, 1.0 / np.where(length > 0, length, 1.0), 0.0)
     share, axes = np.linalg.eigh(information * np.outer(scale, scale))
@@ -137,20 +142,20 @@ def _explained(score: Floats, plain: Floats, information: Floats, least: float) 
 
 
 def log_probability(gain: float, unknowns: int, count: int = 1) -> float:
-    """Logarithm of the probability that one of so many hypotheses explains as much by chance.
+    """Compute the log probability that one of `count` hypotheses explains as much by chance.
 
     Parameters
     ----------
     gain
-        Fall of the weighted sum of squares.
+        Reduction of the weighted sum of squares.
     unknowns
-        That the hypothesis adds.
+        Number of unknowns that the hypothesis adds.
     count
-        Hypotheses of its kind that were possible.
+        Number of possible hypotheses of its kind.
 
     Notes
     -----
-    The tail of chi-square, times the count (Bonferroni), at most one.
+    Upper tail of chi-square, times the count (Bonferroni), at most one.
     """
     if gain <= 0.0 or unknowns == 0:
         return 0.0
@@ -158,7 +163,7 @@ def log_probability(gain: float, unknowns: int, count: int = 1) -> float:
     probability = float(gammaincc(half, gain / 2.0))
     if probability > SMALLEST:
         tail = float(np.log(probability))
-    else:  # Abramowitz and Stegun 6.5.32
+    else:  # leading term: Abramowitz and Stegun 6.5.32
         tail = -gain / 2.0 + (half - 1.0) * float(np.log(gain / 2.0)) - float(gammaln(half))
     return min(0.0, tail + float(np.log(count)))
 
@@ -169,14 +174,15 @@ def set_aside(adjustment: Adjustment, members: Iterable[Member]) -> Adjustment:
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     members
-        The readings. Priors among them stay, and so do all where the rest determines nothing, or
-        where there are too many of a kind to be the exception: that kind is less exact than stated.
+        Readings to leave out. Priors among them are kept. Readings are kept, too, if the rest does
+        not determine the unknowns, or if there are too many of a kind to be the exception: then
+        that kind is less precise than stated.
 
     Returns
     -------
-    Of the same likelihood; the blocks lack the rows that were set aside.
+    Adjustment of the same likelihood; its blocks lack the rows that were left out.
     """
     problem = adjustment.problem
     keep = _kept(adjustment, members)
@@ -200,13 +206,13 @@ def set_aside(adjustment: Adjustment, members: Iterable[Member]) -> Adjustment:
             at_rest=AT_REST,
         )
         rest = Adjustment(problem, minimum, minimum.factor.covariance())
-    except SingularError:  # a reading that nothing else can replace
+    except SingularError:  # an unknown depends on these readings alone
         return adjustment
     return rest if minimum.converged else adjustment
 
 
 def _kept(adjustment: Adjustment, members: Iterable[Member]) -> dict[str, Bools]:
-    """Rows that take part, of each kind of readings that has others."""
+    """Mark the kept rows of each kind of readings from which some, but not too many, are out."""
     keep = {
         kind: np.ones(len(block.residual), dtype=np.bool_)
         for kind, block in adjustment.minimum.blocks.items()

@@ -4,7 +4,7 @@ After Baarda 1968, "A testing procedure for use in geodetic networks". All input
 residuals and Jacobian rows in units of the observation's own standard deviation.
 
 A robust estimate follows the majority (Hampel 1971, "A general qualitative definition of
-robustness"): with about half of the readings wrong, these may be the ones that it follows.
+robustness"): with about half of the readings wrong, it may follow the wrong ones.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ NO_REDUNDANCY = 1e-6
 
 
 FAMILY = 10
-"""Tests of one kind that each have the stated significance; with more, they share it."""
+"""Number of tests of one kind that each have the stated significance; more tests share it."""
 
 
 class Reliability(NamedTuple):
-    """Per whitened observation of one group; all (n, r).
+    """Reliability of each whitened observation of one group; all (n, r).
 
     Attributes
     ----------
     redundancy
-        Number in [0, 1]: how much of an error in the observation shows in its residual.
+        Number in [0, 1]: share of an error in the observation that shows in its residual.
     w
-        Residual over its own standard deviation; 0 where nothing checks the observation.
+        Residual over its own standard deviation; 0 where the observation is not checked.
     """
 
     redundancy: Floats
@@ -46,7 +46,7 @@ class Reliability(NamedTuple):
 
 
 def reliability(block: Block, covariance: Covariance) -> Reliability:
-    """Redundancy numbers and standardised residuals of one group of observations."""
+    """Compute redundancy numbers and standardised residuals of one group of observations."""
     redundancy = np.clip(1.0 - covariance.leverage(block), 0.0, 1.0)
     checked = redundancy > NO_REDUNDANCY
     w = np.where(checked, block.residual / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)
@@ -54,26 +54,27 @@ def reliability(block: Block, covariance: Covariance) -> Reliability:
 
 
 def critical_value(significance: float) -> float:
-    """Two-sided critical value of a standardised residual."""
+    """Return the two-sided critical value of a standardised residual."""
     return float(ndtri(1.0 - significance / 2.0))
 
 
 def level_of_each(significance: float, tests: int) -> float:
-    """Significance of each test of a family of so many: a large family is not blamed by chance.
+    """Return the significance of each test in a family of tests.
 
-    Up to `FAMILY` tests have the level as it is; more share that of so many (Bonferroni), so that
-    in a survey in which all is in order hardly any of hundreds of picks is blamed.
+    Up to `FAMILY` tests have the stated level; more tests share the level of that number
+    (Bonferroni), so that in a survey without errors hardly any of hundreds of picks is suspected by
+    chance.
     """
     return significance * min(1.0, FAMILY / max(tests, 1))
 
 
 def noncentrality(significance: float) -> float:
-    """Mean of |w| from which a bias is found with probability ``POWER``; 4.13 at 0.001."""
+    """Return the mean of |w| at which a bias is found with probability ``POWER``; 4.13 at 0.001."""
     return critical_value(significance) + float(ndtri(POWER))
 
 
 def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: float) -> Floats:
-    """Smallest error found with probability ``POWER``, in the units of `sigma`; NaN if none is.
+    """Compute the smallest error found with probability ``POWER``, in units of `sigma`, or NaN.
 
     Baarda 1968: sigma * delta0 / sqrt(r), delta0 = z(1 - alpha / 2) + z(power).
 
@@ -82,7 +83,7 @@ def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: flo
     redundancy, sigma
         (...) redundancy numbers and standard deviations of the observations.
     significance
-        Of the test.
+        Significance of the test.
     """
     checked = redundancy > NO_REDUNDANCY
     root = np.sqrt(np.where(checked, redundancy, np.nan))
@@ -90,7 +91,7 @@ def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: flo
 
 
 def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) -> Floats:
-    """Probability with which the w-test of an observation finds an error of `bias` in it.
+    """Compute the probability with which the w-test of an observation finds an error of `bias`.
 
     Baarda 1968: w is normal about bias * sqrt(r) / sigma; the test has two sides.
 
@@ -99,7 +100,7 @@ def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) 
     bias, redundancy, sigma
         (...) size of the error, redundancy number and standard deviation of the observation.
     significance
-        Of the test.
+        Significance of the test.
     """
     mean = np.abs(bias) * np.sqrt(redundancy) / sigma
     limit = critical_value(significance)
@@ -107,7 +108,7 @@ def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) 
 
 
 class GroupFit(NamedTuple):
-    """How one group of observations fits as a whole.
+    """Fit of one group of observations as a whole.
 
     `redundancy` is the group's share of the degrees of freedom, `variance_factor` its sum of
     squares over that share (NaN without redundancy), `probability` that of a factor at least as
@@ -120,25 +121,27 @@ class GroupFit(NamedTuple):
 
 
 EXACT_GROUP = 100
-"""Observations up to which a group's cofactor matrix is computed whole."""
+"""Number of observations up to which a group's full cofactor matrix is computed."""
 
 SIGNS = 4000
-"""Random signs drawn for a larger group, at least: at worst 2 % of its degrees of freedom."""
+"""Smallest number of random signs drawn for a larger group: at worst 2 % error of its degrees of
+freedom."""
 
 
 def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
-    """Variance factor of a group and its chi-square test.
+    """Compute the variance factor of a group and its chi-square test.
 
-    The residuals of one group have the cofactor matrix Q = I - A S A^T, which is no projector: a
-    sum of squares with Satterthwaite's degrees of freedom tr(Q)^2 / tr(Q^2) and scale
-    tr(Q^2) / tr(Q) (Satterthwaite 1946, eq. 9); for one observation that is its w-test.
+    The residuals of one group have the cofactor matrix Q = I - A S A^T, which is no projector.
+    Their sum of squares is approximated by a chi-square with Satterthwaite's degrees of freedom
+    tr(Q)^2 / tr(Q^2) and scale tr(Q^2) / tr(Q) (Satterthwaite 1946, eq. 9); for one observation
+    that is its w-test.
 
     Parameters
     ----------
     block
         Whitened residuals and Jacobians of the group.
     factor, covariance
-        Of the adjustment.
+        Factor and covariance of the adjustment.
     """
     squares = float(np.sum(block.residual**2))
     if block.residual.size <= EXACT_GROUP:
@@ -154,12 +157,12 @@ def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
 
 
 def _trace_of_square(block: Block, factor: Factor) -> float:
-    """tr(Q^2) from random signs z: the mean of |Q z|^2 (Hutchinson 1990, eq. 2.6).
+    """Estimate tr(Q^2) from random signs z: the mean of |Q z|^2 (Hutchinson 1990, eq. 2.6).
 
     Exact where Q is diagonal; else its relative variance is at most 2 / (signs drawn).
     """
     n, r, _ = block.jacobian.shape
-    rng = np.random.default_rng(0)  # the same survey has the same result
+    rng = np.random.default_rng(0)  # fixed seed: reproducible
     total, draws = 0.0, -(-SIGNS // (n * r))
     for first in range(0, draws, AT_ONCE):
         some = min(AT_ONCE, draws - first)
@@ -169,39 +172,40 @@ def _trace_of_square(block: Block, factor: Factor) -> float:
         right: Floats = np.zeros(factor.size * some)
         right += np.bincount(place.ravel(), weights.ravel(), minlength=len(right))
         seen = factor.solve(right.reshape(factor.size, some))[block.columns]
+        # Q z = z - A S A^T z
         total += float(np.sum((signs - block.jacobian @ seen) ** 2))
     return float(total / draws)
 
 
 def _cofactor(block: Block, covariance: Covariance) -> Floats:
-    """I - A S A^T of all the block's rows."""
+    """Compute I - A S A^T of all the block's rows."""
     n, r, k = block.jacobian.shape
     columns = np.repeat(block.columns, r, axis=0)
     return np.asarray(np.eye(n * r) - covariance.joint(columns, block.jacobian.reshape(n * r, k)))
 
 
 def upper_tail(squares: float, degrees: float) -> float:
-    """Probability that chi-square with `degrees` exceeds `squares` (1 without redundancy)."""
+    """Return the probability that chi-square with `degrees` exceeds `squares`; 1 without any."""
     return float(chdtrc(degrees, squares)) if degrees > NO_REDUNDANCY else 1.0
 
 
 def redundancy_of(adjustment: Adjustment, name: str) -> float:
-    """Share of the degrees of freedom that a group of observations has."""
+    """Compute the share of the degrees of freedom of a group of observations."""
     block = adjustment.minimum.blocks[name]
     return block.residual.size - float(adjustment.covariance.leverage(block).sum())
 
 
 class CoreFit(NamedTuple):
-    """How picks, lengths, ground and camera fit together, telemetry left aside.
+    """Fit of picks, lengths, ground and camera together, without telemetry.
 
     Attributes
     ----------
     squares, degrees
         Weighted sum of squares, and redundancy, of these groups.
     probability
-        Of so large a sum by chance. Degrees of freedom of a part of the observations are spread
-        over more directions, none of larger variance: a chi-square with as many is on the safe
-        side.
+        Probability of so large a sum by chance. The degrees of freedom of a part of the
+        observations are spread over more directions, none of larger variance: a chi-square with as
+        many is conservative.
     """
 
     squares: float
@@ -210,10 +214,10 @@ class CoreFit(NamedTuple):
 
 
 def core_fit(adjustment: Adjustment) -> CoreFit:
-    """Sum of squares of the groups that show whether the model holds.
+    """Compute the sum of squares of the groups that show whether the model holds.
 
-    Those of picks and ground: priors of the telemetry are meant to be generous, and ties say
-    nothing of the ground.
+    These are the groups of picks and ground: priors of the telemetry are meant to be generous, and
+    ties are independent of the ground.
     """
     blocks = adjustment.minimum.blocks
     core = [name for name in blocks if kind_of(name).is_core]
@@ -223,10 +227,10 @@ def core_fit(adjustment: Adjustment) -> CoreFit:
 
 
 MOST_OF_A_KIND = 0.4
-"""Share of a kind's observations, or of the frames, that may be gross errors: were there more, the
-kind would be less exact than stated, or nothing would show which of them are right."""
+"""Largest share of a kind's observations, or of the frames, that may be gross errors: with more,
+the kind would be less precise than stated, or the right ones could not be identified."""
 
 
 def most_gross(count: int) -> int:
-    """Count how many of so many observations may be gross errors: a few, and one in any case."""
+    """Return the largest number of gross errors among `count` observations, at least one."""
     return max(1, int(MOST_OF_A_KIND * count))

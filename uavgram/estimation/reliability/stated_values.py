@@ -1,4 +1,4 @@
-"""Name, in words, the probable mistake in a stated coordinate or unit."""
+"""Probable mistakes in stated coordinates or units, in words."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ UNITS = (
     (1.0 / 0.3048, "feet"),
     (0.001, "kilometres"),
 )
-"""How many of a unit a metre has: exact, the inch by definition of 1959."""
+"""Number of each unit in a metre: exact, the inch by definition of 1959."""
 
 DECIMALS = (
     (10.0, "the decimal point one place off"),
@@ -26,23 +26,24 @@ CONVERSIONS = (
 )
 
 CLOSE = 0.01
-"""Relative difference up to which a ratio is that of a unit, however well it is known."""
+"""Relative difference up to which a ratio is that of a unit, however precise the ratio is."""
 
 FARTHEST = 0.2
-"""The same, however badly it is known: so far no two of these ratios lie apart."""
+"""Upper bound of that difference, however imprecise the ratio is: any two of these ratios differ by
+more."""
 
 SIGMAS = 3.0
 
 
 def likely_mistake(ratio: float, relative_sigma: float) -> str:
-    """What makes a length so many times too long, such as ``in feet``; empty where nothing does.
+    """Return the mistake that explains a ratio of lengths, such as ``in feet``; empty if none does.
 
     Parameters
     ----------
     ratio
-        As written, over what it should be.
+        Written over correct value.
     relative_sigma
-        Of that ratio.
+        Relative sigma of that ratio.
     """
     known = [*((size, f"in {unit}") for size, unit in UNITS), *DECIMALS, *CONVERSIONS]
     off = np.abs(np.log(ratio / np.array([size for size, _ in known])))
@@ -53,14 +54,14 @@ def likely_mistake(ratio: float, relative_sigma: float) -> str:
 
 
 def mistake(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float) -> str:
-    """Find what was probably mistaken in a length; empty where nothing fits.
+    """Find the probable mistake in a length; empty if no mistake fits.
 
     Parameters
     ----------
     taped_m, taped_sigma_m
-        As written, and its sigma.
+        Written length, and its sigma.
     seen_m, sigma_m
-        What it should be, and the sigma of that.
+        Correct length, and its sigma.
     """
     if not seen_m > 0:
         return ""
@@ -69,19 +70,20 @@ def mistake(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float)
 
 
 FAR_M = 10_000.0
-"""Distance beyond which a point lies outside any survey: its coordinates are another place's."""
+"""Distance beyond which a point is outside any survey [m]: its coordinates are those of another
+place."""
 
 EXCHANGED_SHARE = 0.1
-"""Of a distance, that is left at most where east and north are put back."""
+"""Largest share of a distance that remains when east and north are exchanged back."""
 
 MOSTLY = 0.6
-"""Share of a distance from which on it lies mostly along one axis."""
+"""Smallest component of a unit vector along one axis that counts as its main direction."""
 
 SIDES = (("west", "east"), ("south", "north"), ("below", "above"))
 
 
 def displaced(off_m: Floats, sigma_m: Floats) -> str:
-    """How far, how surely and whither stated coordinates lie from where a point was found.
+    """Describe distance, sigma and direction of stated coordinates from the estimated point.
 
     Parameters
     ----------
@@ -96,12 +98,12 @@ def displaced(off_m: Floats, sigma_m: Floats) -> str:
 
 
 def likely_fault(stated_m: Floats, found_m: Floats) -> str:
-    """What may be wrong with coordinates that are off, in brackets; empty where nothing is likely.
+    """Return the probable mistake in wrong coordinates, in brackets; empty if none is likely.
 
     Parameters
     ----------
     stated_m, found_m
-        (3,) east, north, up of a point as stated, and where it was found.
+        (3,) east, north, up of a point, as stated and as found.
     """
     off_m = float(np.linalg.norm(stated_m - found_m))
     turned_off_m = float(np.linalg.norm(stated_m[[1, 0, 2]] - found_m))
@@ -112,7 +114,7 @@ def likely_fault(stated_m: Floats, found_m: Floats) -> str:
 
 
 def _whither(direction: Floats) -> str:
-    """Where a unit vector (3,) points."""
+    """Describe the direction of a unit vector (3,)."""
     axis = int(np.abs(direction).argmax())
     if abs(direction[axis]) < MOSTLY:
         return "to no one side"

@@ -1,7 +1,7 @@
-"""Every observed or assumed number of a survey, group by group, with its test statistic.
+"""Test statistics of every observation and prior of a survey, group by group.
 
-Baarda 1968, "A testing procedure for use in geodetic networks"; with priors as observations as
-in Foerstner & Wrobel 2016, "Photogrammetric computer vision", ch. 4.6.
+Baarda 1968, "A testing procedure for use in geodetic networks"; with priors as observations as in
+Foerstner & Wrobel 2016, "Photogrammetric computer vision", ch. 4.6.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """n observations of r correlated numbers each, which may err along a axes.
+    """Group of n observations of r correlated numbers each, with possible errors along a axes.
 
     Attributes
     ----------
@@ -34,19 +34,19 @@ class Observed:
     block
         Whitened residuals and Jacobians.
     direction
-        (n, r, a) unit vectors in the space of the whitened residuals: where an error along each
-        axis points. Identity where the numbers are independent.
+        (n, r, a) unit vectors in the space of the whitened residuals: the direction of an error
+        along each axis. Identity if the numbers are independent.
     scale
         (n, a) standard deviation of each axis given the others, in SI units or pixels; NaN where
         the number is known exactly.
     redundancy
-        (n, a) in [0, 1]: how much of an error along that axis shows in the residuals.
+        (n, a) in [0, 1]: share of an error along that axis that shows in the residuals.
     w
-        (n, a) standardised test statistic; 0 where nothing checks the axis.
+        (n, a) standardised test statistic; 0 where the axis is not checked.
     tests
-        Axes of this group and of those that are tested along with it.
+        Number of axes of this group and of those that are tested along with it.
     thing
-        (n,) rows with the same number are of one observation; None: each row is one.
+        (n,) numbers: rows of one observation share one; None: each row is one.
     """
 
     kind: str
@@ -60,26 +60,26 @@ class Observed:
 
     @property
     def checked(self) -> Bools:
-        """(n, a) whether anything checks the axis."""
+        """(n, a) mask of the axes that are checked by other observations."""
         return np.asarray(self.redundancy > NO_REDUNDANCY)
 
     def bias(self, significance: float) -> Floats:
-        """(n, a) minimal detectable bias in the units of `scale`; NaN where nothing checks it."""
+        """Compute (n, a) minimal detectable biases in the units of `scale`; NaN where unchecked."""
         level = level_of_each(significance, self.tests)
         return minimal_detectable_bias(self.redundancy, self.scale, level)
 
     def limit(self, significance: float) -> float:
-        """Size of the test statistic beyond which an observation of the group is suspected."""
+        """Return the size of the test statistic beyond which an observation is suspected."""
         return critical_value(level_of_each(significance, self.tests))
 
     def response(self, step: Floats) -> Floats:
-        """(n, r, ...) change of the whitened residuals by a change (size, ...) of the unknowns."""
+        """Compute (n, r, ...) changes of whitened residuals by a step (size, ...)."""
         moved = np.einsum("nrk,nk...->nr...", self.block.jacobian, step[self.block.columns])
         return np.asarray(moved, dtype=np.float64)
 
 
 def observed(adjustment: Adjustment) -> dict[str, Observed]:
-    """All groups of an adjusted survey by name, but for those of which none is tested."""
+    """Compute the test statistics of all groups that are tested, by the names of the groups."""
     covariance, groups = adjustment.covariance, {}
     for kind, observation in adjustment.problem.observations.items():
         if observation.kind.role not in ("reading", "prior"):
@@ -96,7 +96,7 @@ def observed(adjustment: Adjustment) -> dict[str, Observed]:
 
 
 def _with_families(groups: dict[str, Observed]) -> dict[str, Observed]:
-    """The groups, each with the number of its tests; what nobody reads is one family."""
+    """Set the number of tests of each group; all priors together are one family."""
     prior = sum(group.w.size for kind, group in groups.items() if kind not in READINGS)
     return {
         kind: replace(group, tests=group.w.size if kind in READINGS else prior)
@@ -113,18 +113,19 @@ def _independent(kind: str, block: Block, covariance: Covariance, sigma: Floats)
 
 
 def _correlated(kind: str, block: Block, covariance: Covariance, whitening: Floats) -> Observed:
-    """Group of correlated numbers; `whitening` (n, r, a) maps errors to whitened residuals.
+    """Compute a group of correlated numbers; `whitening` (n, r, a) whitens their errors.
 
     Notes
     -----
-    Baarda 1968 for correlated observations: w_j = e_j^T P v / sqrt(e_j^T P Q_vv P e_j); with
-    P = W^T W and whitened residuals that is (W^T v)_j / sqrt((W^T Q W)_jj), Q = I - A S A^T.
+    Baarda 1968 for correlated observations: w_j = e_j^T P v / sqrt(e_j^T P Q_vv P e_j); with P =
+    W^T W and whitened residuals that is (W^T v)_j / sqrt((W^T Q W)_jj), Q = I - A S A^T.
     """
     length = np.linalg.norm(whitening, axis=1)
     known = np.isfinite(length) & (length > 0)
     size = np.where(known, length, np.inf)
     direction = whitening / size[:, None, :]
     cofactor = cofactors(block, covariance)
+    # Redundancy along each axis: d^T Q d.
     redundancy = np.einsum("nra,nrs,nsa->na", direction, cofactor, direction, optimize=True)
     redundancy = np.clip(redundancy, 0.0, 1.0)
     checked = redundancy > NO_REDUNDANCY
@@ -134,17 +135,16 @@ def _correlated(kind: str, block: Block, covariance: Covariance, whitening: Floa
 
 
 def cofactors(block: Block, covariance: Covariance) -> Floats:
-    """(n, r, r) cofactor matrices I - A S A^T of each observation's own whitened residuals."""
+    """Compute (n, r, r) cofactor matrices I - A S A^T of each observation's whitened residuals."""
     joint = covariance.blocks(block.columns)
     leverage = np.einsum("nrk,nkl,nsl->nrs", block.jacobian, joint, block.jacobian, optimize=True)
     return np.asarray(np.eye(block.residual.shape[1]) - leverage)
 
 
 def falls_without(block: Block, covariance: Covariance) -> Floats:
-    """(n,) by which the sum of squares falls without each observation, in the linear model.
+    """Compute the (n,) reductions of the sum of squares without each observation (linear model).
 
-    r^T Q^-1 r of its whitened residuals and their cofactor matrix; 0 along directions that
-    nothing checks.
+    r^T Q^-1 r of its whitened residuals and their cofactor matrix; 0 along unchecked directions.
     """
     redundancy, axes = np.linalg.eigh(cofactors(block, covariance))
     along = np.einsum("nra,nr->na", axes, block.residual)

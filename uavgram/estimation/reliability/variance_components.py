@@ -1,10 +1,10 @@
-"""How large errors are, learnt from the residuals: variance components by marginal likelihood.
+"""Variance components by marginal likelihood: error sizes estimated from the residuals.
 
 Every group of observations has a stated standard deviation; a component is a factor of the sigmas
-of one of them. The factors that make all observations together likeliest, the unknowns integrated
-out, are the restricted maximum-likelihood estimates of the components (Harville 1977, "Maximum
-likelihood approaches to variance component estimation and to related problems", sec. 4), to which
-Helmert's method converges too.
+of one of them. The factors that maximise the marginal likelihood of all observations, with the
+unknowns integrated out, are the restricted maximum-likelihood estimates of the components (Harville
+1977, "Maximum likelihood approaches to variance component estimation and to related problems", sec.
+4), to which Helmert's method converges too.
 """
 
 from __future__ import annotations
@@ -22,32 +22,32 @@ from uavgram.estimation.solver.weighted import Weighted
 from uavgram.model.arrays import Floats, Ints
 
 SMALLEST, LARGEST = 0.02, 50.0
-"""Factors that are considered."""
+"""Smallest and largest factor considered."""
 
 ITERATIONS = 25
-"""Of the search; it usually needs fewer than ten."""
+"""Largest number of iterations of the search; it usually needs fewer than ten."""
 
 FLAT, LITTLE = 1e-3, 1e-7
-"""Derivative, and relative gain of a step, from which on the search is at its end."""
+"""Derivative, and relative gain of a step, below which the search ends."""
 
 FARTHEST, HALVES = 2.0, 0.5 ** np.arange(12)
-"""Change of a logarithm in one step at most, and shares of a step that are tried."""
+"""Largest change of a logarithm in one step, and shares of a step that are tried."""
 
 LEAST_CURVATURE = 0.5
-"""Second derivative that the search begins with, at least."""
+"""Smallest second derivative that the search begins with."""
 
 
 class Component(NamedTuple):
-    """A variance component: a common factor of the sigmas of some observations.
+    """Variance component: a common factor of the sigmas of some observations.
 
     Attributes
     ----------
     block, rows
-        Name of their group, and which of its rows they are (None: all).
+        Name of their group, and their rows in it (None: all).
     weight
-        Of a prior on the factor about 1, as so many observations; 0: none.
+        Weight of a prior on the factor about 1, as a number of observations; 0: none.
     smallest
-        Factor that it never falls below.
+        Lower bound of the factor.
     """
 
     block: str
@@ -62,9 +62,10 @@ class Estimated(NamedTuple):
     Attributes
     ----------
     factor, sigma
-        (C,) of the stated sigmas; standard deviation of its logarithm (from the curvature).
+        (C,) factors of the stated sigmas; standard deviations of their logarithms (from the
+        curvature).
     log_likelihood
-        Marginal, natural logarithm, up to what depends on no factor.
+        Marginal log-likelihood (natural), up to terms that depend on no factor.
     """
 
     factor: Floats
@@ -73,28 +74,29 @@ class Estimated(NamedTuple):
 
 
 def of_one_group(squares: float, redundancy: float, component: Component) -> Estimated:
-    """The factor of one component, from its residuals in units of the stated sigmas.
+    """Estimate the factor of one component from its residuals in units of the stated sigmas.
 
     Parameters
     ----------
     squares
-        Sum of their squares.
+        Sum of the squared residuals.
     redundancy
-        Of the group: the factor changes it so little that nothing else is needed.
+        Redundancy of the group; it hardly changes with the factor, so no iteration is needed.
     component
-        The prior on the factor.
+        Component with the prior on the factor.
     """
     weight = redundancy + component.weight
+    # Closed-form maximum: (v^T v + prior weight) / (redundancy + prior weight).
     factor = max(np.sqrt((squares + component.weight) / weight), component.smallest)
     return Estimated(np.array([factor]), np.array([1.0 / np.sqrt(2.0 * weight)]), float("nan"))
 
 
 def probability_at_boundary(gain: float, variances: int) -> float:
-    """Probability that so many variances bring so much log-likelihood where all are zero.
+    """Compute the probability that variances gain this log-likelihood if all of them are zero.
 
-    A variance that is zero is found larger in one of two surveys only: twice the gain is
+    A variance that is zero is estimated larger in only one of two surveys: twice the gain is
     distributed as the mixture of chi-squares of 0 to n degrees of freedom with binomial weights;
-    of one variance half and half (Self and Liang 1987, "Asymptotic properties of maximum
+    for one variance half and half (Self and Liang 1987, "Asymptotic properties of maximum
     likelihood estimators and likelihood ratio tests under nonstandard conditions", cases 5, 7).
     """
     if gain <= 0.0:
@@ -106,14 +108,14 @@ def probability_at_boundary(gain: float, variances: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """Observations about a state, in the linear model.
+    """Observations linearised about a state.
 
     Attributes
     ----------
     blocks
         Whitened residuals and Jacobians by group.
     size, structure
-        Number of unknowns, and what they are.
+        Number and structure of the unknowns.
     """
 
     blocks: Mapping[str, Block]
@@ -121,7 +123,7 @@ class Linearised:
     structure: Structure
 
     def estimate(self, components: Sequence[Component], first: Floats) -> Estimated:
-        """The likeliest factors, from first values (C,)."""
+        """Estimate the likeliest factors, starting from values (C,)."""
         lower = np.log([max(one.smallest, SMALLEST) for one in components])
         surprise = _Surprise(self, components)
         found, here = _minimum(surprise, np.log(first), lower, float(np.log(LARGEST)))
@@ -130,12 +132,12 @@ class Linearised:
         return Estimated(np.exp(found), sigma, -0.5 * here.value)
 
     def log_likelihood(self, components: Sequence[Component], factor: Floats) -> float:
-        """Marginal log-likelihood of given factors (C,)."""
+        """Compute the marginal log-likelihood of given factors (C,)."""
         return -0.5 * _Surprise(self, components).at(np.log(factor)).value
 
 
 class _Height(NamedTuple):
-    """A value at a place, its derivatives (C,), and about what its second derivatives are (C,)."""
+    """Value of a function, its derivatives (C,), and approximate second derivatives (C,)."""
 
     value: float
     slope: Floats
@@ -152,10 +154,11 @@ class _Surprise:
         self._prior = np.array([one.weight for one in components])
 
     def at(self, log_factor: Floats) -> _Height:
-        """Its value, and its derivatives by the logarithms.
+        """Compute its value and its derivatives by the logarithms.
 
-        v^T v + log det N + 2 sum n log s, with the priors; the derivative by log s of a component
-        is twice its redundancy less its sum of squares, the second one about four times either.
+        v^T v + log det N + 2 sum n log s, with the priors. The derivative by log s of a component
+        is twice the difference of its redundancy and its sum of squares; the second derivative is
+        about four times either.
         """
         stated = np.exp(-2.0 * log_factor)
         fit = self._weighted.fit(stated)
@@ -165,7 +168,7 @@ class _Surprise:
         return _Height(value, slope, 4.0 * (fit.squares + self._prior * stated))
 
     def information(self, at: Floats, slope: Floats) -> Floats:
-        """(C,) half the second derivative by each logarithm, by differencing the first."""
+        """Compute (C,) half the second derivative by each logarithm, by differencing the first."""
         ahead = [self.at(at + step).slope[k] for k, step in enumerate(0.02 * np.eye(len(at)))]
         return np.asarray(np.array(ahead) - slope) / (2.0 * 0.02)
 
@@ -173,7 +176,7 @@ class _Surprise:
 def _minimum(
     surprise: _Surprise, first: Floats, lower: Floats, upper: float
 ) -> tuple[Floats, _Height]:
-    """Where it is least between bounds, and what it is there: BFGS, halving steps that lead uphill.
+    """Minimise between bounds by BFGS, halving steps that lead uphill; return place and value.
 
     Nocedal and Wright 2006, "Numerical optimization", sec. 6.1. (scipy's takes as long to load as
     all the adjustments of an ordinary survey.)
@@ -182,6 +185,7 @@ def _minimum(
     here = surprise.at(place)
     inverse = np.diag(1.0 / np.maximum(here.curvature, LEAST_CURVATURE))
     for _ in range(ITERATIONS):
+        # Factors at a bound whose slope points outwards are held there.
         is_held = ((place <= lower) & (here.slope > 0)) | ((place >= upper) & (here.slope < 0))
         slope = np.where(is_held, 0.0, here.slope)
         if np.abs(slope).max() < FLAT:
@@ -190,11 +194,13 @@ def _minimum(
         for share in HALVES:
             there_place = np.clip(place + share * step, lower, upper)
             there = surprise.at(there_place)
+            # Armijo condition of sufficient decrease.
             if there.value <= here.value + 1e-4 * slope @ (there_place - place):
                 break
         else:
             break
         moved, bent = there_place - place, there.slope - here.slope
+        # BFGS update of the inverse Hessian, where the curvature is positive.
         if moved @ bent > 0:
             turn = np.eye(len(moved)) - np.outer(moved, bent) / (moved @ bent)
             inverse = turn @ inverse @ turn.T + np.outer(moved, moved) / (moved @ bent)
@@ -208,7 +214,7 @@ def _minimum(
 def _parted(
     blocks: Mapping[str, Block], components: Sequence[Component]
 ) -> tuple[list[Block], list[Block]]:
-    """The components' observations, and all others."""
+    """Split the observations into those of each component, and all others."""
     own = [
         blocks[one.block] if one.rows is None else _rows(blocks[one.block], one.rows)
         for one in components
@@ -222,7 +228,7 @@ def _parted(
 
 
 def _all_rows(components: Iterable[Component], block: Block, name: str) -> Ints:
-    """Rows of a group that belong to any component."""
+    """Return the rows of a group that belong to any component."""
     every = np.arange(len(block.residual))
     found = [every if one.rows is None else one.rows for one in components if one.block == name]
     return np.concatenate(found)

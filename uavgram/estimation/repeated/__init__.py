@@ -1,1 +1,1 @@
-"""Many repetitions of one survey: how good they were, and a batch of them at once."""
+"""Repetitions of one survey: a batch of adjustments at once, and their accuracy."""

@@ -1,4 +1,4 @@
-"""Bias, spread and coverage of repeated measurements, each with its range."""
+"""Bias, spread and coverage of repeated measurements, with confidence intervals."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.simulation import SIGMAS, Accuracy, Repetitions
 
 TAIL = 0.025
-"""On each side of a range."""
+"""Probability on each side of a confidence interval."""
 
 
 def accuracy_of(repetitions: Repetitions) -> Accuracy:
-    """What the repetitions say of each value.
+    """Compute the accuracy of each value from the repetitions.
 
     Bias by Student's t, spread and z by chi-square, shares by Clopper and Pearson (Biometrika 26,
     1934): all exact for normal errors.
@@ -21,7 +21,7 @@ def accuracy_of(repetitions: Repetitions) -> Accuracy:
     Parameters
     ----------
     repetitions
-        Whose counted values are taken.
+        Repetitions, whose counted values are used.
     """
     counted = repetitions.counted
     error = np.where(counted, repetitions.value - repetitions.true, np.nan)
@@ -31,6 +31,7 @@ def accuracy_of(repetitions: Repetitions) -> Accuracy:
     with np.errstate(invalid="ignore", divide="ignore"):
         half = stdtrit(np.maximum(count - 1, 1), 1.0 - TAIL) * spread / np.sqrt(count)
     z = root_mean_square(ratio, counted)
+    # Share of errors within k stated sigmas.
     within = np.stack([(np.abs(ratio) <= k).sum(axis=0) for k in SIGMAS], axis=1)
     share, share_range = shares(within, count[:, None])
     return Accuracy(
@@ -48,9 +49,9 @@ def accuracy_of(repetitions: Repetitions) -> Accuracy:
 
 
 def running_ratio(repetitions: Repetitions, count: int) -> float:
-    """Root mean square, over the values, of spread over predicted sigma after `count` repetitions.
+    """Compute the RMS, over the values, of spread over predicted sigma after `count` repetitions.
 
-    NaN as long as nothing can be said.
+    NaN as long as it is undetermined.
     """
     counted = repetitions.counted[:count]
     error = np.where(counted, (repetitions.value - repetitions.true)[:count], np.nan)
@@ -61,14 +62,14 @@ def running_ratio(repetitions: Repetitions, count: int) -> float:
 
 
 def root_mean_square(value: Floats, counted: Bools) -> Floats:
-    """(M,) over the counted ones of (N, M); NaN where there is none."""
+    """Compute the (M,) RMS of the counted ones of (N, M); NaN if there is none."""
     with np.errstate(invalid="ignore", divide="ignore"):
         total = np.where(counted, value, 0.0) ** 2
         return np.asarray(np.sqrt(total.sum(axis=0) / counted.sum(axis=0)))
 
 
 def sigma_range(sigma: Floats, degrees: Ints) -> Floats:
-    """(..., 2) between which the true sigma lies, of one estimated with degrees of freedom.
+    """Compute (..., 2) confidence intervals of the true sigma from estimates and their degrees.
 
     s sqrt(n / chi2(1 - p)) to s sqrt(n / chi2(p)); NaN without any.
     """
@@ -81,7 +82,7 @@ def sigma_range(sigma: Floats, degrees: Ints) -> Floats:
 
 
 def shares(within: Ints, count: Ints) -> tuple[Floats, Floats]:
-    """Shares (...,) of counts, and between which the true shares lie (..., 2)."""
+    """Compute shares (...,) of counts, and the confidence intervals (..., 2) of the true shares."""
     n = np.broadcast_to(count, within.shape).astype(np.float64)
     k = within.astype(np.float64)
     with np.errstate(invalid="ignore", divide="ignore"):
@@ -92,7 +93,7 @@ def shares(within: Ints, count: Ints) -> tuple[Floats, Floats]:
 
 
 def _moments(error: Floats, count: Ints) -> tuple[Floats, Floats]:
-    """Mean and standard deviation (M,) of (N, M), NaN left out, or too few of them."""
+    """Compute mean and standard deviation (M,) of (N, M) without NaN; NaN if there are too few."""
     known = np.isfinite(error)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.where(known, error, 0.0).sum(axis=0) / count

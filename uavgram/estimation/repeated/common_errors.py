@@ -1,8 +1,9 @@
 """Errors that all sightings or all readings of one photo share: of camera, ground and tape.
 
-Each is a number of sigma 1: a column of `PhotoDesign.camera_root` or of `ground_root`, or the share
-by which the tape reads too much. A camera's error moves every pixel; where a sighting keeps its own
-error, its place moves against that. An error of the ground's plane moves places along their rays.
+Each is a number of sigma 1: a column of `PhotoDesign.camera_root` or of `ground_root`, or the
+relative scale error of the tape. A camera's error moves every pixel; if a sighting keeps its own
+error, its place moves in the opposite sense. An error of the ground's plane moves places along
+their rays.
 """
 
 from __future__ import annotations
@@ -15,27 +16,27 @@ from uavgram.model.simulation import PhotoDesign
 
 
 def common_count(design: PhotoDesign) -> int:
-    """How many there are."""
+    """Return the number of common errors."""
     return (
         _columns(design.camera_root) + _columns(design.ground_root) + bool(design.tape_scale_sigma)
     )
 
 
 def of_ground(design: PhotoDesign) -> slice:
-    """Which of them are errors of the ground; those of the camera stand before it."""
+    """Return the slice of the errors of the ground; those of the camera come before it."""
     first = _columns(design.camera_root)
     return slice(first, first + _columns(design.ground_root))
 
 
 def ground_at(design: PhotoDesign, stated: Floats, common: Floats) -> Floats:
-    """Height of the ground at the origin and its slopes, (3, B).
+    """Compute the height of the ground at the origin and its slopes, (3, B).
 
     Parameters
     ----------
     design, common
         As for `parameters_at`.
     stated
-        (3, B) what is known of them beforehand.
+        (3, B) prior values of them.
     """
     if design.ground_root is None:
         return stated
@@ -43,12 +44,12 @@ def ground_at(design: PhotoDesign, stated: Floats, common: Floats) -> Floats:
 
 
 def raised(design: PhotoDesign, change: Floats, place: Floats) -> Floats:
-    """By how much changed errors raise the ground under places: (E, B) [m].
+    """Compute the rise (E, B) of the ground under places by changed errors [m].
 
     Parameters
     ----------
     design
-        What is common to B draws.
+        Design common to B draws.
     change
         (K, B) of the errors, or (K, 1).
     place
@@ -61,12 +62,12 @@ def raised(design: PhotoDesign, change: Floats, place: Floats) -> Floats:
 
 
 def parameters_at(design: PhotoDesign, common: Floats) -> Floats:
-    """The camera's parameters: (P,) where it is exact, else (P, B).
+    """Return the camera's parameters: (P,) if it is exact, else (P, B).
 
     Parameters
     ----------
     design
-        What is common to B draws.
+        Design common to B draws.
     common
         (K, B) their errors.
     """
@@ -77,7 +78,7 @@ def parameters_at(design: PhotoDesign, common: Floats) -> Floats:
 
 
 def tape_scale(design: PhotoDesign, common: Floats) -> Floats:
-    """What the tape reads of a metre, as `estimation/survey/observations/lengths.py` has it: (B,).
+    """Return the (B,) reading of one metre, as in `estimation/survey/observations/lengths.py`.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def tape_scale(design: PhotoDesign, common: Floats) -> Floats:
 
 
 def sight_shifts(design: PhotoDesign, parameters: Floats, rotation: Floats, ray: Floats) -> Floats:
-    """By how much the camera's errors move the pixels of places: (2, E, K, B) in sigmas.
+    """Compute shifts (2, E, K, B) of the pixels of places by the camera's errors, in sigmas.
 
     Parameters
     ----------
@@ -120,25 +121,26 @@ def by_common(
     lengths: tuple[Floats, Floats],
     rises: tuple[Floats, Floats],
 ) -> Floats:
-    """What the common errors do to the readings that are expected: (L, K, B).
+    """Compute (L, K, B) effects of the common errors on the expected readings.
 
     Parameters
     ----------
     design
-        What is common to B draws.
+        Design common to B draws.
     by_error
-        (2, 2, L, B) what the errors of the two ends, u and v, do to these readings.
+        (2, 2, L, B) effects of the errors of the two ends, u and v, on these readings.
     shifts
-        Of `sight_shifts`.
+        Result of `sight_shifts`.
     lengths
-        (L, B) between the ends [m], and of `tape_scale`.
+        (L, B) between the ends [m], and result of `tape_scale`.
     rises
-        (2, L, B) what raising the ground under one end does to these readings, and (2, E, B) the
+        (2, L, B) effects of raising the ground under one end on these readings, and (2, E, B) the
         places.
     """
     length_m, scale = lengths
     by_rise, place = rises
     out = np.zeros((len(length_m), shifts.shape[2], length_m.shape[1]))
+    # A sighting keeps its own error: the camera's shift acts with the opposite sign.
     if design.camera_root is not None:
         for own, at in zip(by_error, design.line.T, strict=True):
             out -= np.einsum("jlb,jlkb->lkb", own, shifts[:, at])
@@ -148,6 +150,7 @@ def by_common(
         rise = raised(design, unit[:, k], place)
         for own, at in zip(by_rise, design.line.T, strict=True):
             out[:, k] += own * rise[at]
+    # reading = length / (1 + sigma k): its derivative by k is -sigma length scale^2.
     if design.tape_scale_sigma:
         out[:, -1] = -design.tape_scale_sigma * length_m * scale**2
     return out

@@ -1,6 +1,6 @@
-"""Lengths in one photo as functions of its errors: what moved errors make of them.
+"""Second-order terms of lengths in one photo, as functions of its errors.
 
-The errors are those of readings, of picks, of the pose beforehand, and of what all sightings or all
+The errors are those of readings, of picks, of the prior pose, and those that all sightings or all
 readings share, each in its sigmas and in this order.
 """
 
@@ -20,23 +20,23 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 FLAT = 1e-9
-"""Variance, as a share of the largest, of directions that move no length."""
+"""Variance, as a share of the largest, below which directions move no length."""
 
 
 def second_order(
     design: PhotoDesign, exact: PhotoDraws, pairs: Ints, by_error: Floats, shifts: Floats
 ) -> SecondOrderTerms:
-    """Second-order terms of measured lengths: all errors are moved, and the photo adjusted anew.
+    """Compute second-order terms of measured lengths by moving all errors and readjusting.
 
     Parameters
     ----------
     design, exact, pairs
-        As of `predict_lengths`. An end that no known length has belongs to one pair only.
+        As in `predict_lengths`. An end without a known length belongs to one pair only.
     by_error
-        (R, n) slopes of lengths by the errors: of the measured ones, and of others that tell how
+        (R, n) slopes of lengths by the errors: of the measured ones, and of others that show how
         the errors move the photo.
     shifts
-        (2, E, K) by how much shared errors move the sightings, in sigmas.
+        (2, E, K) shifts of the sightings by shared errors, in sigmas.
     """
     directions = _directions(design, pairs, by_error)
     moved = np.concatenate([moves(directions), np.zeros((1, by_error.shape[1]))])
@@ -50,10 +50,10 @@ def second_order(
 
 
 def _directions(design: PhotoDesign, pairs: Ints, by_error: Floats) -> Floats:
-    """(d, n) orthonormal directions of the errors that move lengths, most of all to first order.
+    """Return (d, n) orthonormal directions of the errors with the largest first-order effects.
 
-    Those that move the photo are common to all lengths. Ends that no known length has move only
-    their own one: those of all pairs move at once.
+    Those that move the photo are common to all lengths. Ends without a known length move only their
+    own one: those of all pairs move at once.
     """
     picks = len(design.line) + np.arange(2 * len(design.height_m)).reshape(-1, 2)
     loose = np.setdiff1d(pairs, design.line)
@@ -69,16 +69,16 @@ def _directions(design: PhotoDesign, pairs: Ints, by_error: Floats) -> Floats:
 
 
 def observed(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floats) -> PhotoDraws:
-    """What is observed with errors.
+    """Return the observations with errors.
 
     Parameters
     ----------
     design, exact
-        The photo, and one draw without any error.
+        Photo, and one draw without any error.
     moved
         (S, n) the errors.
     shifts
-        As of `second_order`.
+        As in `second_order`.
     """
     ends, known = len(design.height_m), len(design.line)
     reading, pick, pose, shared = np.split(
@@ -91,6 +91,7 @@ def observed(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floa
     ground = exact.ground
     if design.ground_root is not None:
         ground = ground + shared[:, of_ground(design)] @ design.ground_root.T
+    # Prior pose: errors of sigma 1 times the inverse root of its information.
     off = pose @ np.linalg.pinv(root_of(design.information))
     return PhotoDraws(
         pixel_px=exact.pixel_px + design.pixel_sigma_px[:, None] * pick,
@@ -102,6 +103,6 @@ def observed(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floa
 
 
 def root_of(information: Floats) -> Floats:
-    """(n, n) of a symmetric matrix that has no negative eigenvalue: it is root times root^T."""
+    """Compute an (n, n) root of a positive semidefinite matrix: it is root times root^T."""
     value, axes = np.linalg.eigh(information)
     return np.asarray(axes * np.sqrt(np.maximum(value, 0.0)))

@@ -1,11 +1,11 @@
 """One photo with known lengths, linearised for many draws at once; the draw is the last axis.
 
-An end of a length is seen once, so its place on the ground is where its sighting, error e included,
-meets the ground. Moving the camera by δC and turning it by ω moves that place by P (δC + ω x r),
-with r the ray from camera to place and P the projection along r onto the ground: no derivative of
-the lens is needed for that, only for what e does. What all sightings or all readings share, the
-errors of camera, ground and tape, is an error like e: normal, with sigma 1, and eliminated with it
-(`estimation/repeated/common_errors.py`).
+An end of a length is seen once, so its place on the ground is the intersection of its sighting,
+error e included, with the ground. Moving the camera by δC and rotating it by ω moves that place by
+P (δC + ω x r), with r the ray from camera to place and P the projection along r onto the ground:
+this needs no derivative of the lens, only the effect of e does. Errors that all sightings or all
+readings share, of camera, ground and tape, are treated like e: normal, with sigma 1, and eliminated
+with it (`estimation/repeated/common_errors.py`).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 
 class Draws(NamedTuple):
-    """(2, E, B) pixels, (L, B) readings, poses (3, B), (3, 3, B) and ground (3, B) beforehand."""
+    """(2, E, B) pixels, (L, B) readings, prior poses (3, B), (3, 3, B) and ground (3, B)."""
 
     pixel: Floats
     length: Floats
@@ -40,7 +40,7 @@ class Draws(NamedTuple):
 
 
 def draws_last(draws: PhotoDraws) -> Draws:
-    """The same with the draw as the last axis."""
+    """Return the draws with the draw as the last axis."""
     return Draws(
         *(
             np.ascontiguousarray(value)
@@ -56,7 +56,7 @@ def draws_last(draws: PhotoDraws) -> Draws:
 
 
 class State(NamedTuple):
-    """Centres (3, B), turns of the poses beforehand (3, B), places (2, E, B), the rest (K, B)."""
+    """Centres (3, B), rotations from the prior poses (3, B), places (2, E, B), errors (K, B)."""
 
     center: Floats
     turn: Floats
@@ -65,27 +65,27 @@ class State(NamedTuple):
 
 
 class Line(NamedTuple):
-    """A linearisation, and the cost (B,) where it was made.
+    """Linearisation, and the cost (B,) at its state.
 
     Attributes
     ----------
     cost
-        NaN where an end lies behind the camera.
+        NaN if an end is behind the camera.
     normal, right
         (6, 6, B), (6, B) of the pose.
     lower, by_pose, misfit
-        (L, L, B) factor of the covariance of what the lengths miss by, and, divided by it, (L, 6,
-        B) how the pose moves them, (L, B) what is missed.
+        (L, L, B) factor of the covariance of the lengths' misclosures, and, divided by it, (L, 6,
+        B) derivatives of the lengths by the pose, (L, B) misclosures.
     by_error
-        (2, 2, L, B) what the errors of the two ends, u and v, do to the lengths.
+        (2, 2, L, B) effects of the errors of the two ends, u and v, on the lengths.
     error, to_place
-        (2, E, B) of the sightings in sigmas, (2, 2, E, B) what they do to the places.
+        (2, E, B) of the sightings in sigmas, (2, 2, E, B) their effects on the places.
     common, by_common, shifts
-        (K, B) the errors of camera, ground and tape, (L, K, B) what they do to the lengths, (2, E,
-        K, B) by how much those of the camera shift a sighting, in sigmas.
+        (K, B) errors of camera, ground and tape, (L, K, B) their effects on the lengths, (2, E, K,
+        B) shifts of a sighting by those of the camera, in sigmas.
     slope, ray, falling, by_turn
-        (2, B) of the ground, (3, E, B) from camera to place, (E, B) its fall against the
-        ground, (3, 3, B) from a change of the turn to a rotation vector in the world.
+        (2, B) of the ground, (3, E, B) from camera to place, (E, B) its fall against the ground,
+        (3, 3, B) from a change of the rotation to a rotation vector in the world.
     """
 
     cost: Floats
@@ -107,7 +107,7 @@ class Line(NamedTuple):
 
 
 def places_of(design: PhotoDesign, draws: Draws, state: State) -> Floats:
-    """The ends (3, E, B) on the ground of the state.
+    """Return the ends (3, E, B) on the ground of the state.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def places_of(design: PhotoDesign, draws: Draws, state: State) -> Floats:
 
 
 def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
-    """Linearise at a state.
+    """Linearise the photo of each draw at a state.
 
     Parameters
     ----------
@@ -140,6 +140,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
     length = np.sqrt(np.einsum("klb,klb->lb", leg, leg))
     unit = leg / length
     scale = tape_scale(design, state.common)
+    # Gradient of the readings by the places along the ground: unit vector plus slope times up.
     along = np.stack([unit[k] + unit[2] * slope[k] for k in (0, 1)]) * scale
     jacobian = _by_pose(slope, along, (ray, falling), (start, end), by_turn)
     by_error = np.stack(
@@ -149,6 +150,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
         ]
     )
     shifts = sight_shifts(design, parameters, rotation, ray)
+    # Raising the ground moves a place along its ray, by ray / falling for each metre.
     by_rise = np.stack(
         [
             sign * scale * np.einsum("klb,klb->lb", unit, ray[:, at]) / falling[at]
@@ -156,15 +158,18 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
         ]
     )
     shared = by_common(design, by_error, shifts, (length, scale), (by_rise, world[:2]))
+    # Misclosure at e = 0: reading minus prediction, plus the effects of the present errors.
     misfit = draws.length - scale * length
     off = misfit / design.length_sigma_m[:, None]
     for k, at in enumerate((start, end)):
         misfit = misfit + np.einsum("jlb,jlb->lb", by_error[k], error[:, at])
     misfit = misfit + np.einsum("lkb,kb->lb", shared, state.common)
+    # S = sigma_t^2 I + Je Je^T; whiten Jacobian and misclosure by its Cholesky factor.
     spread = _spread(design, by_error) + np.einsum("lkb,mkb->lmb", shared, shared)
     lower = cholesky(spread)
     whitened = forward(lower, np.concatenate([jacobian, misfit[:, None]], axis=1))
     by_pose, missed = whitened[:, :6], whitened[:, 6]
+    # Prior of the pose.
     apart = np.concatenate([state.center - draws.center, state.turn])
     known = design.information
     pulled = np.tensordot(known, apart, axes=1)
@@ -192,15 +197,16 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
 
 
 def moved(design: PhotoDesign, line: Line, state: State, step: Floats) -> State:
-    """Apply steps of the poses; errors and places follow.
+    """Apply steps of the poses; errors and places follow by back substitution.
 
     Parameters
     ----------
     design, line, state
-        What was linearised where.
+        Design, linearisation, and its state.
     step
-        (6, B) of centre [m] and of the turn [rad].
+        (6, B) of centre [m] and of the rotation [rad].
     """
+    # Errors by the remaining misclosure: e = Je^T S^-1 (misclosure - J step).
     missed = line.misfit - np.einsum("lib,ib->lb", line.by_pose, step)
     force = backward(line.lower, missed)
     change = -line.error
@@ -209,10 +215,11 @@ def moved(design: PhotoDesign, line: Line, state: State, step: Floats) -> State:
         for length, at in enumerate(ends):
             change[:, at] += pulls[:, length]
     common = np.einsum("lkb,lb->kb", line.by_common, force) - line.common
-    # What a sighting's pixel does not move by its error it moves by the camera's.
+    # The pixel is fixed: the shift by the camera's error counts against the sighting's own.
     seen = change - np.einsum("jekb,kb->jeb", line.shifts, common)
     turn = np.einsum("ijb,jb->ib", line.by_turn, step[3:])
     ray, slope = line.ray, line.slope
+    # Place: P (shift + turn x ray - rise), plus the effect of the sighting's error.
     shift = _shifted(step[:3], turn, ray)
     rise = raised(design, common, state.place)
     fall = (shift[2] - slope[0] * shift[0] - slope[1] * shift[1] - rise) / line.falling
@@ -226,7 +233,7 @@ def moved(design: PhotoDesign, line: Line, state: State, step: Floats) -> State:
 
 
 def _shifted(shift: Floats, turn: Floats, ray: Floats) -> Floats:
-    """``shift + turn x ray``, (3, E, B)."""
+    """Compute ``shift + turn x ray``, (3, E, B)."""
     out = np.empty_like(ray)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -241,7 +248,7 @@ def _sighted(
     rays: tuple[Floats, Floats],
     parameters: Floats,
 ) -> tuple[Floats, Floats]:
-    """Errors (2, E, B) of the sightings in sigmas, and their inverse derivatives by the places."""
+    """Compute errors (2, E, B) of sightings in sigmas, and inverse derivatives by the places."""
     camera = design.calibration
     ray, slope = rays
     fx, fy, cx, cy = each(parameters[:4])
@@ -259,7 +266,7 @@ def _sighted(
             (fy * lens.y + cy - draws.pixel[1]) * weight,
         ]
     )
-    # The camera's axes, as seen along the ground's two directions.
+    # Components of the camera's axes along the two directions of the ground.
     axis = [[rotation[k, i] + slope[k] * rotation[2, i] for i in range(3)] for k in (0, 1)]
     rows = []
     for focal, by_u, by_v in ((fx, lens.a, lens.b), (fy, lens.b, lens.c)):
@@ -280,12 +287,13 @@ def _by_pose(
     ends: tuple[Ints, Ints],
     by_turn: Floats,
 ) -> Floats:
-    """(L, 6, B) how a shift and a turn of the camera change the lengths between sighted ends."""
+    """Compute (L, 6, B) effects of a shift and a rotation of the camera on lengths between ends."""
     ray, falling = rays
     shift: Floats | float = 0.0
     swing: Floats | float = 0.0
     for sign, at in zip((-1.0, 1.0), ends, strict=True):
         r = ray[:, at]
+        # g = P^T (gradient along the ground); the rotation has r x g.
         tilt = (along[0] * r[0] + along[1] * r[1]) / falling[at]
         g = sign * np.stack([along[0] + tilt * slope[0], along[1] + tilt * slope[1], -tilt])
         shift = shift + g
@@ -297,7 +305,7 @@ def _by_pose(
 
 
 def _spread(design: PhotoDesign, by_error: Floats) -> Floats:
-    """(L, L, B) covariance of what the lengths miss by: of the tape, and of the ends' errors."""
+    """Compute the (L, L, B) covariance of the misclosures: by the tape, and by the ends' errors."""
     line = design.line
     count, size = len(line), by_error.shape[-1]
     out = np.zeros((count, count, size))

@@ -1,4 +1,4 @@
-"""How well lengths in one photo will be known, and what makes their errors: without any draw."""
+"""Predicted accuracy of lengths in one photo, and its error budget, without any draw."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 
 class PredictedLengths(NamedTuple):
-    """M variances [m²], what of them comes from each source, and what second order adds.
+    """M variances [m²], their parts by source, and second-order terms.
 
     Attributes
     ----------
     variance
         (M,) to first order.
     bent
-        What second order adds to it, and to the mean.
+        Second-order terms of the variance and of the mean.
     lengths, picks, beforehand, camera, tape, ground
-        (M,) parts of the variance: of the readings, of all picks, of the pose beforehand, of the
-        camera's parameters, of the tape's scale, of the ground's plane. They add up to it.
+        (M,) parts of the variance: by the readings, by all picks, by the prior pose, by the
+        camera's parameters, by the tape's scale, by the ground's plane. They add up to it.
     """
 
     variance: Floats
@@ -40,14 +40,14 @@ class PredictedLengths(NamedTuple):
 
     @property
     def parts(self) -> tuple[Floats, ...]:
-        """The parts, in their order."""
+        """Parts of the variance, in their order."""
         return self[2:]
 
     @property
     def error_m(self) -> Floats:
         """(M,) root mean square of the errors, to second order.
 
-        To first order where errors of little more than their sigmas have no solution.
+        To first order if errors of little more than their sigmas have no solution.
         """
         whole = self.variance + self.bent.variance + self.bent.bias**2
         return np.sqrt(np.where(np.isfinite(whole), whole, self.variance))
@@ -56,28 +56,29 @@ class PredictedLengths(NamedTuple):
 def predict_lengths(
     design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints
 ) -> PredictedLengths:
-    """Covariance of the adjustment at the truth, its parts, and what second order adds.
+    """Predict the covariance of the adjustment at the truth, its parts, and second-order terms.
 
-    With unknowns x, of which everything but the readings has a prior, the estimate's error is
-    C (H^T R^-1 n + L b), n being errors of readings and b those of what is known beforehand; the
-    errors are independent, so the variance is the sum over them.
+    With unknowns x, all with priors except through the readings, the estimate's error is C (H^T
+    R^-1 n + L b), with n the errors of readings and b those of the priors; the errors are
+    independent, so the variance is the sum over them.
 
     Parameters
     ----------
     design
-        Of the photo.
+        Design of the photo.
     exact
         One draw without any error.
     place_m
         (E, 2) true places of its ends.
     pairs
-        (M, 2) ends of the lengths that are measured. An end that no known length has belongs to
-        one of them only.
+        (M, 2) ends of the measured lengths. An end without a known length belongs to one of them
+        only.
     """
     slopes = slopes_of(design, exact, place_m, pairs)
     of_plane = of_ground(design)
     known, first = len(design.line), 2 * len(place_m) + len(design.line) + 6
     at = [known, first - 6, first, first + of_plane.start, first + of_plane.stop]
+    # Variance by each error: squared slope; summed by source.
     squares = slopes.by_error[known:] ** 2
     lengths, picks, beforehand, camera, ground, tape = (
         part.sum(axis=1) for part in np.split(squares, at, axis=1)
@@ -95,17 +96,17 @@ def predict_lengths(
 
 
 class Slopes(NamedTuple):
-    """How lengths, as the adjustment finds them, go with the errors of what is observed.
+    """Derivatives of adjusted lengths by the errors of the observations.
 
     Attributes
     ----------
     by_error
-        (L + M, n) of the known lengths, and of those that are measured, by errors in their sigmas,
-        in the order of `estimation/repeated/moved_errors.py`.
+        (L + M, n) of the known lengths, and of the measured ones, by errors in their sigmas, in the
+        order of `estimation/repeated/moved_errors.py`.
     variance
-        (M,) of those that are measured [m²].
+        (M,) variances of the measured ones [m²].
     shifts
-        (2, E, K) by how much shared errors move the sightings, in sigmas.
+        (2, E, K) shifts of the sightings by shared errors, in sigmas.
     """
 
     by_error: Floats
@@ -114,18 +115,19 @@ class Slopes(NamedTuple):
 
 
 def slopes_of(design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints) -> Slopes:
-    """Slopes of the adjustment at the truth.
+    """Compute the slopes of the adjustment at the truth.
 
     Parameters
     ----------
     design, exact, place_m, pairs
-        As of `predict_lengths`.
+        As in `predict_lengths`.
     """
     known, ends = len(design.line), len(place_m)
     rows, shifts = _rows(design, exact, place_m, pairs)
     before = np.eye(rows.shape[1])
     before[:6, :6] = design.information
     weighted = rows[:known] / design.length_sigma_m[:, None]
+    # Gain of the estimate: rows (prior information + H^T R^-1 H)^-1.
     gain = rows @ np.linalg.inv(before + weighted.T @ weighted)
     pose, picks, common = np.split(gain, [6, 6 + 2 * ends], axis=1)
     parts = [gain @ weighted.T, picks, pose @ root_of(design.information), common]
@@ -136,7 +138,7 @@ def slopes_of(design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: In
 def _rows(
     design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints
 ) -> tuple[Floats, Floats]:
-    """Derivatives (L + M, 6 + 2 E + K) of all lengths by pose, picks and the rest; shifts."""
+    """Compute (L + M, 6 + 2 E + K) derivatives of lengths by pose, picks and the rest; shifts."""
     known, ends = len(design.line), len(place_m)
     every = replace(
         design,
@@ -155,5 +157,5 @@ def _rows(
             rows[np.arange(len(rows)), 6 + 2 * at + k] += own[k]
     rows[:, 6 + 2 * ends :] = line.by_common[..., 0]
     if design.tape_scale_sigma:
-        rows[known:, -1] = 0.0  # what is measured, no tape reads
+        rows[known:, -1] = 0.0  # measured lengths are not read on a tape
     return rows, line.shifts[..., 0]

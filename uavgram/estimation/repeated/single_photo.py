@@ -1,15 +1,15 @@
-"""One photo with known lengths, adjusted for many draws of its observations at once.
+"""Adjustment of one photo with known lengths, for many draws of its observations at once.
 
-Unknown are the photo's pose and the places of the lengths' ends on the ground; observed are the
-ends' pixels, the lengths, and the pose beforehand. Each end is seen once, so its place is its
-sighting's error e; errors of camera, ground and tape, where these are not exact, are part of e.
+Unknowns are the photo's pose and the places of the lengths' ends on the ground; observations are
+the ends' pixels, the lengths, and the prior pose. Each end is seen once, so its place is determined
+by its sighting's error e; errors of camera, ground and tape, if these are not exact, are part of e.
 A Gauss-Newton step in the pose alone remains, 6 x 6, once the errors are eliminated from
 
     length(pose, e) - reading ~ N(0, sigma_t^2),   e ~ N(0, 1)
 
-whose covariance, to first order, is S = sigma_t^2 I + Je Je^T. That is the step of the whole
-adjustment exactly (the Schur complement, written with Woodbury's identity), so it comes to rest at
-the minimum that `estimation/survey/likelihood.py` has of the same observations.
+whose covariance, to first order, is S = sigma_t^2 I + Je Je^T. That is exactly the step of the
+whole adjustment (the Schur complement, written with Woodbury's identity), so it converges to the
+minimum of `estimation/survey/likelihood.py` for the same observations.
 """
 
 from __future__ import annotations
@@ -42,15 +42,15 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws, PhotoPosesFound
 
 BLOCK = 2000
-"""Draws at a time: so many that Python does not count, so few that the cache holds them."""
+"""Draws at a time: enough that the overhead of Python is negligible, few enough for the cache."""
 
 SETTLED = 1e-14
-"""Expected fall of the sum of squares of the last step: what comes after it is smaller by another
-factor of ten to a thousand."""
+"""Expected reduction of the sum of squares by the last step: the remaining one is smaller by
+another factor of ten to a thousand."""
 
 NEWTON_STEPS, DAMPED_STEPS, LITTLE_DAMPING = 12, 200, 1e-9
-"""Steps at most, first without regard to the sum of squares and with hardly any damping; the few
-draws that do not come to rest so begin again with damped steps."""
+"""Largest number of steps: first regardless of the sum of squares and with hardly any damping; the
+few draws that do not converge start again with damped steps."""
 
 
 def adjust_photos(
@@ -61,16 +61,16 @@ def adjust_photos(
     Parameters
     ----------
     design
-        What they have in common.
+        Design common to the draws.
     draws
-        B of them.
+        B draws.
     start
-        (3,), (3, 3) a pose to begin at; else each begins at its pose beforehand.
+        (3,), (3, 3) initial pose; None: each starts at its prior pose.
 
     Returns
     -------
     PhotoPosesFound
-        Draws that did not come to rest are marked.
+        Draws that did not converge are marked.
     """
     count = len(draws.length_m)
     found = [
@@ -84,12 +84,12 @@ def adjust_photos(
 
 
 def ground_places(design: PhotoDesign, draws: PhotoDraws, poses: tuple[Floats, Floats]) -> Floats:
-    """Where the ends' pixels meet the ground as it is known beforehand: (B, E, 3), or NaN.
+    """Intersect the ends' pixels with the prior ground: (B, E, 3), or NaN.
 
     Parameters
     ----------
     design, draws
-        Camera, and what was seen.
+        Camera, and its sightings.
     poses
         (B, 3), (B, 3, 3).
     """
@@ -97,6 +97,7 @@ def ground_places(design: PhotoDesign, draws: PhotoDraws, poses: tuple[Floats, F
     camera = design.calibration
     ray = back_project(camera.model, camera.parameters, draws.pixel_px)
     ray = ray @ np.swapaxes(rotation, 1, 2)
+    # Ray parameter: height of the camera over the ground by the fall of the ray against it.
     level, slope = draws.ground[:, :1], draws.ground[:, 1:, None]
     ground = level + design.height_m + (center[:, None, :2] @ slope)[..., 0]
     above = ground - center[:, None, 2]
@@ -129,7 +130,7 @@ def _adjust_block(
 
 
 class _Problem:
-    """Poses of draws; errors and places are eliminated. The draw is the last axis."""
+    """Poses of draws, with errors and places eliminated. The draw is the last axis."""
 
     axis = -1
 
@@ -138,7 +139,7 @@ class _Problem:
         self._some = np.arange(draws.length.shape[-1]), draws
 
     def part(self, which: Ints) -> Draws:
-        """Some of the draws; copied only when others are asked for than before."""
+        """Return some of the draws; copied only if others are requested than before."""
         if which is not self._some[0]:
             self._some = which, Draws(*(value[..., which] for value in self.draws))
         return self._some[1]
@@ -154,7 +155,7 @@ class _Problem:
 
 
 def _first(design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] | None) -> State:
-    """Where the draws begin, their ends being where their sightings meet the ground."""
+    """Return the initial state, with the draws' ends where their sightings meet the ground."""
     center, rotation = draws.center_world_m, draws.world_from_camera
     turn = np.zeros_like(center)
     if start is not None:
@@ -166,12 +167,13 @@ def _first(design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] 
 
 
 def _found(design: PhotoDesign, draws: Draws, ends: Ends) -> PhotoPosesFound:
-    """The poses with their covariances, of δcentre and of a turn in the camera's axes."""
+    """Return the poses with covariances of δcentre and of a rotation in the camera's axes."""
     state, at_rest = State(*ends.state), ends.converged
     rotation, by_turn = turned(draws.rotation, state.turn)
     root = cholesky(np.ascontiguousarray(np.moveaxis(ends.normal, 0, -1)))
     unit = np.repeat(np.eye(6)[:, :, None], len(at_rest), axis=2)
     covariance = backward(root, forward(root, unit))
+    # From a change of the rotation vector to a rotation in the camera's axes.
     by_step = np.zeros((6, 6, len(at_rest)))
     by_step[:3, :3] = np.eye(3)[:, :, None]
     by_step[3:, 3:] = np.einsum("jib,jkb->ikb", rotation, by_turn)

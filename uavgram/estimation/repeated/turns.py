@@ -1,4 +1,4 @@
-"""Rotations of many rotation vectors at once, the number of the rotation as the last axis."""
+"""Rotations of many rotation vectors at once, with the number of the rotation as the last axis."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import numpy as np
 from uavgram.model.arrays import Floats
 
 SMALL = 1e-2
-"""Angle below which series stand for the closed forms, which cancel there."""
+"""Angle below which series replace the closed forms, which suffer from cancellation [rad]."""
 
 
 def turned(base: Floats, vector: Floats) -> tuple[Floats, Floats]:
-    """``base exp(v)``, and that times the right Jacobian of exp at v.
+    """Compute ``base exp(v)``, and that times the right Jacobian of exp at v.
 
     Rodrigues' formula, and Sola, Deray, Atchuthan (2018), "A micro Lie theory", eq. 143.
 
@@ -25,7 +25,7 @@ def turned(base: Floats, vector: Floats) -> tuple[Floats, Floats]:
     Returns
     -------
     rotation, by_vector : (3, 3, B)
-        The second turns a change of v into the rotation vector, in the world, of what it does.
+        The second converts a change of v into the rotation vector of its effect, in the world.
     """
     t2 = np.einsum("kb,kb->b", vector, vector)
     t = np.sqrt(t2)
@@ -42,7 +42,7 @@ def turned(base: Floats, vector: Floats) -> tuple[Floats, Floats]:
 
 
 def _made(diagonal: Floats, cross: Floats, outer: Floats, v: Floats) -> Floats:
-    """``diagonal I + cross [v] + outer v v^T``, (3, 3, B)."""
+    """Compute ``diagonal I + cross [v] + outer v v^T``, (3, 3, B)."""
     out = outer * v[:, None] * v[None]
     for k in range(3):
         out[k, k] += diagonal

@@ -1,1 +1,1 @@
-"""Levenberg-Marquardt and its normal equations; knows no photo."""
+"""Levenberg-Marquardt and its normal equations, independent of photogrammetry."""

@@ -1,13 +1,13 @@
-"""Minimise many small least-squares problems at once, each with its own damping.
+"""Minimisation of many small least-squares problems at once, each with its own damping.
 
 Where thousands of systems are solved together, the number of the system is the last axis: one row
-of all systems is one array operation, so that nothing but arithmetic remains. LAPACK takes ten
-times as long for them, one after the other.
+of all systems is one array operation, without overhead for each system. LAPACK takes ten times as
+long for them, one after the other.
 
-`levenberg_marquardt` minimises one large sparse problem. The problems here have a few unknowns
-each (a plane, a pose), and there are up to thousands: candidates of a search, photos of a board,
-draws of a simulation. The unknowns that belong to one problem alone (points) are eliminated by the
-problem itself.
+`levenberg_marquardt` minimises one large sparse problem. The problems here have a few unknowns each
+(a plane, a pose), and there are up to thousands: candidates of a search, photos of a board, draws
+of a simulation. Unknowns that belong to one problem alone (points) are eliminated by the problem
+itself.
 """
 
 from __future__ import annotations
@@ -21,11 +21,12 @@ import numpy as np
 from uavgram.model.arrays import Bools, Floats, Ints
 
 MANY = 40
-"""Systems from which on they are solved together rather than one after the other by LAPACK."""
+"""Number of systems from which they are solved together rather than one after the other by
+LAPACK."""
 
 
 def cholesky(matrix: Floats) -> Floats:
-    """Factor positive definite matrices (n, n, B) into L L^T; NaN where one is not.
+    """Factor positive definite matrices (n, n, B) into L L^T; NaN if one is not.
 
     Above the diagonal the result holds zeros.
     """
@@ -33,6 +34,7 @@ def cholesky(matrix: Floats) -> Floats:
     lower = np.zeros_like(matrix)
     with np.errstate(invalid="ignore", divide="ignore"):
         for j in range(size):
+            # Column j: the diagonal first, then the rest by the rows that are known.
             known = lower[j, :j]
             lower[j, j] = np.sqrt(matrix[j, j] - np.einsum("kb,kb->b", known, known))
             if j + 1 < size:
@@ -83,43 +85,45 @@ ITERATIONS = 60
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-15, 1e10
 
 SETTLED = 1e-10
-"""Expected fall of the sum of squares of the last step: 1e-5 sigma of any unknown."""
+"""Expected reduction of the sum of squares by the last step: 1e-5 sigma of any unknown."""
 
 ROUNDING = 1e-14
-"""Share of the sum of squares below which its fall disappears in rounding."""
+"""Share of the sum of squares below which its reduction disappears in rounding."""
 
 UNSEEN = 1e-10
-"""Expected fall below which rounding decides whether the sum of squares falls: such a step is taken
-in any case, for it is as good as Newton's."""
+"""Expected reduction below which rounding decides whether the sum of squares falls: such a step is
+always taken, for it is as good as Newton's."""
 
 STUCK = 1e-4
 """Squared gradient, in sigmas, up to which a problem that no step improves counts as solved."""
 
 BLIND = 1e-12
-"""Share of the normal matrix's trace that keeps a system solvable which is blind to an unknown."""
+"""Share of the normal matrix's trace that keeps a system solvable in spite of an undetermined
+unknown."""
 
 TRIMMINGS, TRIMMED_STEPS, STILL_FALLS = 8, 2, 0.995
-"""Times that observations are chosen anew; steps each time; ratio of medians from which on that
-leads no further."""
+"""Largest number of selections of observations; steps after each; ratio of medians above which a
+selection is no progress."""
 
 State = tuple[Floats, ...]
 """Unknowns of b problems, one array for each kind."""
 
 
 class Linear(NamedTuple):
-    """b problems linearised at a state.
+    """Linearisation of b problems at a state.
 
     Attributes
     ----------
     cost
-        (b,) sums of squares; NaN or infinite where the state is impossible.
+        (b,) sums of squares; NaN or infinite if the state is impossible.
     normal, gradient
         (b, u, u), (b, u) J^T J and J^T r of the u unknowns that remain after elimination.
     rest
-        Arrays over the b problems from which the problem computes the steps of all else.
+        Arrays over the b problems from which the problem computes the steps of the eliminated
+        unknowns.
     compared
-        (b,) the sum of squares with the weights of the state from which a step led here, where
-        weights depend on the state; None: the cost itself.
+        (b,) the sum of squares with the weights of the previous state, if weights depend on the
+        state; None: the cost itself.
     """
 
     cost: Floats
@@ -130,11 +134,11 @@ class Linear(NamedTuple):
 
 
 class Problem(Protocol):
-    """B problems with u unknowns each."""
+    """Interface of B problems with u unknowns each."""
 
     @property
     def axis(self) -> int:
-        """The axis of states and of `Linear.rest` that counts the problems: 0 or -1."""
+        """Axis of states and of `Linear.rest` that counts the problems: 0 or -1."""
         ...
 
     def linearise(self, which: Ints, state: State) -> Linear:
@@ -142,30 +146,30 @@ class Problem(Protocol):
         ...
 
     def move(self, state: State, linear: Linear, step: Floats) -> State:
-        """Apply steps; what was eliminated follows.
+        """Apply steps, also to the eliminated unknowns.
 
         Parameters
         ----------
         state
-            Of b problems.
+            State of b problems.
         linear
-            As it was linearised there.
+            Linearisation at this state.
         step
-            (b, u).
+            (b, u) steps.
         """
         ...
 
 
 @dataclass(frozen=True, eq=False)
 class Explicit:
-    """Problems that state their residuals and Jacobians; nothing is eliminated.
+    """Problems given by their residuals and Jacobians, without elimination.
 
     Attributes
     ----------
     rows
-        From problems (b,) and their state to residuals (b, r) and Jacobians (b, r, u).
+        Function from problems (b,) and their state to residuals (b, r) and Jacobians (b, r, u).
     update
-        From a state and steps (b, u) to the state after them.
+        Function from a state and steps (b, u) to the state after them.
     """
 
     rows: Callable[[Ints, State], tuple[Floats, Floats]]
@@ -182,17 +186,17 @@ class Explicit:
         Parameters
         ----------
         state
-            Of b problems.
+            State of b problems.
         linear
-            As it was linearised there.
+            Linearisation at this state.
         step
-            (b, u).
+            (b, u) steps.
         """
         return self.update(state, step)
 
 
 def normal_equations(residual: Floats, jacobian: Floats) -> Linear:
-    """Normal equations of residuals (b, r) and Jacobians (b, r, u)."""
+    """Compute the normal equations of residuals (b, r) and Jacobians (b, r, u)."""
     transposed = jacobian.swapaxes(1, 2)
     return Linear(
         np.einsum("br,br->b", residual, residual),
@@ -202,20 +206,20 @@ def normal_equations(residual: Floats, jacobian: Floats) -> Linear:
 
 
 class Ends(NamedTuple):
-    """Where B minimisations ended.
+    """Results of B minimisations.
 
     Attributes
     ----------
     state
         Unknowns.
     cost
-        (B,) sum of squares; infinite where the start was impossible.
+        (B,) sum of squares; infinite if the start was impossible.
     normal
         (B, u, u) inverse of the covariance of the unknowns.
     converged
-        (B,) whether nothing was left to gain.
+        (B,) whether no further reduction was possible.
     steps
-        (B,) steps tried.
+        (B,) number of steps tried.
     """
 
     state: State
@@ -225,16 +229,16 @@ class Ends(NamedTuple):
     steps: Ints
 
     def put(self, rows: Ints, other: Ends, axis: int) -> None:
-        """Write other ends of some problems over theirs; the steps add up.
+        """Replace the results of some problems; the steps add up.
 
         Parameters
         ----------
         rows
-            (b,) these problems.
+            (b,) indices of these problems.
         other
-            Their ends.
+            Their new results.
         axis
-            Of the state: `Problem.axis`.
+            Axis of the state: `Problem.axis`.
         """
         for whole, part in zip(self.state, other.state, strict=True):
             _along(whole, axis)[rows] = _along(part, axis)
@@ -243,7 +247,7 @@ class Ends(NamedTuple):
         self.steps[rows] += other.steps
 
     def lowest_first(self, starts: int) -> Ends:
-        """Arrange minima of each group of so many neighbours by cost: (B / starts, starts, ...)."""
+        """Sort each group of `starts` neighbouring minima by cost: (B / starts, starts, ...)."""
         groups = len(self.cost) // starts
         order = np.argsort(self.cost.reshape(groups, starts), axis=1, kind="stable")
         at = np.arange(groups)[:, None] * starts + order
@@ -274,19 +278,20 @@ def minimise_each(
     start
         State of all B.
     iterations
-        Steps of each problem, tried or taken, at most; what has not settled then is not converged.
+        Largest number of steps of each problem, tried or taken; a problem that needs more is not
+        converged.
     settled
-        Expected fall of the sum of squares from which on a step is the last.
+        Expected reduction of the sum of squares below which a step is the last.
     damping
-        At the start: small where the starts are so good that Newton's steps lead to the minimum.
+        Initial damping: small if the starts are so good that Newton's steps lead to the minimum.
     descending
-        Whether every step has to lower the sum of squares. Where much is eliminated, Newton's steps
-        are quicker without that.
+        Whether every step has to reduce the sum of squares. If much is eliminated, Newton's steps
+        are faster without that.
 
     Notes
     -----
-    Marquardt 1963: the damping counts in each unknown's own scale. A step that should lower the
-    sum of squares by less than `settled` is taken unseen.
+    Marquardt 1963: the damping is in each unknown's own scale. A step that should reduce the sum of
+    squares by less than `settled` is taken without evaluation.
     """
     axis = problem.axis
     end = tuple(part.copy() for part in start)
@@ -318,6 +323,7 @@ def minimise_each(
             put(np.ones(len(active), dtype=np.bool_), here)
             break
         step, fall = _damped_steps(linear, scale)
+        # Squared gradient in sigmas, estimated from the damped reduction.
         gain = fall * (1.0 + scale)
         rests = _at_rest(linear, scale, step, fall, settled)
         steps[active] += 1
@@ -337,6 +343,7 @@ def minimise_each(
         compared = found.cost if found.compared is None else found.compared
         better = compared <= linear.cost
         better |= np.isfinite(found.cost) & ((gain < UNSEEN) | (not descending))
+        # Less damping after a success, more after a failure.
         scale = np.where(better, np.maximum(scale / 8.0, LEAST_DAMPING), 5.0 * scale)
         here = _chosen(better, there, here, axis)
         linear = _linear(
@@ -353,26 +360,27 @@ def minimise_trimmed(
     start: State,
     limit: float,
 ) -> tuple[State, Floats]:
-    """Fit B problems to those of their observations that nearly agree.
+    """Fit B problems to the observations that nearly agree (least trimmed squares).
 
-    Least trimmed squares (Rousseeuw and Van Driessen 2006, "Computing LTS regression for large data
-    sets"): fit what misses little, and choose anew, as long as the median of the misses falls.
+    Rousseeuw and Van Driessen 2006, "Computing LTS regression for large data sets": fit the
+    observations with small residuals, and select again, as long as the median of the residuals
+    falls.
 
     Parameters
     ----------
     misses
-        From a state to the sizes (B, n) of all misses.
+        Function from a state to the sizes (B, n) of all residuals.
     weighted
-        From weights (B, n) of the observations to the problem.
+        Function from weights (B, n) of the observations to the problem.
     start
         State of all B.
     limit
-        Median misses up to which an observation takes part.
+        Residual in units of the median up to which an observation takes part.
 
     Returns
     -------
     state, median
-        With the smallest median (B,) of the misses.
+        State with the smallest median (B,) of the residuals, and that median.
     """
     best = tuple(part.copy() for part in start)
     here, least = start, np.full(len(start[0]), np.inf)
@@ -392,7 +400,8 @@ def minimise_trimmed(
 
 
 def _damped_steps(linear: Linear, damping: Floats) -> tuple[Floats, Floats]:
-    """Steps (b, u), and the falls (b,) of the sums of squares that they promise."""
+    """Compute steps (b, u), and their expected reductions (b,) of the sums of squares."""
+    # Scale to a unit diagonal, so that the damping is in each unknown's own scale.
     own = np.einsum("bii->bi", linear.normal)
     scale = 1.0 / np.sqrt(np.maximum(own, BLIND * own.sum(axis=1, keepdims=True) + 1e-300))
     whitened = linear.normal * (scale[:, :, None] * scale[:, None, :])
@@ -403,9 +412,9 @@ def _damped_steps(linear: Linear, damping: Floats) -> tuple[Floats, Floats]:
 
 
 def _at_rest(linear: Linear, damping: Floats, step: Floats, fall: Floats, settled: float) -> Bools:
-    """Whether steps (b, u) are the last; those are then written without damping.
+    """Mark the steps (b, u) that are the last; these are replaced by undamped ones.
 
-    A damped step along a direction that is hardly determined is short wherever it begins.
+    A damped step along a hardly determined direction is short everywhere.
     """
     limit = np.maximum(settled, ROUNDING * linear.cost)
     rests = fall < limit
@@ -420,7 +429,7 @@ def _at_rest(linear: Linear, damping: Floats, step: Floats, fall: Floats, settle
 
 
 def _along(array: Floats, axis: int) -> Floats:
-    """View of an array with its problems along the first axis."""
+    """Return a view of an array with its problems along the first axis."""
     return array if axis == 0 else np.moveaxis(array, axis, 0)
 
 
@@ -429,7 +438,7 @@ def _some(arrays: State, rows: Ints, axis: int) -> State:
 
 
 def _some_linear(linear: Linear, rows: Ints, axis: int) -> Linear:
-    """The normal equations of some problems."""
+    """Return the normal equations of some problems."""
     return _linear(_some(linear[:3], rows, 0), _some(linear.rest, rows, axis))
 
 
@@ -439,7 +448,7 @@ def _linear(equations: State, rest: State) -> Linear:
 
 
 def _chosen(better: Bools, new: State, old: State, axis: int) -> State:
-    """The new arrays of problems that became better (b,), the old ones of all others."""
+    """Return the new arrays of problems that became better (b,), the old ones of all others."""
     if better.all():
         return new
     rows = np.flatnonzero(better)

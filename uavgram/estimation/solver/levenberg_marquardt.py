@@ -1,8 +1,9 @@
-"""Levenberg-Marquardt over any state: the loop alone, without knowing what is adjusted.
+"""Levenberg-Marquardt iteration over a state of any type.
 
-Its own loop, since scipy's ``least_squares`` knows neither states that move along a manifold
-(rotations) nor a sparse Cholesky factor, which serves several steps and the covariance at the end.
-An iteration costs one evaluation and one back substitution, and a factorisation where none is kept.
+Own implementation, since scipy's ``least_squares`` supports neither states that move along a
+manifold (rotations) nor a sparse Cholesky factor, which serves several steps and the covariance at
+the end. An iteration costs one evaluation and one back substitution, and a factorisation if none is
+kept.
 """
 
 from __future__ import annotations
@@ -20,40 +21,44 @@ from uavgram.model.arrays import Floats
 State = TypeVar("State")
 
 CONVERGED = 1e-10
-"""Predicted fall of the weighted sum of squares below which the rest is no longer worth a step:
-its square root is the length of that step in units of the unknowns' own sigmas."""
+"""Predicted reduction of the weighted sum of squares below which the iteration ends: its square
+root is the length of the step in units of the unknowns' own sigmas."""
 
 CONVERGED_EACH = 1e-13
-"""The same by unknown, in large systems."""
+"""The same per unknown, in large systems."""
 
 ROUNDING = 1e-14
-"""Share of the sum of squares below which its fall drowns in rounding: the rest is no step."""
+"""Share of the sum of squares below which its reduction is lost in rounding and the iteration
+ends."""
 
 AT_REST = 1e-4
-"""Undamped predicted fall (a hundredth of a sigma, squared) up to which a result counts as
+"""Undamped predicted reduction (a hundredth of a sigma, squared) up to which a result counts as
 converged; kinks of the interpolated flight keep it from being exactly zero."""
 
 MANY = 10_000
-"""Unknowns of a large system: from so many on, that is by unknown."""
+"""Number of unknowns of a large system, from which that limit grows with their number."""
 
 CLOSE = 0.1
-"""Predicted fall by unknown (a third of a sigma, squared) after which the normal matrix hardly
-changes: its factor serves the steps that follow too, as long as they keep their promise."""
+"""Predicted reduction per unknown (a third of a sigma, squared) below which the normal matrix
+hardly changes: its factor is kept for the next steps, as long as they achieve the predicted
+reduction."""
 
 KEPT = 0.5
-"""Share of the predicted fall that must come true for a factor to serve once more."""
+"""Share of the predicted reduction that must be achieved for a factor to be kept."""
 
 SHRINKS = 0.7
-"""Predicted fall of a step with a kept factor, in that of the step before, from which on the next
-step needs a factor of its own: along weakly determined directions a kept one crawls."""
+"""Ratio of the predicted reductions of two successive steps, the later one with a kept factor,
+above which the next step needs a new factor: along weakly determined directions a kept one
+converges slowly."""
 
 UNDAMPED = 1e-8
-"""Damping up to which a factor serves more than one step: they are as good as Newton's."""
+"""Damping up to which a factor is kept for more than one step: the steps are as good as
+Newton's."""
 
 REFUSED_EACH = 5e-9
-"""Predicted fall by unknown up to which a step that hardly comes true is the last: kinks of the
-interpolated flight refuse it, and in large systems each try costs a factorisation. Less where a
-sharper minimum is asked for than `CONVERGED`."""
+"""Predicted reduction per unknown up to which a step that hardly reduces the sum of squares is the
+last: it fails at kinks of the interpolated flight, and in large systems each try costs a
+factorisation. Smaller if a sharper minimum than `CONVERGED` is requested."""
 
 MAX_ITERATIONS = 80
 MAX_DAMPING = 1e12
@@ -61,18 +66,18 @@ MAX_DAMPING = 1e12
 
 @dataclass(frozen=True, eq=False)
 class Minimum(Generic[State]):
-    """Where the iterations ended.
+    """Result of the iteration.
 
     Attributes
     ----------
     state, blocks
-        The state, and its whitened residuals and Jacobians.
+        Final state, and its whitened residuals and Jacobians.
     factor
-        Of the undamped normal matrix there.
+        Factor of the undamped normal matrix there.
     cost
         Weighted sum of squared residuals.
     iterations, converged
-        Accepted and refused steps together; whether they came to rest.
+        Number of accepted and refused steps together; whether they converged.
     """
 
     state: State
@@ -99,38 +104,37 @@ def minimise(
     Parameters
     ----------
     state
-        First values.
+        Initial values.
     evaluate
-        Residuals and Jacobians by group; None where the state is impossible (ground behind the
-        camera): such a step is refused.
+        Function that returns residuals and Jacobians by group; None if the state is impossible
+        (ground behind the camera): such a step is refused.
     update
-        State and increment (size,) to new state.
+        Function from state and increment (size,) to the new state.
     size
         Number of unknowns.
     structure
-        What they are, for a good elimination order of large systems.
+        Structure of the unknowns, for a good elimination order of large systems.
     most
-        Iterations after which it ends wherever it is.
+        Largest number of iterations.
     at_rest
-        Predicted fall below which the rest is not worth a step.
+        Predicted reduction below which the iteration ends.
     slack
-        Damping where the normal matrix is singular, and damping of the last factor: what
-        nothing determines is then an end like any other, with sigmas that are large, but mean
-        nothing.
+        Damping if the normal matrix is singular, and damping of the last factor: undetermined
+        unknowns are then accepted, with large sigmas that have no meaning.
     first
-        What `evaluate` says of the first values, where that is known already.
+        Result of `evaluate` for the initial values, if it is known already.
 
     Returns
     -------
     Minimum
-        Also where it did not converge: `converged` says so.
+        Also if it did not converge: see `converged`.
 
     Raises
     ------
     SingularError
         An unknown is not determined, and there is no slack.
     ValueError
-        The first values are impossible.
+        The initial values are impossible.
 
     References
     ----------
@@ -160,25 +164,29 @@ def minimise(
         trial = update(state, step)
         trial_blocks = evaluate(trial)
         trial_cost = np.inf if trial_blocks is None else cost_of(trial_blocks.values())
+        # Gain ratio: actual over predicted reduction.
         gain = (cost - trial_cost) / predicted
         if trial_blocks is not None and gain > 0:
             state, blocks, cost = trial, trial_blocks, trial_cost
             normal = NormalEquations(list(blocks.values()), size, structure, normal.plan)
+            # Nielsen's update of the damping after an accepted step.
             damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
             growth = 2.0
         elif fresh:
             damping, growth = damping * growth, 2.0 * growth
-            # The step that was refused would come again, and cost a large system a factorisation.
+            # With less damping than that the same step would be refused again, each time at the
+            # cost of a factorisation.
             while size > MANY and damping < UNDAMPED:
                 damping, growth = damping * growth, 2.0 * growth
         if fresh and gain < KEPT and predicted < refused:
             break
         crawls = not fresh and predicted > SHRINKS * before
+        # Keep the factor only near the minimum, while its steps achieve the predicted reduction.
         if predicted > CLOSE * size or gain < KEPT or damping > UNDAMPED or crawls:
             factor = None
         before = predicted
     factor = normal.factor(slack)
-    # Newton's decrement without damping: how far below the minimum of the model still lies.
+    # Newton's decrement without damping: reduction to the minimum of the linear model.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))
     is_at_rest = decrement < AT_REST * max(1.0, size / MANY)
     return Minimum(state, blocks, factor, cost, iteration, is_at_rest)

@@ -1,10 +1,11 @@
 """Normal equations of a least-squares problem: factorisation and covariance.
 
-LAPACK's own functions, on matrices in its own order: the wrappers of scipy.linalg look at every
-number and copy each matrix, which takes as long again as factoring some hundred unknowns.
+LAPACK's functions are called directly, on matrices in its own memory order: the wrappers of
+scipy.linalg check every number and copy each matrix, which takes as long again as factoring some
+hundred unknowns.
 
-Small systems are dense; larger ones stay sparse, and of their inverse only what is asked for is
-ever computed: the part on the pattern of the normal matrix (each unknown with those it shares an
+Small systems are dense. Larger ones are sparse, and only the requested parts of their inverse are
+computed: the part on the pattern of the normal matrix (each unknown with those it shares an
 observation with), and the joint covariance of a few chosen unknowns. Assembly multiplies all rows
 of one kind at once, O(rows * k^2) for rows of k unknowns: no library assembles blocks by batch.
 """
@@ -29,12 +30,12 @@ from uavgram.model.arrays import Floats, Ints
 
 
 class DenseFactor:
-    """L L^T of a symmetric matrix with a unit diagonal, or one a little larger.
+    """Factor L L^T of a symmetric matrix with a diagonal of one or slightly more.
 
     Parameters
     ----------
     matrix
-        (n, n) in C order; it is used up.
+        (n, n) in C order; it is overwritten.
     smallest
         Pivot below which an unknown is not determined.
 
@@ -45,7 +46,7 @@ class DenseFactor:
     """
 
     def __init__(self, matrix: Floats, smallest: float) -> None:
-        # The transpose of a symmetric matrix is the matrix, in the order that LAPACK wants.
+        # The transpose of a symmetric matrix is the matrix itself, in LAPACK's memory order.
         lower, fault = lapack.dpotrf(matrix.T, lower=1, clean=1)
         if fault:
             _, vectors = np.linalg.eigh(matrix)
@@ -56,7 +57,7 @@ class DenseFactor:
             raise NotPositiveError(int(np.argmin(self._pivot)))
 
     def log_determinant(self) -> float:
-        """Natural logarithm of the determinant of the matrix."""
+        """Return the natural logarithm of the determinant of the matrix."""
         return 2.0 * float(np.log(self._pivot).sum())
 
     def solve(self, right: Floats) -> Floats:
@@ -64,15 +65,15 @@ class DenseFactor:
         return cast("Floats", lapack.dpotrs(self._lower, right, lower=1)[0])
 
     def inverse(self) -> Floats:
-        """(n, n), exactly symmetric."""
+        """Compute the (n, n) inverse, exactly symmetric."""
         half = cast("Floats", lapack.dpotri(self._lower, lower=1)[0])
-        whole = half + half.T  # above the diagonal of `half` stand the zeros of the factor
+        whole = half + half.T  # `half` has the zeros of the factor above its diagonal
         np.fill_diagonal(whole, half.diagonal())
         return whole
 
 
 class DenseStack:
-    """Where the entries of groups of rows stand in one dense Jacobian.
+    """Positions of the entries of groups of rows in one dense Jacobian.
 
     Parameters
     ----------
@@ -94,14 +95,14 @@ class DenseStack:
         self._entry, self._shape = np.concatenate(entry), (first, size)
 
     def serves(self, columns: Sequence[Ints], jacobians: Sequence[Floats]) -> bool:
-        """Whether these groups are like those that it was made for."""
+        """Return whether these groups have the shapes and columns that it was made for."""
         return self._shapes == [one.shape for one in jacobians] and all(
             mine is theirs or np.array_equal(mine, theirs)
             for mine, theirs in zip(self._columns, columns, strict=True)
         )
 
     def jacobian(self, jacobians: Sequence[Floats]) -> Floats:
-        """(rows, size) the whitened Jacobian of all groups; duplicate entries are added."""
+        """Assemble the (rows, size) whitened Jacobian of all groups, adding duplicate entries."""
         entries = np.concatenate([np.zeros(0), *(one.ravel() for one in jacobians)])
         rows, size = self._shape
         flat = np.bincount(self._entry, entries, minlength=rows * size)
@@ -109,20 +110,21 @@ class DenseStack:
 
 
 DENSE_ENTRIES = 250_000
-"""Entries of a Jacobian up to which a dense one costs less than the upkeep of sparse matrices."""
+"""Number of entries of a Jacobian up to which a dense one costs less than the overhead of sparse
+matrices."""
 
 AT_ONCE = 32
-"""Right-hand sides that are solved for together."""
+"""Number of right-hand sides that are solved for together."""
 
 ROWS_AT_ONCE = 2000
-"""Rows whose covariances are gathered together."""
+"""Number of rows whose covariances are gathered together."""
 
 SINGULAR = 1e-13
-"""Smallest pivot of the scaled normal matrix (unit diagonal) that still carries information."""
+"""Smallest pivot of the scaled normal matrix (unit diagonal) that still contains information."""
 
 
 class SingularError(ValueError):
-    """The observations leave an unknown undetermined; `index` is the first one found."""
+    """Unknown that the observations leave undetermined; `index` is the first one found."""
 
     def __init__(self, index: int) -> None:
         self.index = index
@@ -136,9 +138,9 @@ class Block:
     Attributes
     ----------
     residual
-        (n, r) whitened: unit variance where the model holds. Of many states at once, (..., n, r).
+        (n, r) whitened: unit variance if the model holds. For many states at once, (..., n, r).
     columns
-        (n, k) index of the unknown behind each Jacobian column.
+        (n, k) index of the unknown of each Jacobian column.
     jacobian
         (n, r, k), or (..., n, r, k).
     """
@@ -148,20 +150,21 @@ class Block:
     jacobian: Floats
 
     def pulled(self, along: Floats) -> Floats:
-        """(..., n, k) products of (..., n, r) with the Jacobian: J^T v, row by row."""
+        """Multiply (..., n, r) by the Jacobian, to (..., n, k): J^T v, row by row."""
         return (along[..., None, :] @ self.jacobian)[..., 0, :]
 
     def sparse(self, size: int) -> csr_array:
-        """(n r, size) the Jacobian by all unknowns."""
+        """Return the (n r, size) Jacobian by all unknowns."""
         n, r, k = self.jacobian.shape
         column = np.repeat(self.columns, r, axis=0)
         begin = np.arange(0, n * r * k + 1, k)
         return csr_array((self.jacobian.ravel(), column.ravel(), begin), (n * r, size))
 
     def times(self, rows: slice, several: Floats) -> Floats:
-        """(n, r, m) product of some rows of the Jacobian with (size, m) columns.
+        """Multiply some rows of the Jacobian by (size, m) columns, to (n, r, m).
 
-        What all these rows hang on is multiplied at once; only the rest is gathered row by row.
+        Unknowns that all these rows share are multiplied at once; only the others are gathered row
+        by row.
         """
         columns, jacobian = self.columns[rows], self.jacobian[rows]
         n, r, _ = jacobian.shape
@@ -177,18 +180,18 @@ class Block:
 
 
 class NormalEquations:
-    """J^T J and J^T r of a list of blocks, over `size` unknowns.
+    """Normal matrix J^T J and gradient J^T r of a list of blocks, over `size` unknowns.
 
     Parameters
     ----------
     blocks
-        The observations.
+        Observations.
     size
         Number of unknowns.
     structure
-        What they are; of use in large systems.
+        Structure of the unknowns; used in large systems.
     plan
-        What serves every system of the same columns, from one of them.
+        Plan of an earlier system with the same columns, to be reused.
     """
 
     def __init__(
@@ -213,7 +216,7 @@ class NormalEquations:
 
     @cached_property
     def normal(self) -> Floats | BlockMatrix:
-        """J^T J."""
+        """Normal matrix J^T J."""
         columns = [b.columns for b in self._blocks]
         jacobians = [b.jacobian for b in self._blocks]
         if self.is_dense:
@@ -231,9 +234,9 @@ class NormalEquations:
         Parameters
         ----------
         damping
-            In shares of the diagonal.
+            Damping as a share of the diagonal.
         slack
-            Added to the damping where the matrix is singular.
+            Added to the damping if the matrix is singular.
 
         Raises
         ------
@@ -254,15 +257,15 @@ class NormalEquations:
 
 
 class Plan:
-    """What serves every large system of the same columns."""
+    """Assembly and symbolic factorisation, common to all large systems with the same columns."""
 
     _recent: ClassVar[WeakValueDictionary[object, Plan]] = WeakValueDictionary()
 
     @classmethod
     def of(cls, columns: list[Ints], structure: Structure) -> Plan:
-        """That of an earlier system whose factor is still held, where it serves; else a new one.
+        """Return the plan of an earlier system whose factor is still held, or a new one.
 
-        Starts of one survey, and the survey again with other sigmas, have the same columns.
+        Different starts of one survey, and the survey with other sigmas, have the same columns.
         """
         shape = structure, *(own.shape for own in columns)
         plan = cls._recent.get(shape)
@@ -275,17 +278,17 @@ class Plan:
 
     @cached_property
     def symbolic(self) -> Symbolic:
-        """For the factorisation."""
+        """Symbolic factorisation."""
         return Symbolic(self.assembly.pattern)
 
 
 def cost_of(blocks: Iterable[Block]) -> float:
-    """Weighted sum of squared residuals."""
+    """Compute the weighted sum of squared residuals."""
     return float(sum(np.vdot(b.residual, b.residual) for b in blocks))
 
 
 def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
-    """J^T r of all blocks, (..., size), with the leading axes that residuals have, if any."""
+    """Compute J^T r of all blocks, (..., size), with the leading axes of the residuals, if any."""
     gradient = np.zeros(size)
     for block in blocks:
         gradient = gradient + gathered(block.columns, block.pulled(block.residual), size)
@@ -293,12 +296,12 @@ def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
 
 
 def gathered(columns: Ints, product: Floats, size: int) -> Floats:
-    """(..., size) sums by unknown.
+    """Sum (..., size) contributions by unknown.
 
     Parameters
     ----------
     columns, product
-        (n, k) unknowns, and (..., n, k) what each row says of its own.
+        (n, k) unknowns, and (..., n, k) contributions of each row to its own.
     size
         Number of unknowns.
     """
@@ -312,10 +315,10 @@ def gathered(columns: Ints, product: Floats, size: int) -> Floats:
 
 
 class Factor:
-    """A factorised, symmetrically scaled normal matrix.
+    """Factorised, symmetrically scaled normal matrix.
 
-    The scaling to a unit diagonal takes the units (pixels, radians, metres) out of the question
-    whether a pivot is zero.
+    The scaling to a unit diagonal makes the test for zero pivots independent of the units (pixels,
+    radians, metres).
     """
 
     def __init__(
@@ -323,7 +326,7 @@ class Factor:
     ) -> None:
         self._scale = 1.0 / np.sqrt(diagonal)
         self._damping = damping
-        self._plan = plan  # held for the next system of the same columns
+        self._plan = plan  # kept for the next system of the same columns
         self.size = len(diagonal)
         self._factor: DenseFactor | SparseFactor
         try:
@@ -344,7 +347,7 @@ class Factor:
         return isinstance(self._factor, SparseFactor)
 
     def log_determinant(self) -> float:
-        """Natural logarithm of the determinant of the (damped) normal matrix."""
+        """Return the natural logarithm of the determinant of the (damped) normal matrix."""
         return self._factor.log_determinant() - 2.0 * float(np.log(self._scale).sum())
 
     def solve(self, right: Floats | csc_array) -> Floats:
@@ -363,7 +366,7 @@ class Factor:
         return found.reshape(right.shape)
 
     def _solve_sparse(self, right: csc_array) -> Floats:
-        """The same of columns of which most is zero: dense ones of many would fill the memory."""
+        """Solve for sparse columns a few at a time: dense ones of many would fill the memory."""
         found = np.empty(right.shape)
         for start in range(0, right.shape[1], AT_ONCE):
             some = slice(start, start + AT_ONCE)
@@ -371,7 +374,7 @@ class Factor:
         return found
 
     def predicted_fall(self, step: Floats, gradient: Floats) -> float:
-        """Fall of the sum of squares that the linearised model promises of a solved step.
+        """Compute the reduction of the sum of squares by a solved step in the linear model.
 
         -2 g s - s N s, where (N + damping D) s = -g.
         """
@@ -379,25 +382,25 @@ class Factor:
         return damped - float(step @ gradient)
 
     def joint(self, indices: Ints) -> Floats:
-        """Joint covariance (m, m) of m chosen unknowns."""
+        """Compute the joint covariance (m, m) of m chosen unknowns."""
         return self.covariances(indices[:, None], np.ones((len(indices), 1)))
 
     def covariances(self, columns: Ints, gradients: Floats) -> Floats:
-        """Joint covariance (n, n) of linear functions, as `variances` takes them."""
+        """Compute the joint covariance (n, n) of linear functions, given as in `variances`."""
         joint = np.empty((len(columns), len(columns)))
         for some, _, solved in self._solved(columns, gradients):
             joint[:, some] = np.einsum("nk,nkm->nm", gradients, solved[columns], optimize=True)
         return np.asarray(0.5 * (joint + joint.T))
 
     def variances(self, columns: Ints, gradients: Floats) -> Floats:
-        """Variances (n,) of linear functions: their gradients (n, k) by unknowns (n, k)."""
+        """Compute variances (n,) of linear functions with gradients (n, k) by unknowns (n, k)."""
         found = np.empty(len(columns))
         for some, right, solved in self._solved(columns, gradients):
             found[some] = np.sum(right * solved, axis=0)
         return found
 
     def _solved(self, columns: Ints, gradients: Floats) -> Iterator[tuple[slice, Floats, Floats]]:
-        """Gradients as columns (size, m) and their solutions, a few functions at a time."""
+        """Yield gradients as columns (size, m) and their solutions, a few functions at a time."""
         for start in range(0, len(columns), AT_ONCE):
             some = slice(start, start + AT_ONCE)
             at = (columns[some], np.arange(len(columns[some]))[:, None])
@@ -406,11 +409,11 @@ class Factor:
             yield some, right, self.solve(right)
 
     def covariance(self) -> Covariance:
-        """Covariance between all unknowns that share an observation."""
+        """Return the covariance between all unknowns that share an observation."""
         return Covariance(self)
 
     def inverse_on_pattern(self) -> Floats | BlockMatrix:
-        """Inverse of the normal matrix: whole, or on its pattern."""
+        """Compute the inverse of the normal matrix: whole, or on its pattern."""
         if isinstance(self._factor, SparseFactor):
             return self._factor.inverse_on_pattern().scaled(self._scale)
         return np.asarray(self._factor.inverse() * (self._scale[:, None] * self._scale))
@@ -419,7 +422,7 @@ class Factor:
 class Covariance:
     """Covariance of the unknowns: whole, or on the pattern of the normal matrix.
 
-    It is computed when it is first asked for, and so is what it makes of each block.
+    It is computed on the first request, and so is the leverage of each block.
     """
 
     def __init__(self, factor: Factor) -> None:
@@ -431,7 +434,7 @@ class Covariance:
         return self._factor.inverse_on_pattern()
 
     def blocks(self, columns: Ints) -> Floats:
-        """(n, k, k) covariances among n groups of k unknowns each, given as (n, k) indices.
+        """Return (n, k, k) covariances among n groups of k unknowns each, given as (n, k) indices.
 
         Raises
         ------
@@ -440,13 +443,13 @@ class Covariance:
         """
         if isinstance(self._inverse, np.ndarray):
             at = columns[:, :, None] * len(self._inverse) + columns[:, None, :]
-            return self._inverse.ravel().take(at)  # half the time of two index arrays
+            return self._inverse.ravel().take(at)  # takes half the time of two index arrays
         return self._inverse.gather(columns)
 
     def joint(self, columns: Ints, gradients: Floats) -> Floats:
-        """Joint covariance (n, n) of linear functions, as `Factor.covariances` takes them.
+        """Compute the joint covariance (n, n) of linear functions, as `Factor.covariances`.
 
-        Those of unknowns that all observations share need no further solution.
+        Functions of unknowns that all observations share need no further solution.
         """
         inverse = self._inverse
         if isinstance(inverse, BlockMatrix) and not inverse.pattern.structure.shared(columns):
@@ -457,13 +460,14 @@ class Covariance:
         return np.asarray(whole @ self.blocks(unknowns[None])[0] @ whole.T)
 
     def leverage(self, block: Block) -> Floats:
-        """(n, r) share of each whitened residual of a block that the unknowns take up."""
+        """Compute (n, r) leverages of a block: shares of residuals absorbed by the unknowns."""
         if block not in self._leverage:
             found = np.empty(block.residual.shape)
             for start in range(0, len(found), ROWS_AT_ONCE):
                 part = slice(start, start + ROWS_AT_ONCE)
                 jacobian = block.jacobian[part]
                 joint = self.blocks(block.columns[part])
+                # Diagonal of A S A^T.
                 found[part] = np.einsum("nrk,nrk->nr", jacobian @ joint, jacobian)
             self._leverage[block] = found
         return self._leverage[block]

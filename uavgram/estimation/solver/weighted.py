@@ -1,7 +1,7 @@
-"""The same linear least-squares problem again and again, with other weights of some groups.
+"""Repeated solution of one linear least-squares problem with different weights of some groups.
 
-In a small system the groups' own normal matrices are added up, N = sum of w N_k: what takes time
-by the number of observations is computed once.
+In a small system the groups' own normal matrices are added up, N = sum of w N_k: the products whose
+cost grows with the number of observations are computed once.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from uavgram.model.arrays import Floats
 
 
 class Fit(NamedTuple):
-    """The minimum of a weighted problem.
+    """Minimum of a weighted problem.
 
     Attributes
     ----------
@@ -42,16 +42,16 @@ class Fit(NamedTuple):
 
 
 class Weighted:
-    """Linear observations of which some groups have weights.
+    """Linear observations, some groups of which have weights.
 
     Parameters
     ----------
     groups
-        Those with weights.
+        Groups with weights.
     rest
         All others.
     size, structure
-        Number of unknowns, and what they are.
+        Number and structure of the unknowns.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class Weighted:
         self._parts = _Parts(groups, rest, size) if is_small else None
 
     def fit(self, weight: Floats) -> Fit:
-        """The minimum with weights (C,).
+        """Solve for the minimum with weights (C,).
 
         Raises
         ------
@@ -77,6 +77,7 @@ class Weighted:
         normal = NormalEquations([*own, *self._rest], self._size, self._structure, self._plan)
         factor = normal.factor()
         self._plan = normal.plan
+        # One Gauss-Newton step: exact, as the problem is linear.
         step = -factor.solve(normal.gradient)
         covariance = factor.covariance()
         return Fit(
@@ -99,7 +100,7 @@ class _Parts:
         self._cost = np.array([part.cost for part in parts])
 
     def fit(self, weight: Floats) -> Fit:
-        """As `Weighted.fit`."""
+        """Solve as `Weighted.fit`."""
         every = np.append(weight, 1.0)
         normal = np.tensordot(every, self._normal, 1)
         gradient = every @ self._gradient
@@ -108,7 +109,9 @@ class _Parts:
         inverse = factor.inverse_on_pattern()
         assert isinstance(inverse, np.ndarray)  # noqa: S101  (as the normal matrix is)
         own = self._normal[:-1]
+        # |r + J s|^2 = r^T r + 2 g^T s + s^T N s of each group.
         squares = self._cost[:-1] + 2.0 * self._gradient[:-1] @ step + (own @ step) @ step
+        # Leverage: trace of N_k N^-1, times the weight.
         return Fit(
             cost=float(every @ self._cost + gradient @ step),
             log_determinant=factor.log_determinant(),
@@ -122,5 +125,5 @@ def _scaled(block: Block, scale: float) -> Block:
 
 
 def _after(block: Block, step: Floats) -> Floats:
-    """Residuals after a step of the unknowns, in the linear model."""
+    """Compute the residuals after a step of the unknowns, in the linear model."""
     return np.asarray(block.residual + np.einsum("nrk,nk->nr", block.jacobian, step[block.columns]))

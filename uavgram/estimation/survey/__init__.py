@@ -1,1 +1,1 @@
-"""The one likelihood of a survey, its unknowns, and the adjusted survey."""
+"""Likelihood, unknowns and adjustment of a survey."""

@@ -1,4 +1,4 @@
-"""Adjusted survey: estimates, their joint covariance, and how each observation fits."""
+"""Adjusted survey: estimates, joint covariance, and observations that were left out."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from uavgram.model.result.reliability import Noise
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
 
-# A motion that moves the points by less than this part of another is none: a turn about the line
-# on which all points lie, or about the only one.
+# Relative singular value below which a motion is no motion: a turn about the line on which all
+# points are, or about the only point.
 _NO_MOTION = 1e-6
 
 
 class Placed(NamedTuple):
-    """K points of D coordinates, how they depend on unknowns, and which unknowns these are.
+    """K points of D coordinates, their derivatives by unknowns, and the columns of these.
 
     `position` (K, D); `gradient` (K, D, k); `columns` (K, k).
     """
@@ -40,18 +40,19 @@ class Placed(NamedTuple):
 
 
 def within_survey(factor: Factor, points: Placed, rows: Ints, own: Floats) -> Floats:
-    """Covariances (n, D, D) of some of the points, without the shift and the turn of all points.
+    """Compute covariances (n, D, D) of some points without the common shift and turn of all points.
 
-    Where receivers and headings put the whole scene says nothing about its shape.
+    The shape of the scene is independent of its position and heading, which receivers and compasses
+    determine.
 
     Parameters
     ----------
     factor
-        Of the normal matrix.
+        Factor of the normal matrix.
     points
         All points, in the plane or in space.
     rows
-        (n,) which of them are asked for.
+        (n,) points whose covariances are returned.
     own
         (n, D, D) their covariances.
 
@@ -66,17 +67,19 @@ def within_survey(factor: Factor, points: Placed, rows: Ints, own: Floats) -> Fl
     basis = _motions(points.position)
     if basis.shape[2] == count * size:
         return np.zeros_like(own)
+    # With the points' Jacobian G: N^-1 G^T U, and from it the columns Q U of the covariance.
     right = np.zeros((factor.size, basis.shape[2]))
     np.add.at(right, points.columns, np.einsum("kdi,kdm->kim", points.gradient, basis))
     solved = factor.solve(right)
     cross = np.einsum("ndi,nim->ndm", points.gradient[rows], solved[points.columns[rows]])
+    # Blocks of Q - Q U U^T - U U^T Q + U (U^T Q U) U^T.
     mixed = np.einsum("nim,njm->nij", cross, basis[rows])
     spread = np.einsum("nim,ml,njl->nij", basis[rows], right.T @ solved, basis[rows])
     return np.asarray(own - mixed - np.swapaxes(mixed, 1, 2) + spread)
 
 
 def _motions(position: Floats) -> Floats:
-    """(K, D, m) orthonormal basis of how all points (K, D) can shift and turn together."""
+    """Compute a (K, D, m) orthonormal basis of the common shifts and turns of all points (K, D)."""
     count, size = position.shape
     shifts = np.tile(np.eye(size), (count, 1, 1))
     off = position - position.mean(axis=0)
@@ -91,17 +94,17 @@ def _motions(position: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Adjustment:
-    """An adjusted survey.
+    """Adjusted survey.
 
     Attributes
     ----------
     problem
-        The likelihood (holds the survey, the unknowns' layout and the pivot of the slopes).
+        Likelihood, which holds the survey, the layout of the unknowns and the pivot of the slopes.
     minimum
         State, residual blocks, factorised normal matrix.
     covariance
-        Of all unknowns that share an observation; joint covariances of others come from the
-        factor.
+        Covariances of all unknowns that share an observation; joint covariances of others come from
+        the factor.
     """
 
     problem: SurveyProblem
@@ -110,17 +113,17 @@ class Adjustment:
 
     @property
     def survey(self) -> Survey:
-        """The observations."""
+        """Observations."""
         return self.problem.survey
 
     @property
     def state(self) -> State:
-        """The estimates."""
+        """Estimates of the unknowns."""
         return self.minimum.state
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Number of observations and priors less that of the unknowns."""
+        """Number of observations and priors minus that of the unknowns."""
         observations = sum(block.residual.size for block in self.minimum.blocks.values())
         return observations - self.problem.layout.size
 
@@ -131,27 +134,27 @@ class Adjustment:
         return self.minimum.cost / degrees if degrees > 0 else float("nan")
 
     def label_index(self, label: str) -> int:
-        """Position of a label; -1 where it is not among the adjusted points."""
+        """Return the position of a label; -1 if it is not among the adjusted points."""
         return int(self.label_rows([label])[0])
 
     def label_rows(self, labels: Iterable[str]) -> Ints:
-        """(n,) positions of labels; -1 where one is not among the adjusted points."""
+        """Return (n,) positions of labels; -1 if one is not among the adjusted points."""
         place = self.survey.row_of_label
         return np.array([place.get(label, -1) for label in labels], dtype=np.int64)
 
     def pixels(self, frame: Ints, label: Ints) -> Floats:
-        """(n, 2) pixels at which labels appear in frames [px]; NaN behind the camera."""
+        """Compute (n, 2) pixels at which labels appear in frames [px]; NaN behind the camera."""
         state = self.state
         world, _, _ = self.problem.world_points(state, label)
         poses = RowPoses(state.center[frame], state.rotation[frame], self.sweep()[frame])
         return project_rows(self.survey.calibration, self.problem.intrinsics(state), poses, world)
 
     def sweep(self) -> Floats:
-        """(F, 6) by which the camera moves while a photo is read: see `RowPoses`."""
+        """Compute (F, 6) motions of the camera during the readout of each photo: see `RowPoses`."""
         return sweep_of(self.survey, self.state)
 
     def relief_m(self, area: int) -> float:
-        """Root mean square of the smooth departures of an area's points from its plane [m]."""
+        """Compute the RMS of an area's smooth departures from its plane, at its points [m]."""
         relief, own = self.survey.grounds[area].relief, self.survey.area == area
         if relief is None or not own.any():
             return 0.0
@@ -160,16 +163,16 @@ class Adjustment:
         return float(np.sqrt(np.mean(height**2)))
 
     def departure_m(self, area: int) -> float:
-        """How far any place of an area may lie off its plane: roughness and relief [m]."""
+        """Compute the typical departure of an area from its plane: roughness and relief [m]."""
         return float(np.hypot(self.survey.grounds[area].roughness_sigma_m, self.relief_m(area)))
 
     def frame_covariance(self) -> Floats:
-        """(F, 6, 6) of (δcentre world, δθ camera)."""
+        """Return (F, 6, 6) covariances of (δcentre world, δθ camera)."""
         frames = np.arange(self.problem.layout.frames)
         return self.covariance.blocks(self.problem.layout.frame_columns(frames))
 
     def points(self) -> tuple[Floats, Floats]:
-        """All points: positions (K, 3), and covariances (K, 3, 3) of east, north, up."""
+        """Return positions (K, 3) and covariances (K, 3, 3) of all points, east, north, up."""
         layout = self.problem.layout
         label = np.arange(layout.points)
         world, jacobian, columns = self.points_with_jacobian(label)
@@ -177,7 +180,7 @@ class Adjustment:
         return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
 
     def relative_points(self) -> Floats:
-        """Covariances (K, 2, 2) of east and north within the survey: see `within_survey`."""
+        """Compute covariances (K, 2, 2) of east, north within the survey: see `within_survey`."""
         layout = self.problem.layout
         label = np.arange(layout.points)
         planar = layout.point_columns(label)[:, :2]
@@ -187,9 +190,9 @@ class Adjustment:
         return within_survey(self.minimum.factor, points, label, own)
 
     def relative_points_in_space(self, label: Ints) -> Floats:
-        """Covariances (n, 3, 3) of east, north and up of some points within the survey.
+        """Compute covariances (n, 3, 3) of east, north and up of some points within the survey.
 
-        The turn of all points in space is taken out as well: how the scene as a whole is tilted.
+        The turn of all points in space, that is the tilt of the whole scene, is removed as well.
         """
         points = Placed(*self.points_with_jacobian(np.arange(self.problem.layout.points)))
         gradient = points.gradient[label]
@@ -198,7 +201,7 @@ class Adjustment:
         return within_survey(self.minimum.factor, points, label, own)
 
     def joint_points(self, label: Ints) -> tuple[Floats, Floats]:
-        """Some points: positions (n, 3), and their joint covariance (3n, 3n)."""
+        """Compute positions (n, 3) of some points, and their joint covariance (3n, 3n)."""
         world, jacobian, columns = self.points_with_jacobian(label)
         unknowns, place = np.unique(columns, return_inverse=True)
         place = place.reshape(columns.shape)
@@ -209,15 +212,15 @@ class Adjustment:
         return world, flat @ self.minimum.factor.joint(unknowns) @ flat.T
 
     def shared(self, first: int, count: int) -> Floats:
-        """(count, count) covariance of neighbouring shared unknowns."""
+        """Return the (count, count) covariance of adjacent shared unknowns."""
         return self.minimum.factor.joint(first + np.arange(count))
 
     def sight_covariance(self, frame: Ints) -> Floats:
-        """Joint covariance (n, 9 + P, 9 + P) of all that places a frame's pixels on the ground.
+        """Compute joint covariances (n, 9 + P, 9 + P) of the values that place a frame's pixels.
 
-        Its rows: pose (δcentre world [m], δθ camera [rad]), interior orientation (P), the
-        first area's plane (height [m], slopes), which is known where it is the gauge. One more
-        stands for the readout time [s], where that is an unknown.
+        Rows: pose (δcentre world [m], δθ camera [rad]), interior orientation (P), and the first
+        area's plane (height [m], slopes), which is known where it is the gauge. One more row is the
+        readout time [s], where that is an unknown.
         """
         layout, lens = self.problem.layout, self.problem.intrinsic_basis
         plane = 0 if layout.free_gauge else 3
@@ -228,12 +231,15 @@ class Adjustment:
                 layout.first_readout + np.arange(layout.readout),
             ]
         )
+        # Matrix from the estimated unknowns to the rows: identity for the pose and the plane, the
+        # calibration's root for the lens; zero rows for a plane that is the gauge.
         to_lens = np.zeros((9 + len(lens) + layout.readout, 6 + len(shared)))
         to_lens[:6, :6] = np.eye(6)
         to_lens[6 : 6 + len(lens), 6 : 6 + layout.intrinsics] = lens
         rest = np.eye(3 + layout.readout)
         known = [] if plane else [0, 1, 2]
         to_lens[6 + len(lens) :, 6 + layout.intrinsics :] = np.delete(rest, known, axis=1)
+        # Columns of the covariance of all shared unknowns, by one solution.
         right = np.zeros((layout.size, len(shared)))
         right[shared, np.arange(len(shared))] = 1.0
         with_shared = self.minimum.factor.solve(right)
@@ -246,21 +252,21 @@ class Adjustment:
         return np.asarray(to_lens @ joint @ to_lens.T)
 
     def readings(self, taped: Taped) -> tuple[Floats, Floats]:
-        """What tapes should read (n,), and the standard deviations, their scales' included."""
+        """Predict tape readings (n,) and their standard deviations, those of scales included."""
         reading, gradient, unknowns = self.problem.readings(self.state, taped)
         variance = self.minimum.factor.variances(unknowns, gradient)
         return reading, np.sqrt(variance + (self.unlearnt(taped, reading) ** 2).sum(axis=1))
 
     def unlearnt(self, taped: Taped, reading_m: Floats) -> Floats:
-        """(n, U) errors of readings by tapes of which no length takes part (see `tapes`)."""
+        """Return (n, U) errors of readings by tapes without an adjusted length (see `tapes`)."""
         return unlearnt(self.problem.tapes, taped, reading_m, self.survey.scale_sigma_of)
 
     def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
-        """Points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""
+        """Return points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""
         return self._with_columns(label, *self.problem.world_points(self.state, label))
 
     def ground_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
-        """The same of the places on the smooth ground straight below points."""
+        """Return the same for the places on the smooth ground straight below points."""
         return self._with_columns(label, *self.problem.ground_points(self.state, label))
 
     def _with_columns(
@@ -274,7 +280,7 @@ class Adjustment:
 
 
 class LeftOutCause(Enum):
-    """Why a pick takes no part in an adjustment."""
+    """Reason why a pick takes no part in an adjustment."""
 
     BEYOND_LENS = "beyond-lens"
     NO_GROUND = "no-ground"
@@ -285,7 +291,7 @@ class LeftOutCause(Enum):
 
     @property
     def is_of_frame(self) -> bool:
-        """Whether it speaks of the pick's whole frame, and not of the pick alone."""
+        """Whether it concerns the pick's whole frame, and not the pick alone."""
         return self in (
             LeftOutCause.NOT_JOINED,
             LeftOutCause.UNDETERMINED,
@@ -295,21 +301,21 @@ class LeftOutCause(Enum):
 
 @dataclass(frozen=True)
 class LeftOut:
-    """Why a pick takes no part in an adjustment: as data, and in words as part of a sentence."""
+    """Reason why a pick takes no part in an adjustment: as data, and as part of a sentence."""
 
     cause: LeftOutCause
     text: str
 
 
 class LeftOutRows(NamedTuple):
-    """An observation that takes no part, beside what the adjustment predicts for it.
+    """Observation that takes no part, compared with the prediction of the adjustment.
 
     Attributes
     ----------
     error, sigma
-        (R,) predicted less observed, and standard deviations of the observed numbers.
+        (R,) predicted minus observed, and standard deviations of the observed numbers.
     gradient, columns
-        (R, m) derivatives of the predictions by the unknowns, and which unknowns.
+        (R, m) derivatives of the predictions by the unknowns, and the columns of these.
     """
 
     error: Floats
@@ -320,22 +326,23 @@ class LeftOutRows(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Removal:
-    """An observation that was left out because it does not fit, or what was mended instead.
+    """Observation that was left out because it does not fit, or a correction that was made instead.
 
     Attributes
     ----------
     kind, index
-        ``pick`` or ``line``, of the survey handed in; or ``known``, by its number; ``mend`` (-1).
+        ``pick`` or ``line`` with the index in the survey handed in; or ``known``, by its number;
+        ``mend`` (-1).
     suspicion
-        Its test statistic then, and what no test could part from it.
+        Its test statistic at that time, and the observations that no test could separate from it.
     before
-        The survey adjusted with it; None where it would have bent everything else, so that it was
+        Survey adjusted with it; None if it would have distorted all other estimates, so that it was
         left out beforehand (`suspicion` has then no row).
     cause, mended
-        Of a mend: what was wrong; and in words what it changed, before and after.
+        For a mend: the error, and the description of the change, before and after.
     rows
-        Of a length or known thing that was left out beforehand, in the adjustment without it; None
-        where that does not have all of its points.
+        For a length or known thing that was left out beforehand, its rows in the adjustment without
+        it; None if that does not have all of its points.
     """
 
     kind: Literal["pick", "line", "known", "mend"]
@@ -348,48 +355,48 @@ class Removal:
 
     @property
     def w(self) -> float:
-        """Size of its test statistic before it was left out."""
+        """Absolute test statistic before it was left out."""
         return abs(self.suspicion.w)
 
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """What the refine stage returns.
+    """Result of the refine stage.
 
     Attributes
     ----------
     adjustment
-        The result.
+        Final adjustment.
     pick_index, line_index
-        Into the picks and lines of the survey that was handed in, for those of `adjustment`.
+        Indices of the picks and lines of `adjustment` in the survey that was handed in.
     pick_removed, line_removed
-        (P,), (L,) of the survey handed in: taken out as blunders.
+        (P,), (L,) masks of the survey handed in: removed as blunders.
     known_removed
-        Numbers of the known things that were taken out.
+        Numbers of the known things that were removed.
     pick_reason
-        Why picks (index into the survey handed in) were left out beforehand.
+        Reasons why picks (index into the survey handed in) were left out beforehand.
     undetermined
-        Those of them that were left out because they hang on what nothing determines.
+        Those of them that were left out because they depend on undetermined unknowns.
     alternatives
         Other minima that explain the lengths as well.
     mirrored
-        The solution where all photos had been mirrored, if the log does not rule it out.
+        Solution with all photos mirrored, if the log does not rule it out.
     noise
-        What the residuals say of the size of errors; None where they were not asked.
+        Error sizes estimated from the residuals; None if they were not estimated.
     stated
-        The same survey adjusted with the sigmas as stated, where that is another adjustment.
+        Same survey adjusted with the stated sigmas, if that is another adjustment.
     off_ground
-        Names of the labels whose heights are found, though nobody said that they are off the
+        Names of the labels whose heights are estimated, although they were not stated to be off the
         ground.
     rival_lines
         Names of lengths that explain the misfit as well as one that was left out.
     rival_clicks
-        Adjustments without one click, by its label, that explain it as well; None where that does
-        not determine the survey.
+        Adjustments without one click, by its label, that explain the misfit as well; None if the
+        survey without it is not determined.
     causes
-        What explains that the observations do not fit, likeliest first.
+        Explanations of the misfits, likeliest first.
     matches_left_out
-        Rows of the project's picks: matches that do not fit what was found in other photos.
+        Rows of the project's picks: matches that do not fit the sightings in other photos.
     """
 
     adjustment: Adjustment
@@ -413,5 +420,5 @@ class Refined:
 
     @property
     def settled(self) -> frozenset[str]:
-        """Names of lengths and frames of which a cause explains that they do not fit."""
+        """Names of lengths and frames whose misfit a cause explains."""
         return frozenset().union(*(cause.settles for cause in self.causes))

@@ -1,4 +1,4 @@
-"""Errors that go together in time, in a likelihood that takes them as independent."""
+"""Errors that are correlated in time, in a likelihood that treats them as independent."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from uavgram.model.arrays import Floats
 
 
 def trend_inflation(time_s: Floats, shortest_s: float, longest_s: float) -> float:
-    """Factor of the variance by which independent errors stand in for correlated ones.
+    """Compute the factor of the variance by which independent errors represent correlated ones.
 
-    What all instants have in common is a bias, and has an unknown of its own. What is left and
-    does the most harm is the slowest change, one period over the whole span T: there the errors of
-    a first-order Gauss-Markov process, correlated over tau, have the spectral density of
-    independent ones times
+    The error that all instants have in common is a bias with an unknown of its own. The most
+    harmful of the remaining errors is the slowest change, one period over the whole span T: at this
+    frequency the errors of a first-order Gauss-Markov process, correlated over tau, have the
+    spectral density of independent ones times
 
         (1 - rho^2) / (1 - 2 rho cos(w dt) + rho^2),   rho = exp(-dt / tau),   w = 2 pi / T
 
@@ -25,18 +25,19 @@ def trend_inflation(time_s: Floats, shortest_s: float, longest_s: float) -> floa
     time_s
         (N,) instants, in any order.
     shortest_s, longest_s
-        Range in which tau lies; the worst of it is taken.
+        Range of tau; the worst value within it is taken.
 
     Returns
     -------
     float
-        At least 1; 1 for fewer than three instants, or where all are the same (or unknown).
+        At least 1; 1 for fewer than three instants, or if all are the same (or unknown).
     """
     span = float(np.ptp(time_s)) if len(time_s) > 2 else 0.0
     if span == 0.0:
         return 1.0
     interval = span / (len(time_s) - 1)
     frequency = 2.0 * np.pi / span
+    # The worst correlation time, 1 / w, within its range.
     tau = float(np.clip(1.0 / frequency, shortest_s, longest_s))
     rho = float(np.exp(-interval / tau))
     density = (1.0 - rho**2) / (1.0 - 2.0 * rho * np.cos(frequency * interval) + rho**2)

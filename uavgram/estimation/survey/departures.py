@@ -1,4 +1,4 @@
-"""Heights of points: of the ground below over its plane, and of themselves over the ground."""
+"""Heights of the ground over its plane, and of points over the ground."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from uavgram.model.arrays import Floats
 
 
 def departures(adjustment: Adjustment) -> tuple[Floats, Floats]:
-    """Heights of the ground under all points over the plane of their area.
+    """Compute the heights of the ground under all points over the plane of their area.
 
-    Roughness and relief together: heights of the points over the plane, less what was stated.
+    Roughness and relief together: heights of the points over the plane, minus the stated heights.
 
     Returns
     -------
@@ -28,24 +28,26 @@ def departures(adjustment: Adjustment) -> tuple[Floats, Floats]:
     rough[adjustment.problem.third.rough] = 1.0
     departure = relief.height_m + np.sum(rough * state.point[:, 2:], axis=1)
     unknowns = adjustment.problem.plane_columns(label)
+    # Only relief and roughness count: the plane's own unknowns get no derivative.
     by_relief = np.where(unknowns >= layout.first_relief, relief.by_unknowns, 0.0)
     gradient = np.concatenate([relief.slope, rough, by_relief], axis=1)
     columns = np.concatenate([layout.point_columns(label), unknowns], axis=1)
     joint = adjustment.covariance.blocks(columns)
+    # Error propagation: g^T C g for each point.
     variance = np.einsum("ni,nij,nj->n", gradient, joint, gradient, optimize=True)
     return departure, np.sqrt(np.maximum(variance, 0.0))
 
 
 def heights_above_ground(adjustment: Adjustment) -> tuple[Floats, Floats]:
-    """Heights of all points over the smooth ground below them, as stated or found.
+    """Compute the heights of all points over the smooth ground below, as stated or estimated.
 
     The ground right below a point may depart from the smooth one by its roughness, which the sigma
-    of a height that was found contains.
+    of an estimated height contains.
 
     Returns
     -------
     height_m, sigma_m : (K,)
-        Both 0 of points on the ground.
+        Both 0 for points on the ground.
     """
     survey, problem = adjustment.survey, adjustment.problem
     height, sigma = heights_at(adjustment, adjustment.state), np.zeros(len(survey.label))
@@ -59,7 +61,7 @@ def heights_above_ground(adjustment: Adjustment) -> tuple[Floats, Floats]:
 
 
 def heights_at(adjustment: Adjustment, state: State) -> Floats:
-    """(K,) heights over the smooth ground below, at a state of the survey's unknowns."""
+    """Return the (K,) heights over the smooth ground below, at a state of the unknowns."""
     height = np.array(adjustment.survey.height_above_m)
     own = np.union1d(adjustment.problem.third.stated, adjustment.problem.third.free)
     if len(own):

@@ -1,4 +1,4 @@
-"""The ground straight below points: where it is, and what tells."""
+"""Ground straight below points."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from uavgram.model.survey.survey import Survey
 
 
 class GroundBelow(NamedTuple):
-    """The ground straight below k points.
+    """Ground straight below k points.
 
     Attributes
     ----------
     feet
         (k, 3) places on it [m].
     told
-        (k,) where the point tells them: it stands on the ground, or as high over it as is stated
-        without a sigma. Then the foot moves with the point.
+        (k,) whether the point determines its place on the ground: the point is on the ground, or at
+        a height over it that is stated without a sigma. Then the foot moves with the point.
     sigma_m
-        (k,) how rough the ground is there: its own departure from the smooth one. 0 where the
-        point tells where it is.
+        (k,) roughness of the ground there, its departure from the smooth one [m]; 0 where the point
+        determines the place.
     """
 
     feet: Floats
@@ -31,16 +31,16 @@ class GroundBelow(NamedTuple):
 
 
 def ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> GroundBelow:
-    """The ground below points, of which it is known that some stand on it.
+    """Compute the places on the ground below points, some of which are known to be on it.
 
     Parameters
     ----------
     survey
-        Which do.
+        Survey, which holds the heights of the points above the ground.
     label
-        (k,) of the points, by index.
+        (k,) labels of the points, by index.
     points, feet
-        (k, 3) and the places on the smooth ground straight below them [m].
+        (k, 3) points, and the places on the smooth ground straight below them [m].
     """
     told = np.asarray((survey.height_sigma_m[label] == 0) & ~survey.is_free[label])
     roughness = np.array([survey.grounds[a].roughness_sigma_m for a in survey.area[label]])

@@ -1,4 +1,4 @@
-"""The ground under labelled points: a plane for each area, and relief where it has any."""
+"""Ground under labelled points: a plane for each area, and relief where it has any."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Ground, Relief, Survey
 
 PLANE_SIZE = 3
-"""Height at the pivot [m], slope east, slope north."""
+"""Number of unknowns of a plane: height at the pivot [m], slope east, slope north."""
 
 
 class SurfaceAt(NamedTuple):
-    """The ground at n places.
+    """Ground at n places.
 
     Attributes
     ----------
@@ -43,19 +43,20 @@ class PlanePrior(NamedTuple):
 
 
 class GroundPlanes:
-    """The shape of the ground, as the likelihood sees it.
+    """Shape of the ground in the likelihood.
 
-    Everything that it knows of the ground goes through `at` and `columns`: height, slope, and
-    derivatives by unknowns of its own, at (east, north). An elevation model would be another class
-    with these two, in which the height follows the place and its own offset is the unknown.
+    The likelihood uses the ground only through `at` and `columns`: height, slope, and derivatives
+    by unknowns of its own, at (east, north). An elevation model would be another class with these
+    two methods, in which the height is a function of the place and an offset of its own is the
+    unknown.
 
     Parameters
     ----------
     survey
-        Which label lies in which area. With gauge ``plane`` the first area's plane is z = 0 and no
-        unknown; the others are, relative to it.
+        Survey, which holds the area of each label. With gauge ``plane`` the first area's plane is z
+        = 0 and no unknown; the others are unknown, relative to it.
     pivot_m
-        (A, 2) or (2,) where the slopes of each area turn.
+        (A, 2) or (2,) places about which the slopes of each area turn.
     """
 
     def __init__(self, survey: Survey, pivot_m: Floats) -> None:
@@ -69,7 +70,7 @@ class GroundPlanes:
         self.size = self._planes + relief_size(survey)
 
     def at(self, planes: Floats, relief: Floats, label: Ints, east_north_m: Floats) -> SurfaceAt:
-        """The ground of n labels at their places (n, 2); of many states with leading axes.
+        """Compute the ground of n labels at their places (n, 2); for many states with leading axes.
 
         Parameters
         ----------
@@ -78,13 +79,14 @@ class GroundPlanes:
         relief
             (..., R) coefficients of the areas' relief, one area after the other [m].
         label
-            (n,) by index: they say in which area the places lie.
+            (n,) labels by index, which give the area of each place.
         east_north_m
             (..., n, 2) places.
         """
         area = self._area[label]
         plane = planes.reshape(*planes.shape[:-1], -1, PLANE_SIZE)[..., area, :]
         from_pivot = east_north_m - self.pivot_m[area]
+        # Plane: height at the pivot + slope . (place - pivot).
         height = plane[..., 0] + np.einsum("...i,...i->...", plane[..., 1:], from_pivot)
         slope = np.array(plane[..., 1:])
         own = min(PLANE_SIZE, self._planes)
@@ -92,6 +94,7 @@ class GroundPlanes:
         if own:
             by_unknowns[..., 0], by_unknowns[..., 1:PLANE_SIZE] = 1.0, from_pivot
             by_unknowns[..., area < self._fixed, :] = 0.0
+        # Relief: add coefficients times basis functions, with their gradients, area by area.
         for place, first, shape in self._reliefs:
             rows = np.flatnonzero(area == place)
             there = east_north_m[..., rows, :]
@@ -106,14 +109,14 @@ class GroundPlanes:
 
     @property
     def _widest(self) -> int:
-        """Coefficients of the area that has most of them."""
+        """Largest number of coefficients of an area."""
         return max((shape.size for _, _, shape in self._reliefs), default=0)
 
     def columns(self, label: Ints) -> Ints:
-        """(n, w) the ground's unknowns behind n labels, counted from the first.
+        """Return the (n, w) ground unknowns of n labels, counted from the first.
 
-        Those of the plane (3, or none), then those of the relief. Labels on a plane that is no
-        unknown, or without relief, point at others, with derivatives of zero.
+        Those of the plane (3, or none), then those of the relief. For labels on a plane that is no
+        unknown, or without relief, the columns are those of others, with derivatives of zero.
         """
         area = self._area[label]
         plane = np.maximum(area - self._fixed, 0)[:, None] * PLANE_SIZE + np.arange(PLANE_SIZE)
@@ -124,7 +127,7 @@ class GroundPlanes:
         return np.concatenate([plane[:, : self._planes], relief], axis=1)
 
     def priors(self) -> list[PlanePrior]:
-        """Of every plane that is an unknown, level about its stated height."""
+        """Return the prior of every unknown plane, level about its stated height."""
         datum = self._grounds[0].height_m if self._fixed else 0.0
         return [
             PlanePrior(
@@ -144,13 +147,13 @@ class GroundPlanes:
         return np.concatenate([np.full(shape.size, shape.sigma_m) for *_, shape in self._reliefs])
 
     def relief_rows(self, area: int) -> Ints:
-        """Which coefficients of relief an area has."""
+        """Return the rows of an area's coefficients of relief."""
         rows = [first + np.arange(shape.size) for at, first, shape in self._reliefs if at == area]
         return rows[0] if rows else np.zeros(0, dtype=np.int64)
 
 
 def _reliefs(grounds: tuple[Ground, ...]) -> Iterator[tuple[int, int, Relief]]:
-    """Area by index, first of its coefficients, and relief, of all areas that have any."""
+    """Yield index of the area, first of its coefficients, and relief, for all areas with relief."""
     first = 0
     for place, ground in enumerate(grounds):
         if ground.relief is not None:
@@ -159,33 +162,33 @@ def _reliefs(grounds: tuple[Ground, ...]) -> Iterator[tuple[int, int, Relief]]:
 
 
 def relief_size(survey: Survey) -> int:
-    """Number R of coefficients of all areas' relief."""
+    """Return the number R of coefficients of all areas' relief."""
     return sum(shape.size for _, _, shape in _reliefs(survey.grounds))
 
 
 def relief_basis(relief: Relief, east_north_m: Floats) -> Basis:
-    """The functions of a relief at places (n, 2)."""
+    """Compute the basis functions of a relief at places (n, 2)."""
     if relief.kind == "quadratic":
         return quadratic_basis(east_north_m, relief.knots_m[0], relief.scale_m)
     return correlated_basis(east_north_m, relief.knots_m, relief.scale_m)
 
 
 def fixed_planes(survey: Survey) -> int:
-    """How many planes, counted from the first, are the gauge and no unknowns: 1 or 0."""
+    """Return how many planes, counted from the first, are the gauge and no unknowns: 1 or 0."""
     return int(survey.gauge == "plane")
 
 
 def first_planes(grounds: tuple[Ground, ...], height_m: float) -> Floats:
-    """(3A,) level planes to start from: the first at `height_m`, the rest as far off as stated."""
+    """Return (3A,) level initial planes: the first at `height_m`, others at the stated offsets."""
     planes = np.zeros((len(grounds), PLANE_SIZE))
     planes[:, 0] = height_m + np.array([g.height_m - grounds[0].height_m for g in grounds])
     return planes.ravel()
 
 
 def area_centroids(survey: Survey, point_m: Floats) -> Floats:
-    """(A, 2) medians of the points (K, 2) of each area; one near the horizon drags none away.
+    """Return (A, 2) medians of the points (K, 2) of each area; robust to points near the horizon.
 
-    An area whose points were all left out has the middle of the scene.
+    An area whose points were all left out gets the median of all points.
     """
     middle = np.median(point_m, axis=0)
     area = survey.area

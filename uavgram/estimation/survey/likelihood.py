@@ -1,8 +1,8 @@
 """The one likelihood: every observation of a survey as whitened residuals with Jacobians.
 
-Residuals are predicted minus observed, over the observation's standard deviation. Each prior
-enters once: the telemetry of a frame against what the shared unknowns (boresight, lever arm,
-biases, clock) predict for it, and each shared unknown against its own prior.
+Residuals are predicted minus observed, over the observation's standard deviation. Each prior enters
+once: the telemetry of a frame against its prediction from the shared unknowns (boresight, lever
+arm, biases, clock), and each shared unknown against its own prior.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ class SurveyProblem:
     Parameters
     ----------
     survey
-        The observations.
+        Observations.
     pivot_m
-        (A, 2), or (2,) for all areas: east and north of where the slopes of each area's plane
-        turn, the centroids of its points.
+        (A, 2), or (2,) for all areas: east and north of the places about which the slopes of each
+        area's plane turn, the centroids of its points.
     line_used
-        (L,) which lengths are observations.
+        (L,) mask of the lengths that are observations.
     """
 
     def __init__(self, survey: Survey, pivot_m: Floats, line_used: Bools) -> None:
@@ -62,11 +62,11 @@ class SurveyProblem:
         return self.ground.pivot_m
 
     def intrinsics(self, state: State) -> Floats:
-        """(..., P) the interior orientation of a state."""
+        """Return the (..., P) interior orientation of a state."""
         return self.survey.calibration.parameters + state.intrinsic @ self.intrinsic_basis.T
 
     def world_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
-        """World coordinates (n, 3) of labels, and their Jacobians.
+        """Compute world coordinates (n, 3) of labels, and their Jacobians.
 
         Returns
         -------
@@ -79,18 +79,19 @@ class SurveyProblem:
         return self.placed(state, state.point[..., label, :], label)
 
     def placed(self, state: State, own: Floats, label: Ints) -> tuple[Floats, Floats, Floats]:
-        """World coordinates of points by their own unknowns, as `world_points` of labels.
+        """Compute world coordinates of points from their own unknowns, as `world_points` of labels.
 
         Parameters
         ----------
         state
-            Values of what all points share.
+            Values of the unknowns that all points share.
         own
             (n, point_size) unknowns of each point.
         label
-            (n,) the label in whose area, and at whose height above the ground, it lies.
+            (n,) label that gives the area of each point, and its height above the ground.
         """
         world, d_point, d_plane = self._on_ground(state, own, label)
+        # up = ground(east, north) + stated height + departure, if the point has one.
         world[..., 2] += self.survey.height_above_m[label]
         if self.layout.point_size == 3:
             departs = self.third.departs[label]
@@ -99,10 +100,10 @@ class SurveyProblem:
         return world, d_point, d_plane
 
     def ground_points(self, state: State, label: Ints) -> tuple[Floats, Floats, Floats]:
-        """Places (n, 3) on the smooth ground straight below labels, and their Jacobians.
+        """Compute places (n, 3) on the smooth ground straight below labels, and their Jacobians.
 
-        Plane and relief, without what a point on rough ground departs from them. Shapes and
-        unknowns are those of `world_points`.
+        Plane and relief, without the departure of points on rough ground. Shapes and unknowns are
+        those of `world_points`.
         """
         return self._on_ground(state, state.point[..., label, :], label)
 
@@ -119,15 +120,15 @@ class SurveyProblem:
         return world, d_point, d_plane
 
     def plane_columns(self, label: Ints) -> Ints:
-        """(n, w) unknowns of the ground on which each of n labels lies."""
+        """Return the (n, w) unknowns of the ground of n labels."""
         return self.layout.first_plane + self.ground.columns(label)
 
     def evaluate(self, state: State) -> dict[str, Block] | None:
-        """Whitened residuals and derivatives of every kind of observation, by group.
+        """Compute whitened residuals and derivatives of every kind of observation, by group.
 
-        None where a picked point lies behind its camera, or the lens would have no focal length.
-        Of many states at once, whose arrays have a leading axis, residuals have it too, and
-        derivatives that differ from state to state; None where one of the states is impossible.
+        None if a picked point is behind its camera, or the lens would have no focal length. For
+        many states at once, whose arrays have a leading axis, residuals have it too, and so do
+        derivatives that differ from state to state; None if one of the states is impossible.
         """
         if self.intrinsics(state)[..., :2].min() <= 0:
             return None
@@ -141,30 +142,31 @@ class SurveyProblem:
 
     @cached_property
     def known_thing(self) -> Ints:
-        """(R,) which of the known things that take part each row of their group is of."""
+        """(R,) index of the known thing of each row of their group, among those that take part."""
         return things_of_rows(self.survey, self.known)
 
     def readings(self, state: State, taped: Taped) -> tuple[Floats, Floats, Ints]:
-        """What tapes read (n,), the gradients (n, k), and the unknowns' columns (n, k).
+        """Predict tape readings (n,), with gradients (n, k) and the unknowns' columns (n, k).
 
-        A tape that takes no part in the adjustment is read as a right one.
+        A tape that takes no part in the adjustment is assumed to be correct.
         """
         return *self.read(state, taped), self.columns_of_readings(taped)
 
     def read(self, state: State, taped: Taped) -> tuple[Floats, Floats]:
-        """What tapes read (n,), and the gradients (n, k)."""
+        """Predict tape readings (n,), with gradients (n, k)."""
         length, jacobian = self._between(state, taped.start, taped.end, taped.level)
         if not self.tapes:
             return length, jacobian
         row = tape_rows(self.tapes, taped.tape)
         there = row >= 0
+        # reading = length / (1 + scale); its derivative by the scale is -length / (1 + scale)^2.
         ratio = 1.0 / (1.0 + np.where(there, state.tape[..., row], 0.0))
         by_scale = np.where(there, -length * ratio**2, 0.0)
         gradient = np.concatenate([jacobian * ratio[..., None], by_scale[..., None]], axis=-1)
         return length * ratio, gradient
 
     def columns_of_readings(self, taped: Taped) -> Ints:
-        """(n, k) unknowns of what tapes read."""
+        """Return the (n, k) unknowns of tape readings."""
         columns = self._end_columns(taped.start, taped.end)
         if not self.tapes:
             return columns
@@ -174,7 +176,7 @@ class SurveyProblem:
     def lengths_between(
         self, state: State, start: Ints, end: Ints, *, level: Bools | None = None
     ) -> tuple[Floats, Floats, Ints]:
-        """True lengths (n,) between labels, their gradients (n, k) and the unknowns' columns.
+        """Compute true lengths (n,) between labels, gradients (n, k) and the unknowns' columns.
 
         Parameters
         ----------
@@ -183,7 +185,7 @@ class SurveyProblem:
         start, end
             (n,) labels by index.
         level
-            (n,) which are distances in the horizontal plane; left out, all are 3-D.
+            (n,) mask of the distances in the horizontal plane; None: all are 3-D.
         """
         return *self._between(state, start, end, level), self._end_columns(start, end)
 
@@ -196,6 +198,7 @@ class SurveyProblem:
         if level is not None:
             along[..., level, 2] = 0.0
         length = lengths_of(along)
+        # Gradient of a length: the unit vector along it, minus at the start and plus at the end.
         unit = (along / np.where(length > 0, length, 1.0)[..., None])[..., None, :]
         start_by, end_by = d_point[..., :n, :, :], d_point[..., n:, :, :]
         start_ground, end_ground = d_plane[..., :n, :, :], d_plane[..., n:, :, :]
@@ -211,10 +214,10 @@ class SurveyProblem:
 
 
 def covariance_root(covariance: Floats) -> Floats:
-    """(P, r) matrix L with L L^T = covariance; r leaves out what is known exactly.
+    """Compute a (P, r) matrix L with L L^T = covariance; r leaves out exactly known parameters.
 
-    The eigenvalues are those of the correlation matrix, so that pixels and distortion
-    coefficients weigh alike when the rank is decided.
+    The eigenvalues are those of the correlation matrix, so that pixels and distortion coefficients
+    have equal weight when the rank is decided.
     """
     sigma = np.sqrt(np.diag(covariance))
     scale = np.where(sigma > 0, sigma, 1.0)

@@ -1,17 +1,17 @@
-"""Readjust observations that moved a little, by kept factors or in full.
+"""Readjustment of observations that moved a little, by kept factors or in full.
 
-Gauss-Newton steps with the normal matrix of the first adjustment ("simplified Newton") cost an
-evaluation and a back substitution each. Where they do not come to rest fast, because the normal
-matrix has turned too far, the full iteration goes on from there.
+`refit` takes Gauss-Newton steps with the normal matrix of the first adjustment ("simplified
+Newton"), which cost an evaluation and a back substitution each. Where they do not converge fast,
+because the normal matrix has changed too much, the full iteration continues from there.
 
-Gauss-Newton steps with the factor of the first adjustment ("simplified Newton"), of many such
-movements at once. Near by the likelihood is evaluated at every step; of what lies farther away the
-linear model is kept. With x = x0 + s + d, where s is what first order makes of the movement,
+`moved` takes such steps for many movements at once. Near by the likelihood is evaluated at every
+step; observations farther away keep the linear model. With x = x0 + s + d, where s is the
+first-order effect of the movement,
 
     d = - N^-1 sum over rows near by of  J(x)^T (r(x) - e) - J0^T (r0 + J0 d).
 
-What is asked sees the next step without a solution of the normal equations: S g, the columns of
-the covariance behind its gradient g, are known.
+The change of a requested function by the next step is known without a solution of the normal
+equations, as S g, the columns of the covariance times its gradient g, are known.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from uavgram.estimation.survey.unknowns import State, advance, some
 from uavgram.model.arrays import Bools, Floats, Ints
 
 FAST = 0.5
-"""Ratio of the squared lengths of successive steps above which a new normal matrix pays."""
+"""Ratio of the squared lengths of successive steps above which a new normal matrix is cheaper."""
 
 
 def refit(
@@ -45,17 +45,17 @@ def refit(
     errors: Mapping[str, Floats],
     at_rest: float = CONVERGED,
 ) -> State | None:
-    """The state that fits observations with errors; None where there is none.
+    """Estimate the state that fits observations with errors; None if there is none.
 
     Parameters
     ----------
     adjustment
-        Of the observations as they are.
+        Adjustment of the observations as they are.
     errors
-        (n, r) by group, in whitened units: an error e of the observations makes their residuals
-        r - e. Groups that are not named keep theirs.
+        (n, r) by group, in whitened units: an error e of the observations makes their residuals r -
+        e. Groups that are not named keep theirs.
     at_rest
-        Squared length of a step, in sigmas of the unknowns, from which on it is the last.
+        Squared length of a step, in sigmas of the unknowns, below which it is the last.
     """
     layout, factor = adjustment.problem.layout, adjustment.minimum.factor
     state, previous = adjustment.state, np.inf
@@ -65,6 +65,7 @@ def refit(
         moved = with_errors(blocks, errors)
         gradient = gradient_of(moved.values(), layout.size)
         step = -factor.solve(gradient)
+        # Squared length of the step in sigmas: step^T N step.
         length = float(-gradient @ step)
         if length > FAST * previous:
             return _in_full(adjustment, state, errors, at_rest, moved)
@@ -76,7 +77,7 @@ def refit(
 
 
 def with_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> dict[str, Block]:
-    """The blocks as they would be, had the observations these errors."""
+    """Return the blocks of observations with these errors added."""
     return {
         name: Block(block.residual - errors[name], block.columns, block.jacobian)
         if name in errors
@@ -114,35 +115,39 @@ def _in_full(
 
 
 STRAIGHT = 0.005
-"""Squared length, in sigmas, of what observations depart from the linear model, up to which the
-first step is the last: further ones would change what is asked by about as many of its sigmas."""
+"""Largest squared departure of the observations from the linear model, in sigmas, with which the
+first step is the last: further steps would change the requested functions by about as many of their
+sigmas."""
 
 UNFELT = 0.005
-"""By how many of its sigmas a step that is the last may still move what is asked."""
+"""Largest change of a requested function by the last step, in its sigmas."""
 
 NEAR = 0.01
-"""Squared length, in sigmas, of a step that may be the last."""
+"""Largest squared length of the last step, in sigmas."""
 
 MOVED_AT_REST = 1e-3
-"""Squared length, in sigmas, of the last step of the whole survey's adjustment anew."""
+"""Squared length, in sigmas, of the last step when the whole survey is adjusted anew."""
 
 CROOKED = 2.0
-"""The same, from which on such steps lead nowhere: what is so far from linear is adjusted whole."""
+"""Squared departure from the linear model, in sigmas, from which such steps do not converge: the
+whole survey is adjusted instead."""
 
 LOST = 100.0
-"""The same on the way: steps may lead astray once, and mixed with others back."""
+"""Limit like `CROOKED` after the first step: a step may diverge once, and return by mixing with
+others."""
 
 MOST = 20
-"""Steps that are taken at most."""
+"""Largest number of steps."""
 
 HISTORY = 6
-"""Steps that are mixed."""
+"""Number of steps that are mixed."""
 
 REPEATED = 1e-10
-"""Share of their lengths by which steps that are mixed count as different."""
+"""Share of the step lengths that is added to the diagonal, so that steps that repeat each other
+count as different."""
 
 TINY = 1e-300
-"""Squared length of a step that is none."""
+"""Squared length of a zero step."""
 
 ENTRIES = 250_000
 """Numbers in the derivatives of all states that are evaluated together: 2 MB, which caches hold."""
@@ -150,14 +155,15 @@ ENTRIES = 250_000
 
 @dataclass(frozen=True, eq=False)
 class Moved:
-    """Where m adjustments of moved observations end.
+    """Results of m adjustments of moved observations.
 
     Attributes
     ----------
     states
-        Unknowns near by; None where no end was found.
+        Unknowns near by; None where the iteration did not converge.
     rest
-        (m, r) by how much the last step moves what is asked, which is not taken in `states`.
+        (m, r) change of the requested functions by the last step, which is not included in
+        `states`.
     """
 
     states: list[State | None]
@@ -166,7 +172,7 @@ class Moved:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """What is asked of the unknowns near by.
+    """Requested functions of the unknowns near by.
 
     Attributes
     ----------
@@ -175,7 +181,7 @@ class Asked:
     solved
         (r, n) the covariance of the unknowns times it.
     of
-        (m, r) which of it is asked of each movement.
+        (m, r) mask of the functions that are requested for each movement.
     """
 
     gradient: Floats
@@ -184,18 +190,18 @@ class Asked:
 
 
 def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> Moved:
-    """Adjust observations that moved as `steps` would move them.
+    """Adjust observations that moved by the equivalent of `steps`.
 
     Parameters
     ----------
     near
-        The unknowns near by.
+        Unknowns near by.
     factor
-        Of the whole survey.
+        Factor of the whole survey.
     steps
-        (m, n) of the unknowns near by.
+        (m, n) first-order steps of the unknowns near by.
     asked
-        What has to come to rest.
+        Functions that have to converge.
     """
     count, base = len(steps), near.problem.evaluate(near.state)
     assert base is not None  # noqa: S101  (the adjustment stands there)
@@ -206,11 +212,13 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
     for taken in range(MOST):
         states = advance(near.problem.layout, near.state, steps[left] + way.beyond)
         gradient, bent = _unexplained(near, plane, states, steps[left], way.beyond)
+        # Effect of the next step on the requested functions: g^T (-N^-1 gradient - beyond).
         ahead = -gradient @ asked.solved.T - way.beyond @ asked.gradient.T
-        # What is nearly straight ends at once; what is far from it, or impossible, leads nowhere.
+        # Nearly linear movements end at once; very nonlinear or impossible ones do not converge.
         is_last = (bent < STRAIGHT) & (taken == 0)
         further = np.flatnonzero(~is_last & (bent < (LOST if taken else CROOKED)))
         drive = gradient[further] + way.force[further]
+        # step = -N^-1 drive
         right = np.zeros((factor.size, len(further)))
         right[near.columns] = -drive.T
         step = factor.solve(right)[near.columns].T
@@ -228,17 +236,17 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
 
 
 class _Way(NamedTuple):
-    """Where m iterations stand, and how they came there.
+    """Current positions of m iterations, and their last steps.
 
     Attributes
     ----------
     beyond
-        (m, n) by how much each has gone beyond its first step.
+        (m, n) difference of each from its first step.
     force
-        (m, n) the normal matrix times that; zero but near by, as the whole step comes from there.
+        (m, n) normal matrix times that; zero except near by, where all of the step originates.
     past
-        Of the last iterations, oldest first: `beyond`, `force`, what drove the step (the gradient),
-        and the step.
+        Last iterations, oldest first: `beyond`, `force`, the gradient that drove the step, and the
+        step.
     """
 
     beyond: Floats
@@ -247,15 +255,16 @@ class _Way(NamedTuple):
 
     @classmethod
     def from_here(cls, shape: tuple[int, ...]) -> _Way:
-        """The first step alone."""
+        """Start with the first step alone."""
         return cls(np.zeros(shape), np.zeros(shape), ())
 
     def further(self, rows: Ints, drive: Floats, step: Floats) -> _Way:
-        """Where some of them go next, by their steps (r, n) and what drives these (r, n).
+        """Compute the next positions of some iterations from steps (r, n) and gradients (r, n).
 
-        To that mixture of the last steps' ends whose remaining step would be shortest, in sigmas,
-        were all linear (Anderson 1965, Iterative procedures for nonlinear integral equations;
-        Walker & Ni 2011). Plain steps diverge where the normal matrix has turned.
+        The next position is the mixture of the last steps' ends whose remaining step would be
+        shortest, in sigmas, if everything were linear (Anderson 1965, Iterative procedures for
+        nonlinear integral equations; Walker & Ni 2011). Plain steps diverge where the normal matrix
+        has changed.
         """
         before = (tuple(one[rows] for one in each) for each in self.past)
         past = (*before, (self.beyond[rows], self.force[rows], drive, step))[-HISTORY:]
@@ -263,7 +272,7 @@ class _Way(NamedTuple):
         if len(past) > 1:
             by = [np.diff(np.stack(each, axis=1), axis=1) for each in zip(*past, strict=True)]
             by_beyond, by_force, by_drive, by_step = by
-            # s^T N s' of steps s = -N^-1 g: -g^T s'
+            # Inner products s^T N s' of steps s = -N^-1 g: -g^T s'
             joint = -by_step @ np.swapaxes(by_drive, 1, 2)
             part = _solved(0.5 * (joint + np.swapaxes(joint, 1, 2)), -by_drive @ step[..., None])
             beyond = beyond - (part * (by_beyond + by_step)).sum(axis=1)
@@ -272,23 +281,23 @@ class _Way(NamedTuple):
 
 
 def _solved(joint: Floats, right: Floats) -> Floats:
-    """Solutions (m, h, 1) of small systems (m, h, h), also where steps repeat each other."""
+    """Solve small systems (m, h, h) for (m, h, 1), also where steps repeat each other."""
     scale = 1.0 / np.sqrt(np.maximum(np.einsum("mii->mi", joint), TINY))[..., None]
     scaled = joint * scale * np.swapaxes(scale, 1, 2) + REPEATED * np.eye(joint.shape[1])
     return np.asarray(np.linalg.solve(scaled, right * scale) * scale)
 
 
 class _Plane(NamedTuple):
-    """The linear model of all rows near by, group by group.
+    """Linear model of all rows near by, group by group.
 
     Attributes
     ----------
     residual
-        (R,) at its middle.
+        (R,) at the linearisation point.
     jacobian
         (R, n) by the unknowns near by.
     observed
-        (R,) 1, but 0 of the gauge, which is no observation, and stays.
+        (R,) 1, but 0 for the gauge, which is no observation and does not move.
     """
 
     residual: Floats
@@ -297,7 +306,7 @@ class _Plane(NamedTuple):
 
     @classmethod
     def of(cls, blocks: Mapping[str, Block], size: int) -> _Plane:
-        """That of an adjustment's blocks."""
+        """Return the linear model of an adjustment's blocks."""
         observed = [np.full(b.residual.size, float(name != "gauge")) for name, b in blocks.items()]
         return cls(
             np.concatenate([block.residual.ravel() for block in blocks.values()]),
@@ -306,17 +315,17 @@ class _Plane(NamedTuple):
         )
 
     def times(self, steps: Floats) -> Floats:
-        """(m, R) by which steps (m, n) move the rows."""
+        """Compute the (m, R) changes of the rows by steps (m, n)."""
         return np.asarray((self.jacobian @ steps.T).T)
 
 
 def _unexplained(
     near: Neighbourhood, plane: _Plane, states: State, steps: Floats, beyond: Floats
 ) -> tuple[Floats, Floats]:
-    """What the linear model does not say of m states: gradients (m, n), and how much it is (m,).
+    """Compute the departures of m states from the linear model: gradients (m, n) and sizes (m,).
 
-    That is the squared length of what the residuals depart from it; NaN where a state is
-    impossible.
+    The size is the squared length of the difference of the residuals from the linear model; NaN
+    where a state is impossible.
     """
     count = len(steps)
     gradient, bent = np.full(steps.shape, np.nan), np.full(count, np.nan)
@@ -327,7 +336,7 @@ def _unexplained(
         there = near.problem.evaluate(some(states, rows))
         if there is not None:
             gradient[rows], bent[rows] = _off_linear(plane, there, steps[rows], beyond[rows])
-        elif len(rows) > 1:  # one of them is impossible
+        elif len(rows) > 1:  # bisect to isolate the impossible state
             waiting += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
     return gradient, bent
 
@@ -335,11 +344,12 @@ def _unexplained(
 def _off_linear(
     plane: _Plane, there: Mapping[str, Block], steps: Floats, beyond: Floats
 ) -> tuple[Floats, Floats]:
-    """Gradients (m, n) of what the linear model does not say, and its squared length (m,)."""
+    """Compute gradients (m, n) of departures from the linear model, and squared lengths (m,)."""
     count, size = steps.shape
     moved_by = plane.observed * plane.times(steps)
     expected = plane.residual + plane.times(beyond)
     found = np.concatenate([b.residual.reshape(count, -1) for b in there.values()], axis=1)
+    # r(x) - e: the moved observations make the residuals smaller by J0 s.
     found -= moved_by
     gradient, first = -(plane.jacobian.T @ expected.T).T, 0
     for block in there.values():
@@ -352,7 +362,7 @@ def _off_linear(
 
 
 def moved_alone(adjustment: Adjustment, step: Floats) -> State | None:
-    """The whole survey adjusted to observations that moved as a step (size,) would move them."""
+    """Adjust the whole survey to observations moved by the equivalent of a step (size,)."""
     errors = {
         name: np.einsum("nrk,nk->nr", block.jacobian, step[block.columns])
         for name, block in adjustment.minimum.blocks.items()

@@ -1,4 +1,4 @@
-"""Observations and priors in words."""
+"""Names of observations and priors in texts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uavgram.model.naming import listed
 COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
 MOST_RIVALS = 4
-"""Other possible blunders that are named."""
+"""Largest number of other possible blunders that are named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,33 +27,33 @@ class Names:
     Attributes
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
     """
 
     adjustment: Adjustment
 
     def of(self, member: Member) -> Observation:
-        """The kind of observation that a member is of."""
+        """Return the kind of observation of a member."""
         return self.adjustment.problem.observations[member.kind]
 
     def observation(self, member: Member) -> str:
-        """``pick of 'P' in 'img1.jpg'`` and the like, without an article."""
+        """Return ``pick of 'P' in 'img1.jpg'`` and the like, without an article."""
         return self.of(member).title(member)
 
     def cause(self, member: Member) -> str:
-        """What may be wrong where an observation does not fit, without an article."""
+        """Return the possible cause of a misfit, without an article."""
         return self.of(member).suspect(member)
 
     def axis(self, member: Member) -> str:
-        """``boresight x``, ``fx``, and the like, in a table."""
+        """Return ``boresight x``, ``fx`` and the like, for a table."""
         return self.of(member).axis(member)
 
     def unit(self, member: Member) -> tuple[str, float]:
-        """Unit in which an error is stated, and how many of it make the unit of the unknowns."""
+        """Return the unit of an error, and how many of it make the unit of the unknowns."""
         return self.of(member).unit(member)
 
     def group(self, suspicion: Suspicion) -> str:
-        """All that could be wrong: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
+        """List all possible causes: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
         parts: list[str] = []
         by_frame: dict[str, list[str]] = {}
         for member in (suspicion.accused, *suspicion.group):
@@ -69,7 +69,7 @@ class Names:
         return " or the ".join(parts)
 
     def look(self, suspicion: Suspicion) -> str:
-        """``no test can part them: look at all three``; empty where there is nothing to part."""
+        """Return ``no test can part them: look at all three``; empty for a single observation."""
         count = 1 + len(suspicion.group)
         if count == 1:
             return ""
@@ -77,7 +77,7 @@ class Names:
         return f"no test can part them: look at {words}"
 
     def rivals(self, suspicion: Suspicion) -> str:
-        """What else it could be, as a sentence; empty where it is located."""
+        """List the other possible causes as a sentence; empty if the outlier is located."""
         if not suspicion.rivals:
             return ""
         named = [self.cause(m) for m in suspicion.rivals[:MOST_RIVALS]]
@@ -89,7 +89,7 @@ class Names:
         )
 
     def subjects(self, *members: Member) -> Subjects:
-        """Which frames, labels and lengths observations are of, as a message carries them."""
+        """Return frames, labels and lengths of observations, as a message carries them."""
         each = [self.of(member).subjects(member.row) for member in members]
         together: Subjects = {
             "frames": tuple(dict.fromkeys(f for one in each for f in one.get("frames", ()))),

@@ -1,11 +1,13 @@
-"""Neighbouring points: how well each is known against the others, and what some can bend.
+"""Local accuracy of points against their neighbours, and the surroundings of points.
 
-Where receivers and compasses put a survey says nothing about its shape, and a datum that all points
-make together moves with every point that joins them. A distance hangs on neither.
+Errors of receivers and compasses shift and turn a whole survey without changing its shape, and a
+datum that all points define together moves with every point that joins them. A distance between
+points is independent of both.
 
-Observations far away hardly move with these points, and what hardly moves is a plane: there the
-adjustment's own linear model is enough. Near by the likelihood itself is asked, of a survey of the
-photos that show the points and of those that share points with them.
+To readjust moved observations, a neighbourhood is cut out of the survey. Observations far away
+hardly change with these points, and are nearly linear: the adjustment's own linear model is enough
+for them. Near by the likelihood itself is evaluated, for a survey of the photos that show the
+points and of those that share points with them.
 """
 
 from __future__ import annotations
@@ -26,26 +28,27 @@ from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Sightings
 
 NEIGHBOURS = 5
-"""An odd number, so that the median is one of them; two that are badly known do not change it."""
+"""Neighbours of a point: an odd number, so that the median is one of them; two badly determined
+neighbours do not change it."""
 
 MOST_SOLVED = 2_000
-"""Distances up to which each is solved for where the inverse is not at hand as a whole; beyond
-that their variances are taken from draws of all unknowns."""
+"""Largest number of distances that are each solved for where the inverse is not available as a
+whole; beyond it their variances are taken from draws of all unknowns."""
 
 DRAWS = 128
-"""The standard deviation of a sigma from so many draws is 6 %: 1 / sqrt(2 n)."""
+"""Number of draws: the standard deviation of a sigma from so many is 6 %: 1 / sqrt(2 n)."""
 
 _AT_ONCE, _SEED = 32, 20
 
 
 @dataclass(frozen=True, eq=False)
 class Neighbours:
-    """The points next to each of K points, k = min(5, K - 1) of them.
+    """Nearest points of each of K points, k = min(5, K - 1) of them.
 
     Attributes
     ----------
     row
-        (K, k) which, the nearest first.
+        (K, k) indices of the neighbours, the nearest first.
     distance_sigma_m
         (K, k) standard deviations of the distances to them.
     """
@@ -55,26 +58,26 @@ class Neighbours:
 
     @property
     def sigma_m(self) -> Floats:
-        """(K,) the median of them; NaN of a point that is alone."""
+        """(K,) median standard deviation; NaN for a single point."""
         if not self.row.shape[1]:
             return np.full(len(self.row), np.nan)
         return np.asarray(np.median(self.distance_sigma_m, axis=1))
 
 
 def neighbours(adjustment: Adjustment) -> Neighbours:
-    """The nearest points of every point, and how well the distances to them are known.
+    """Find the nearest points of every point, and the sigmas of the distances to them.
 
     Parameters
     ----------
     adjustment
-        The adjusted survey.
+        Adjusted survey.
 
     Notes
     -----
     Geodesy rates a point likewise, as its local accuracy: the mean of the relative accuracies
-    between it and those next to it (FGDC-STD-007.2-1998, Geospatial Positioning Accuracy Standards,
-    part 2). The median in its place, as one neighbour that hardly any photo shows must not rate
-    all around it.
+    between it and the points next to it (FGDC-STD-007.2-1998, Geospatial Positioning Accuracy
+    Standards, part 2). Here the median is taken, because one neighbour that hardly any photo shows
+    must not rate all points around it.
     """
     count = adjustment.problem.layout.points
     place, gradient, columns = adjustment.points_with_jacobian(np.arange(count))
@@ -82,6 +85,7 @@ def neighbours(adjustment: Adjustment) -> Neighbours:
     if not row.size:
         return Neighbours(row, np.zeros(row.shape))
     here = np.repeat(np.arange(count), row.shape[1])
+    # Each pair of points once: both directions have the same variance.
     pair, which = np.unique(
         np.sort(np.column_stack([here, row.ravel()])), axis=0, return_inverse=True
     )
@@ -89,6 +93,7 @@ def neighbours(adjustment: Adjustment) -> Neighbours:
     apart = place[other] - place[one]
     length = np.linalg.norm(apart, axis=1, keepdims=True)
     direction = np.where(length > 0, apart, [1.0, 0.0, 0.0]) / np.where(length > 0, length, 1.0)
+    # Gradient of the distance: minus the direction by one point, plus the direction by the other.
     by = np.concatenate(
         [
             -np.einsum("ni,nij->nj", direction, gradient[one]),
@@ -101,20 +106,20 @@ def neighbours(adjustment: Adjustment) -> Neighbours:
 
 
 def _nearest(place_m: Floats) -> Ints:
-    """(K, k) the nearest others of places (K, 3)."""
+    """Return the (K, k) nearest others of places (K, 3)."""
     count = len(place_m)
     wanted = min(NEIGHBOURS, count - 1)
     if wanted < 1:
         return np.zeros((count, 0), dtype=np.int64)
     found = np.asarray(cKDTree(place_m).query(place_m, wanted + 1)[1], dtype=np.int64)
-    # The point itself is one of them, not always the first: another may stand at the same place.
+    # The query returns the point itself, not always first: another may be at the same place.
     itself = found == np.arange(count)[:, None]
     itself[~itself.any(axis=1), -1] = True
     return np.asarray(found[~itself].reshape(count, wanted), dtype=np.int64)
 
 
 def _variances(adjustment: Adjustment, columns: Ints, by: Floats) -> Floats:
-    """Variances (n,) of linear functions: their gradients (n, k) by unknowns (n, k)."""
+    """Compute the variances (n,) of linear functions with gradients (n, k) by unknowns (n, k)."""
     factor = adjustment.minimum.factor
     if not factor.sparse:
         joint = adjustment.covariance.blocks(columns)
@@ -125,13 +130,13 @@ def _variances(adjustment: Adjustment, columns: Ints, by: Floats) -> Floats:
 
 
 def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: Floats) -> Floats:
-    """Variances (n,) of linear functions from `DRAWS` draws of all unknowns.
+    """Estimate variances (n,) of linear functions from `DRAWS` draws of all unknowns.
 
     Parameters
     ----------
     factor, blocks
-        The normal matrix N = J^T J and the whitened rows J that make it: with z of unit variance
-        N^-1 J^T z has the covariance N^-1.
+        Factor of the normal matrix N = J^T J and the whitened rows J that make it: with z of unit
+        variance, N^-1 J^T z has the covariance N^-1.
     columns, by
         The functions: their gradients (n, k) by unknowns (n, k).
     """
@@ -142,22 +147,24 @@ def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: 
         right = np.zeros((factor.size, _AT_ONCE))
         for jacobian in rows:
             right += jacobian.T @ rng.standard_normal((jacobian.shape[0], _AT_ONCE))
+        # N^-1 J^T z: draws of all unknowns.
         drawn = factor.solve(right)
         value = np.zeros((len(columns), _AT_ONCE))
-        for k in range(by.shape[1]):  # one at a time: all of them at once are too many numbers
+        for k in range(by.shape[1]):  # one at a time, to save memory
             value += by[:, [k]] * drawn[columns[:, k]]
         total += np.sum(value**2, axis=1)
     return total / DRAWS
 
 
 RINGS = 2
-"""Photos that show the points; and those that share points with them."""
+"""Rings of photos: those that show the points, and those that share points with them."""
 
 FEW = 40
-"""Photos of a survey that is its own neighbourhood: a part of it would cost as much."""
+"""Number of photos up to which a survey is its own neighbourhood: a part of it would cost as
+much."""
 
 MOST = 0.5
-"""Share of the photos from which on a part is not worth it."""
+"""Share of the photos above which a part is not worth its cost."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,11 +174,11 @@ class Neighbourhood:
     Attributes
     ----------
     problem
-        The likelihood of its observations.
+        Likelihood of its observations.
     columns
-        (n,) where its unknowns stand among those of the whole survey.
+        (n,) positions of its unknowns among those of the whole survey.
     state
-        Its unknowns, as they were adjusted.
+        Adjusted values of its unknowns.
     """
 
     problem: SurveyProblem
@@ -180,9 +187,9 @@ class Neighbourhood:
 
 
 def neighbourhood(adjustment: Adjustment, label: Ints) -> Neighbourhood:
-    """What surrounds some points: all of a small survey.
+    """Return the surroundings of some points: all of a small survey.
 
-    A survey without a world of its own is small, and held by its first photo.
+    A survey without a world of its own is small, and fixed by its first photo.
     """
     survey = adjustment.survey
     frames = len(survey.frame_id)
@@ -198,12 +205,12 @@ def neighbourhood(adjustment: Adjustment, label: Ints) -> Neighbourhood:
 
 
 def is_small(survey: Survey) -> bool:
-    """Whether the whole survey is the neighbourhood of any of its points."""
+    """Return whether the whole survey is the neighbourhood of any of its points."""
     return len(survey.frame_id) <= FEW or survey.gauge == "plane"
 
 
 def _frames_around(survey: Survey, label: Ints) -> Bools:
-    """(F,) which photos show the points, or share a point with one that does."""
+    """Mark the photos (F,) that show the points, or share a point with one that does."""
     matches, ties = survey.matches, survey.ties
     labels = len(survey.label)
     chained = np.append(survey.pick_label, 0)[matches.pick][matches.point]
@@ -219,7 +226,7 @@ def _frames_around(survey: Survey, label: Ints) -> Bools:
 
 
 def _within(sightings: Sightings, near: Bools) -> Sightings:
-    """Those in photos near by; all points keep their places."""
+    """Keep the sightings in photos near by; the indices of the points do not change."""
     return replace(sightings, **rows_of(sightings, np.flatnonzero(near[sightings.frame]), "n"))
 
 
@@ -259,7 +266,7 @@ def _part(adjustment: Adjustment, part: Selection) -> Neighbourhood:
 
 
 def groups(place_m: Floats, most: int) -> list[Ints]:
-    """Rows of places (n, 2) in groups of up to `most`: halved along the longer way, and again."""
+    """Split places (n, 2) into groups of up to `most` rows by halving along the longer axis."""
     waiting, found = [np.arange(len(place_m))], []
     while waiting:
         rows = waiting.pop()

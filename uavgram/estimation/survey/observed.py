@@ -1,4 +1,4 @@
-"""What was observed of a survey, as people and logs state it, and a truth to draw it anew from."""
+"""Observations of a survey as people and logs state them, and a truth to draw them anew from."""
 
 from __future__ import annotations
 
@@ -28,34 +28,35 @@ NO_CONTROL = KnownWorldPoints(label=(), world_m=np.empty((0, 3)), sigma_m=np.emp
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Observations:
-    """Everything that was observed, and what is known beforehand, by name.
+    """All observations and prior values, by name.
 
     Attributes
     ----------
     calibration
-        Of the camera.
+        Calibration of the camera.
     picks, lines
-        Picked pixels, and known lengths; those that are withheld stay out.
+        Picked pixels, and known lengths, without those that are withheld.
     known
-        What else is known of points; what is withheld stays out.
+        Other known things about points, without those that are withheld.
     control
         Points with known coordinates in the world [m].
     ties
         Sightings of tie points.
     telemetry
-        Where each frame was, by the log or the photos; None without either.
+        Pose of each frame, by the log or the photos; None without either.
     ground
-        What is known of the ground's planes.
+        Priors of the ground's planes.
     picks_sigma_px
         Standard deviation of picks that state none [px].
     picks_identification_sigma_m
-        How far people pick beside what was meant, alike in all photos; 0: not at all.
+        Standard deviation of the offset between picked and meant points, equal in all photos [m];
+        0: none.
     tape, own_scale_sigma
-        How good the tapes are; names and priors of the scale of those that are other than that.
+        Accuracy of the tapes; names and prior scale sigmas of the tapes with a different one.
     photos
         Names of all photos in order: that of the frames where there is no telemetry.
     exposures
-        When each photo was taken; None where nobody says.
+        Exposure time of each photo; None if unknown.
     copies
         Photos of an exposure that is counted already -> the photo that is.
     """
@@ -79,7 +80,7 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """An adjusted survey that is taken for the truth, and random numbers for errors about it."""
+    """Adjusted survey that is taken for the truth, with random numbers for errors about it."""
 
     problem: SurveyProblem
     state: State
@@ -92,12 +93,12 @@ class Truth:
 
     @cached_property
     def place_m(self) -> Floats:
-        """(K, 3) of the labels."""
+        """(K, 3) positions of the labels."""
         return self._points[0]
 
     @cached_property
     def slope(self) -> Floats:
-        """(K, 2) of the ground at the labels."""
+        """(K, 2) slopes of the ground at the labels."""
         return self._points[1][:, 2, :2]
 
     @property
@@ -106,17 +107,17 @@ class Truth:
 
     @cached_property
     def height_m(self) -> Floats:
-        """(K,) of the labels above the ground."""
+        """(K,) heights of the labels above the ground."""
         ground, _, _ = self.problem.ground_points(self.state, np.arange(len(self.row)))
         return np.asarray(self.place_m[:, 2] - ground[:, 2])
 
     @cached_property
     def intrinsics(self) -> Floats:
-        """(P,) of the camera."""
+        """(P,) interior orientation of the camera."""
         return self.problem.intrinsics(self.state)
 
     def seen(self, frame: Ints, place_m: Floats) -> Floats:
-        """(n, 2) pixels of places (n, 3) in frames (n,)."""
+        """Compute the (n, 2) pixels of places (n, 3) in frames (n,)."""
         center, rotation = self.state.center[frame], self.state.rotation[frame]
         poses = RowPoses(center, rotation, np.zeros((len(frame), 6)))
         return project_rows(self.problem.survey.calibration, self.intrinsics, poses, place_m)

@@ -1,4 +1,4 @@
-"""How a survey's cameras moved while their photos were read, and whether that is felt."""
+"""Motion of the cameras during the readout of their photos, and whether it has an effect."""
 
 from __future__ import annotations
 
@@ -13,28 +13,29 @@ from uavgram.model.flight.log import Track
 from uavgram.model.survey.survey import RollingShutter, Survey
 
 FELT_PX = 0.05
-"""By which rows at the edge must move in some photo, lest the readout time be left out: a tenth of
-a good pick's noise."""
+"""Smallest shift of rows at the edge of any photo for which the readout time is kept [px]: a tenth
+of a good pick's noise."""
 
 NONE = Readout(value_s=0.0, sigma_s=0.0)
-"""All rows at once."""
+"""Readout of all rows at once."""
 
 LEAST_SIGMA_S = 1e-6
-"""Of a readout time that is stated as exact: an unknown needs a sigma, no camera is as steady."""
+"""Smallest sigma of a readout time that is stated as exact [s]: an unknown needs a sigma, and no
+camera is as steady."""
 
 
 def with_readout(survey: Survey, shared: Floats) -> Survey:
-    """The survey with what it needs to find the readout time, or with nothing of it.
+    """Return the survey with the data for the readout time, or without them where it has no effect.
 
-    That time is left out where the photos come without a track, where the camera is known to take
-    all rows at once, and where it moved so little that no pick would feel it.
+    The readout time is left out if the photos come without a track, if the camera is known to take
+    all rows at once, or if it moved so little that no pick would be affected.
 
     Parameters
     ----------
     survey
-        Its calibration says what is known of the readout.
+        Survey, whose calibration holds the prior of the readout.
     shared
-        (12,) unknowns of the telemetry at which the camera's motion is looked up.
+        (12,) unknowns of the telemetry at which the camera's motion is evaluated.
     """
     readout = survey.calibration.readout or UNKNOWN_READOUT
     telemetry, track = survey.telemetry, survey.track
@@ -51,10 +52,11 @@ def with_readout(survey: Survey, shared: Floats) -> Survey:
 
 
 def edge_shift_px(survey: Survey, sweep: Floats) -> float:
-    """About how far such sweeps (F, 6) move pixels at the upper and lower edge, at the most."""
+    """Estimate the largest shift of pixels at the upper and lower edge by sweeps (F, 6) [px]."""
     if survey.seeds is None or not len(sweep):
         return 0.0
     away = np.abs(survey.seeds.center_world_m[:, 2] - survey.ground.height_m)
     turn = np.linalg.norm(sweep[:, 3:], axis=1)
+    # A shift of the camera moves the image like a turn by shift / distance.
     turn += np.linalg.norm(sweep[:, :3], axis=1) / np.maximum(away, 1.0)
     return float(survey.calibration.parameters[0] * turn.max() / 2)

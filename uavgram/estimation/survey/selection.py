@@ -1,4 +1,4 @@
-"""Leaving observations out of a survey without losing track of which they were."""
+"""Selection of parts of a survey, with the indices of the kept observations."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from uavgram.model.survey.ties import Sightings
 
 @dataclass(frozen=True, eq=False)
 class Selection:
-    """A reduced survey, and where its picks and lines stood in the whole one.
+    """Reduced survey, and the indices of its picks and lines in the whole one.
 
     Attributes
     ----------
     survey
-        Without the picks left out, and without frames, labels, lines, known things and control
-        points that lost all of theirs.
+        Survey without the picks left out, and without frames, labels, lines, known things and
+        control points that lost all of theirs.
     pick_index, line_index, frame_index, label_index
         (P',), (L',), (F',), (K',) into the whole survey.
     chain_index, tie_index
@@ -39,7 +39,7 @@ class Selection:
 
 
 def select_picks(survey: Survey, keep: Bools) -> Selection:
-    """Keep the picks in `keep` (P,), and whatever still hangs on one of them."""
+    """Keep the picks in `keep` (P,), and everything that depends only on these."""
     picks = np.flatnonzero(keep)
     frames = np.union1d(survey.pick_frame[picks], _tied_only(survey))
     labels, pick_label = np.unique(survey.pick_label[picks], return_inverse=True)
@@ -77,7 +77,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
 
 
 def _tied_only(survey: Survey) -> Ints:
-    """Frames that sightings of tie points show, and nobody picked anything in."""
+    """Return the frames with sightings of tie points but without any pick."""
     tied = np.union1d(survey.matches.frame, survey.ties.frame)
     return np.setdiff1d(tied, survey.pick_frame)
 
@@ -85,9 +85,9 @@ def _tied_only(survey: Survey) -> Ints:
 def _some_sightings(
     sightings: Sightings, new_frame: Ints, new_pick: Ints
 ) -> tuple[Sightings, Ints]:
-    """Those in frames that stay, of chains whose pick stays; with new indices (-1: left out).
+    """Keep sightings in kept frames, of chains whose pick is kept, with new indices (-1: left out).
 
-    And which points are left.
+    Also returns the indices of the kept points.
     """
     if not sightings.points:
         return sightings, np.zeros(0, dtype=np.int64)
@@ -114,7 +114,7 @@ def without_known(survey: Survey, left_out: Collection[int]) -> Survey:
 
 
 def without_ties_of(survey: Survey, frames: Collection[str]) -> Survey:
-    """Leave out what ties some frames, by name, to others."""
+    """Leave out the matches and tie points in some frames, by name."""
     out = np.isin(survey.frame_id, list(frames))
     matches, _ = survey.matches.without(out[survey.matches.frame])
     ties, _ = survey.ties.without(out[survey.ties.frame])

@@ -1,4 +1,4 @@
-"""The unknowns of a survey: where each stands in the vector, their values, and how they move."""
+"""Unknowns of a survey: their order in the vector, their values, and their updates."""
 
 from __future__ import annotations
 
@@ -18,24 +18,24 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True)
 class Layout:
-    """Order of the unknowns: points, picked points, ties, frames, then what all photos share.
+    """Order of the unknowns: points, picked points, ties, frames, then the shared unknowns.
 
-    That is intrinsics, planes, relief, telemetry, tapes, readout.
+    The shared ones are intrinsics, planes, relief, telemetry, tapes, readout.
 
     Attributes
     ----------
     points
-        K, each with `point_size` unknowns: east, north and, where a point of the survey may
-        depart from where the ground and its stated height put it, that departure.
+        K, each with `point_size` unknowns: east, north and, if a point of the survey may depart
+        from the ground and its stated height, that departure.
     picked
-        Q, each with `point_size` unknowns: the points that people picked for labels whose meant
-        point may be another (`Survey.identified`).
+        Q, each with `point_size` unknowns: the picked points of labels whose meant point may be
+        another (`Survey.identified`).
     ties
         T, each with `point_size` unknowns as well: chains of matches first (as of their labels),
         then tie points (east, north, up).
     frames
-        F, each with six: δcentre in world [m], δθ in camera [rad]; and where `turning`, three more:
-        by how much farther it turned while it was read than the log says [rad], in camera axes.
+        F, each with six: δcentre in world [m], δθ in camera [rad]; and with `turning`, three more:
+        its turn during the readout beyond that of the log [rad], in camera axes.
     intrinsics
         Number of unknown combinations of the interior orientation, in sigmas.
     plane
@@ -45,11 +45,11 @@ class Layout:
     telemetry
         12 (see geometry/motion/telemetry_pose.py), or 0 without a log.
     tape
-        Number of tapes with a scale to find (see estimation/survey/observations/lengths.py).
+        Number of tapes with an unknown scale (see estimation/survey/observations/lengths.py).
     readout
         1 where the readout time of a rolling shutter is an unknown, else 0.
     free_gauge
-        Whether nothing but a choice fixes position and heading.
+        Whether position and heading are fixed only by a choice.
     """
 
     points: int
@@ -68,7 +68,7 @@ class Layout:
 
     @property
     def frame_size(self) -> int:
-        """Unknowns of a frame: its pose, and perhaps its turning."""
+        """Unknowns of a frame: its pose, and its turning if that is unknown."""
         return 9 if self.turning else 6
 
     @cached_property
@@ -118,7 +118,7 @@ class Layout:
 
     @cached_property
     def structure(self) -> Structure:
-        """For the elimination order."""
+        """Structure for the elimination order."""
         return Structure(
             size=self.size,
             points=self.points + self.picked + self.ties,
@@ -128,45 +128,45 @@ class Layout:
         )
 
     def point_columns(self, index: Ints) -> Ints:
-        """(n, point_size) unknowns of n points."""
+        """Return the (n, point_size) unknowns of n points."""
         return index[:, None] * self.point_size + np.arange(self.point_size)
 
     def picked_columns(self, index: Ints) -> Ints:
-        """(n, point_size) unknowns of n picked points."""
+        """Return the (n, point_size) unknowns of n picked points."""
         return self.point_columns(self.points + index)
 
     def label_of(self, index: int, survey: Survey) -> int:
-        """Which label the unknown at `index`, of a point or a picked point, is of."""
+        """Return the label of the unknown at `index`, of a point or a picked point."""
         point = index // self.point_size
         return point if point < self.points else int(survey.identified[point - self.points])
 
     def tie_columns(self, index: Ints) -> Ints:
-        """(n, point_size) unknowns of n tie points."""
+        """Return the (n, point_size) unknowns of n tie points."""
         return self.first_tie + self.point_columns(index)
 
     def frame_columns(self, index: Ints) -> Ints:
-        """(n, 6) unknowns of the poses of n frames."""
+        """Return the (n, 6) unknowns of the poses of n frames."""
         return self.first_frame + index[:, None] * self.frame_size + np.arange(6)
 
     def turning_columns(self, index: Ints) -> Ints:
-        """(n, 3) unknowns of the turning of n frames; (n, 0) where it is no unknown."""
+        """Return the (n, 3) unknowns of the turning of n frames; (n, 0) if it is no unknown."""
         own = np.arange(6, self.frame_size)
         return self.first_frame + index[:, None] * self.frame_size + own
 
     def shared_columns(self, first: int, count: int, rows: int) -> Ints:
-        """(rows, count) the same shared unknowns in every row.
+        """Return (rows, count), the same shared unknowns in every row.
 
         Parameters
         ----------
         first, count
-            Index of the first of these unknowns, and how many there are.
+            Index of the first of these unknowns, and their number.
         rows
             Number of rows.
         """
         return np.broadcast_to(first + np.arange(count), (rows, count))
 
     def describe(self, index: int, survey: Survey) -> str:
-        """Which unknown stands at `index`, in words."""
+        """Describe the unknown at `index` in words."""
         if self.first_tie <= index < self.first_frame:
             return "the position of a tie point"
         if index < self.first_tie:
@@ -207,7 +207,7 @@ class State:
     telemetry
         (12,) or (0,).
     tape
-        (T,) scales: +0.01 of a tape that is 1 % too long.
+        (T,) scales: +0.01 for a tape that is 1 % too long.
     readout
         (1,) or (0,) readout time [s].
     picked
@@ -215,7 +215,7 @@ class State:
     tie
         (T, point_size) of chains of matches as `point`; of tie points east, north, up [m].
     turning
-        (F, 3), or (F, 0) where it is no unknown: turns beyond those of the log [rad].
+        (F, 3), or (F, 0) if it is no unknown: turns beyond those of the log [rad].
     """
 
     point: Floats
@@ -234,41 +234,41 @@ class State:
     def __post_init__(self) -> None:
         if not len(self.turning):
             object.__setattr__(self, "turning", np.zeros((len(self.center), 0)))
-        for name in ("picked", "tie"):  # of none, as wide as the others
+        for name in ("picked", "tie"):  # empty arrays get the width of the points
             if not getattr(self, name).size:
                 none = np.zeros((*self.point.shape[:-2], 0, self.point.shape[-1]))
                 object.__setattr__(self, name, none)
 
 
 def unstacked(states: State) -> Iterator[State]:
-    """Each of the states whose arrays have one leading axis, as `move` gives them."""
+    """Yield each of the states whose arrays have one leading axis, as `move` returns them."""
     arrays = [getattr(states, field.name) for field in fields(states)]
     return (State(*each) for each in zip(*arrays, strict=True))
 
 
 def some(states: State, rows: Ints | int | slice) -> State:
-    """Those of stacked states that stand at `rows`, stacked as well; at one row, that state."""
+    """Return the stacked states at `rows`, stacked as well; for a single row, that state."""
     return State(*(getattr(states, field.name)[rows] for field in fields(states)))
 
 
 def stacked(states: Sequence[State]) -> State:
-    """States as one, whose arrays have a leading axis."""
+    """Stack states into one, whose arrays have a leading axis."""
     return State(*(np.stack([getattr(s, f.name) for s in states]) for f in fields(State)))
 
 
 def layout_of(survey: Survey, point_size: int, intrinsics: int, tapes: int) -> Layout:
-    """Which unknowns a survey has.
+    """Return the layout of the unknowns of a survey.
 
     Parameters
     ----------
     survey
-        The observations.
+        Observations.
     point_size
         Number of each point's unknowns.
     intrinsics
         Number of unknown combinations of the interior orientation.
     tapes
-        Number of tapes with a scale to find.
+        Number of tapes with an unknown scale.
     """
     return Layout(
         points=len(survey.label),
@@ -288,27 +288,29 @@ def layout_of(survey: Survey, point_size: int, intrinsics: int, tapes: int) -> L
 
 
 def is_turning_unknown(survey: Survey) -> bool:
-    """Whether the log says too little of how the camera turned while its rows were read.
+    """Return whether the turns of the camera during the readout are unknowns.
 
-    People's picks, good to a pixel, never show that; a few hundred sightings of a tenth of it do.
+    The log does not resolve them. Picks by people, accurate to a pixel, never show them; a few
+    hundred sightings that are ten times as accurate do.
     """
     return survey.rolling is not None and bool(survey.matches.points + survey.ties.points)
 
 
 def move(layout: Layout, state: State, step: Floats) -> State:
-    """The state after an increment (size,) of the unknowns.
+    """Add an increment (size,) of the unknowns to a state.
 
     Parameters
     ----------
     layout
-        Where each unknown stands in the vector.
+        Order of the unknowns in the vector.
     state
-        From where; or as many states as steps, with the same leading axes.
+        Initial state; or as many states as steps, with the same leading axes.
     step
-        (size,) increment; of (..., size) as many states, their arrays with the same leading axes.
+        (size,) increment; for (..., size) as many states, their arrays with the same leading axes.
     """
     many = step.shape[:-1]
     frame_step = _of_frames(layout, step)
+    # The gauge's plane, if fixed, comes first and does not move.
     plane = np.empty((*many, state.plane.shape[-1]))
     plane[:] = state.plane
     plane[..., plane.shape[-1] - layout.plane :] += step[
@@ -331,36 +333,36 @@ def move(layout: Layout, state: State, step: Floats) -> State:
 
 
 def _of_points(layout: Layout, step: Floats) -> Floats:
-    """(..., K, point_size) of a step, a view of it."""
+    """Return the (..., K, point_size) part of a step, a view of it."""
     own = step[..., : layout.points * layout.point_size]
     return own.reshape(*step.shape[:-1], layout.points, layout.point_size)
 
 
 def _of_picked(layout: Layout, state: State, step: Floats) -> Floats:
-    """(..., Q, point_size) of a step, a view of it."""
+    """Return the (..., Q, point_size) part of a step, a view of it."""
     own = step[..., layout.points * layout.point_size : layout.first_tie]
     return own.reshape(*step.shape[:-1], *state.picked.shape[-2:])
 
 
 def _of_ties(layout: Layout, state: State, step: Floats) -> Floats:
-    """(..., T, point_size) of a step, a view of it."""
+    """Return the (..., T, point_size) part of a step, a view of it."""
     own = step[..., layout.first_tie : layout.first_frame]
     return own.reshape(*step.shape[:-1], *state.tie.shape[-2:])
 
 
 def _of_frames(layout: Layout, step: Floats) -> Floats:
-    """(..., F, frame_size) of a step, a view of it."""
+    """Return the (..., F, frame_size) part of a step, a view of it."""
     own = step[..., layout.first_frame : layout.first_intrinsic]
     return own.reshape(*step.shape[:-1], layout.frames, layout.frame_size)
 
 
 def between(layout: Layout, start: State, end: State) -> Floats:
-    """(..., size) the increment by which `move` leads from one state to another.
+    """Compute the (..., size) increment by which `move` leads from one state to another.
 
     Parameters
     ----------
     layout
-        Where each unknown stands in the vector.
+        Order of the unknowns in the vector.
     start, end
         Two states of the same unknowns, or as many of each with the same leading axes.
     """
@@ -382,13 +384,13 @@ def between(layout: Layout, start: State, end: State) -> Floats:
 
 
 def advance(layout: Layout, state: State, step: Floats) -> State:
-    """The state after an increment, as `move` to first order: what the iterations take as update.
+    """Update a state by an increment, equal to `move` to first order, for the iterations.
 
-    No observation but telemetry and control notices when points and cameras turn together about the
-    vertical. `move` takes such a turn along the tangent, which tears points from their pixels by
-    half the turn squared times the scene's size; here it is a turn (a retraction along the group,
-    Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also goes back to
-    the gauge's conditions (see ``SurveyProblem``), which are stiff and met to first order only.
+    Only telemetry and control notice when points and cameras turn together about the vertical.
+    `move` takes such a turn along the tangent, which moves points off their pixels by half the turn
+    squared times the scene's size; here it is a turn (a retraction along the group, Absil, Mahony
+    and Sepulchre 2008, ch. 4). With a free gauge the state also returns to the gauge's conditions
+    (see ``SurveyProblem``), which are stiff and met to first order only.
 
     Parameters
     ----------
@@ -401,8 +403,10 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     if not np.all(size):  # a single point has no heading
         return move(layout, state, step)
     across = arm[..., ::-1] * (-1.0, 1.0)
+    # Common turn about the vertical: least-squares fit of the step to the points' arms.
     angle = (across * _of_points(layout, step)[..., :2]).sum(axis=(-2, -1)) / size
     by = angle[..., None]
+    # Remove the common turn from the step, apply it as a rotation, and add the rest.
     rest = np.array(step)
     rest_frame = _of_frames(layout, rest)
     _of_points(layout, rest)[..., :2] -= by[..., None] * across
@@ -418,7 +422,7 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
 
 
 def _at_gauge(state: State) -> State:
-    """A state on the plane z = 0 with its first frame above x = y = 0, image up towards north."""
+    """Move a state on the plane z = 0 to its gauge: first frame above x = y = 0, image up north."""
     image_up = -state.rotation[..., 0, :2, 1]
     size = np.linalg.norm(image_up, axis=-1)
     is_level = size == 0  # up has no direction in the plan
@@ -435,7 +439,7 @@ def _at_gauge(state: State) -> State:
 
 
 def _turned(state: State, about: Floats, cosine: Floats, sine: Floats) -> State:
-    """All points and cameras turned about the verticals through (..., 2) `about`."""
+    """Turn all points and cameras about the verticals through (..., 2) `about`."""
     turn = np.zeros((*np.shape(cosine), 3, 3))
     turn[..., 0, 0] = turn[..., 1, 1] = cosine
     turn[..., 1, 0], turn[..., 0, 1] = sine, -np.asarray(sine)

@@ -1,1 +1,1 @@
-"""Poses of frames from tie points alone: nothing is known but the camera."""
+"""Poses of frames from tie points alone, with nothing known but the camera."""

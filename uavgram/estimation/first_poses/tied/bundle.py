@@ -1,4 +1,4 @@
-"""Poses and tie points together: rays of a survey, and their adjustment in free axes and scale."""
+"""Rays of tie points, and adjustment of poses and tie points in arbitrary axes and scale."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TiedRays(FrozenArrays):
     Attributes
     ----------
     frame, point
-        (N,) which frame sees which point.
+        (N,) frame and point of each sighting.
     ray
         (N, 3) unit vectors towards it, in the camera.
     sigma_rad
@@ -43,7 +43,7 @@ class TiedRays(FrozenArrays):
     points: int
 
     def take(self, rows: Ints | Bools) -> TiedRays:
-        """Some of the sightings, of the same frames and points."""
+        """Return some of the sightings, of the same frames and points."""
         return TiedRays(
             frame=self.frame[rows],
             point=self.point[rows],
@@ -54,13 +54,13 @@ class TiedRays(FrozenArrays):
         )
 
     def shared(self) -> Ints:
-        """(F, F) how many points two frames have in common."""
+        """Count (F, F) points that two frames have in common."""
         ones = np.ones(len(self.frame), dtype=np.int64)
         seen = csr_array((ones, (self.frame, self.point)), shape=(self.frames, self.points))
         return np.asarray((seen @ seen.T).todense())
 
     def of_pair(self, first: int, second: int) -> tuple[Ints, Ints]:
-        """(m,), (m,) rows of the points that two frames have in common, alike ordered."""
+        """Return (m,), (m,) rows of the points that two frames share, in the same order."""
         one, other = np.flatnonzero(self.frame == first), np.flatnonzero(self.frame == second)
         _, at_one, at_other = np.intersect1d(
             self.point[one], self.point[other], assume_unique=True, return_indices=True
@@ -70,18 +70,19 @@ class TiedRays(FrozenArrays):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TiedPoses:
-    """Poses of frames that hang together, in axes and a scale of their own.
+    """Poses of connected frames, in axes and a scale of their own.
 
     Attributes
     ----------
     center, rotation
-        (F, 3), (F, 3, 3) world from camera; NaN for frames that do not hang together with them.
+        (F, 3), (F, 3, 3) world from camera; NaN for frames that are not connected with them.
     point
-        (T, 3); NaN where no two rays of such frames tell.
+        (T, 3); NaN if no two rays of such frames determine it.
     agrees
-        (N,) sightings that fit by and large; the others are of frames without a pose, or wrong.
+        (N,) mask of the sightings that fit approximately; the others are of frames without a pose,
+        or wrong.
     spread_rad
-        How far rays pass the points, per axis (root mean square of those that agree).
+        Residual of the rays, per axis (root mean square of those that agree).
     """
 
     center: Floats
@@ -92,19 +93,19 @@ class TiedPoses:
 
     @property
     def placed(self) -> Bools:
-        """(F,) whether a frame has a pose."""
+        """(F,) mask of the frames that have a pose."""
         return np.isfinite(self.center[:, 0])
 
 
 def tied_rays(survey: Survey) -> tuple[TiedRays, Ints]:
-    """Rays to tie points and along chains of matches, each once by frame and point.
+    """Return rays to tie points and along chains of matches, each once by frame and point.
 
     Returns
     -------
     rays
-        The points of the chains behind the tie points.
+        The points of the chains follow the tie points.
     row : (N,)
-        Which sighting each is: first those of the ties, then those of the matches.
+        Index of the sighting of each: first those of the ties, then those of the matches.
     """
     ties, matches, camera = survey.ties, survey.matches, survey.calibration
     clicked = matches.pick
@@ -123,18 +124,18 @@ def rays_of(
     sigma_px: Floats,
     sizes: tuple[int, int],
 ) -> tuple[TiedRays, Ints]:
-    """Rays through pixels, each once by frame and point; and (N,) which pixel each is of.
+    """Compute rays through pixels, each once by frame and point, and the (N,) pixel of each.
 
     Parameters
     ----------
     camera
-        Of all frames.
+        Calibration of all frames.
     seen
-        (n,), (n,) which frame sees which point.
+        (n,), (n,) frame and point of each sighting.
     pixel_px, sigma_px
-        (n, 2), (n,) where, and the sigma of each coordinate.
+        (n, 2), (n,) pixels, and the sigma of each coordinate.
     sizes
-        How many frames and points there are.
+        Number of frames and of points.
     """
     frame, point = seen
     ray = back_project(camera.model, camera.parameters, pixel_px)
@@ -154,31 +155,32 @@ def rays_of(
 
 
 STAY = 1.0
-"""Sigma with which each centre (in mean distances of the points) and attitude (rad) stays where it
-was, against rays of a ten-thousandth: it holds axes and scale, and bends nothing."""
+"""Sigma of weak priors that keep each centre (in units of the largest distance of a camera from
+their mean) and attitude (rad), compared with rays of a ten-thousandth: they fix axes and scale
+without distortion."""
 
 ITERATIONS = 12
 SETTLED = 1e-3
-"""Predicted fall of the sum of squares, by ray, that needs no other step."""
+"""Predicted reduction of the sum of squares, per ray, below which the iteration ends."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Poses and points: (F, 3), (F, 3, 3), (T, 3); NaN where they are not known."""
+    """Poses and points: (F, 3), (F, 3, 3), (T, 3); NaN if unknown."""
 
     center: Floats
     rotation: Floats
     point: Floats
 
     def placed_rows(self, sightings: TiedRays) -> Bools:
-        """(N,) sightings of a point with a place from a frame with a pose."""
+        """Mark the sightings (N,) of a point with a place from a frame with a pose."""
         return np.asarray(
             np.isfinite(self.center[sightings.frame, 0])
             & np.isfinite(self.point[sightings.point, 0])
         )
 
     def angles(self, sightings: TiedRays) -> Floats:
-        """(N,) by how much each ray misses its point [rad]; NaN where one of both is missing."""
+        """Compute (N,) angles between rays and their points [rad]; NaN if one is missing."""
         seen = np.einsum(
             "nj,nji->ni",
             self.point[sightings.point] - self.center[sightings.frame],
@@ -191,18 +193,18 @@ class Scene:
 
 
 def adjusted(scene: Scene, sightings: TiedRays, rows: Bools, iterations: int = ITERATIONS) -> Scene:
-    """The poses and points that fit some of the sightings best.
+    """Adjust the poses and points to some of the sightings.
 
     Parameters
     ----------
     scene
-        To start from.
+        Initial values.
     sightings
-        All.
+        All sightings.
     rows
-        (N,) those that take part: of frames and points that have a place.
+        (N,) mask of those that take part: of frames and points that have a place.
     iterations
-        At the most.
+        Largest number of iterations.
     """
     if not rows.any():
         return scene
@@ -240,7 +242,7 @@ _State = tuple[Floats, Floats, Floats]
 
 
 class _Rays:
-    """Residuals of rays that should pass points."""
+    """Residuals of rays against points, and weak priors of the poses."""
 
     def __init__(self, sightings: TiedRays, frame: Ints, point: Ints, center: Floats) -> None:
         self._ray, self._frame, self._point = sightings.ray, frame, point
@@ -274,6 +276,7 @@ class _Rays:
         if np.isnan(residual).any():  # a point is behind its camera
             return None
         jacobian = np.concatenate([by_point, -by_point, by_turn], axis=2)
+        # Weak priors fix the seven free parameters (axes, origin and scale).
         stay = np.zeros((len(center), 6))
         stay[:, :3] = (center - self._center) / (STAY * self._size)
         held = np.zeros((len(center), 6, 6))

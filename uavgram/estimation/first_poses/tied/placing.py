@@ -1,4 +1,4 @@
-"""Tied poses in the axes of the world: level by the ground, or by positions that are known."""
+"""Tied poses in the axes of the world: levelled by the ground, or fitted to known positions."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ from uavgram.geometry.motion.rotation import exp_so3, nearest_rotation
 from uavgram.model.arrays import Bools, Floats, Ints
 
 SAMPLES = 200
-"""Samples of three points of which one should lie on the ground whole."""
+"""Number of samples of three points, one of which should be entirely on the ground."""
 
 IN_LINE = 0.05
-"""Second extent of known positions, as a share of the first, below which they lie in a line: the
-roll about it is then the ground's to tell."""
+"""Second extent of known positions, as a share of the first, below which they are in line: the roll
+about the line is then determined by the ground."""
 
 FEWEST_POINTS = 10
-"""Tie points from which the ground is told."""
+"""Smallest number of tie points that determine the ground."""
 
 
 def moved(poses: TiedPoses, turn: Floats, scale: float, shift: Floats) -> TiedPoses:
-    """The same, in axes where x is scale * turn x + shift.
+    """Transform poses to axes where x is scale * turn x + shift.
 
     Parameters
     ----------
     poses
-        In any axes.
+        Poses in any axes.
     turn
         (3, 3) rotation.
     scale
@@ -44,17 +44,17 @@ def moved(poses: TiedPoses, turn: Floats, scale: float, shift: Floats) -> TiedPo
 
 
 def levelled(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
-    """The same over the plane z = 0 that most tie points lie on; None where none is told.
+    """Transform poses so that most tie points are on the plane z = 0; None if undetermined.
 
-    The plane from which the median distance of the points is least, of planes through three of
-    them that all cameras stand above; then the one that fits those points best.
+    The plane with the smallest median distance of the points, among planes through three of them
+    that all cameras are above; then the best fit to its near points.
 
     Parameters
     ----------
     poses
-        In any axes.
+        Poses in any axes.
     seed
-        Of what is drawn by lot.
+        Seed of the random samples.
     """
     point = poses.point[np.isfinite(poses.point[:, 0])]
     center = poses.center[poses.placed]
@@ -66,6 +66,7 @@ def levelled(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
     size = np.linalg.norm(normal, axis=1)
     normal, base = normal[size > 0] / size[size > 0, None], three[size > 0, 0]
     side = (center[None] - base[:, None]) @ normal[:, :, None]
+    # Turn the normals towards the cameras, and keep planes with all cameras on one side.
     normal *= np.sign(np.median(side[..., 0], axis=1))[:, None]
     above = (np.abs(side[..., 0]) > 0).all(axis=1) & (
         np.abs(np.sign(side[..., 0]).sum(axis=1)) == len(center)
@@ -75,6 +76,7 @@ def levelled(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
     off = np.abs(((point[None] - base[:, None]) @ normal[:, :, None])[..., 0])
     spread = np.where(above, np.median(off, axis=1), np.inf)
     best = int(np.argmin(spread))
+    # Points within three robust sigmas, and the plane of best fit through them (SVD).
     near = point[off[best] <= 3.0 * 1.4826 * spread[best] + 1e-12]
     middle = near.mean(axis=0)
     fitted = np.linalg.svd(near - middle, full_matrices=False)[2][2]
@@ -84,7 +86,7 @@ def levelled(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
 
 
 def turn_between(source: Floats, target: Floats) -> Floats:
-    """(3, 3) smallest rotation that brings one unit vector (3,) onto another."""
+    """Compute the smallest rotation (3, 3) that brings one unit vector (3,) onto another."""
     axis, cosine = np.cross(source, target), float(source @ target)
     sine = float(np.linalg.norm(axis))
     if sine < 1e-12:
@@ -94,18 +96,18 @@ def turn_between(source: Floats, target: Floats) -> Floats:
 
 
 def onto_positions(poses: TiedPoses, position_m: Floats, usable: Bools) -> TiedPoses | None:
-    """The same where known positions of cameras (F, 3) say; None where these say nothing.
+    """Transform poses to known positions of cameras (F, 3); None if these do not suffice.
 
-    Positions in a line leave the roll about it open: then the ground is level.
+    Positions in line do not determine the roll about the line: then the ground is assumed level.
 
     Parameters
     ----------
     poses
-        In any axes.
+        Poses in any axes.
     position_m
         (F, 3) east, north, up.
     usable
-        (F,) frames whose position is known.
+        (F,) mask of the frames whose position is known.
     """
     rows = np.flatnonzero(usable & poses.placed)
     if len(rows) < 2:
@@ -123,18 +125,18 @@ def onto_positions(poses: TiedPoses, position_m: Floats, usable: Bools) -> TiedP
 def _similar(
     poses: TiedPoses, position_m: Floats, rows: Ints, *, upright: bool = False
 ) -> TiedPoses:
-    """Least squares in closed form (Umeyama 1991); `upright`: turned about up alone.
+    """Fit a similarity in closed form (Umeyama 1991); `upright`: rotation about up only.
 
     Parameters
     ----------
     poses
-        In any axes, or level.
+        Poses in any axes, or level.
     position_m
         (F, 3).
     rows
-        Frames by which to go.
+        Frames that are used.
     upright
-        Whether they are level.
+        Whether the poses are level.
     """
     source, target = poses.center[rows], position_m[rows]
     from_source, from_target = source - source.mean(axis=0), target - target.mean(axis=0)

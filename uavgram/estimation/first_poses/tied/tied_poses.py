@@ -14,17 +14,18 @@ from uavgram.estimation.solver.batched import State, minimise_trimmed
 from uavgram.model.arrays import Bools, Floats, Ints
 
 SAMPLES = 60
-"""Samples of three points; with a fifth of them wrong, 31 are still expected to be right."""
+"""Number of samples of three points; with a fifth of them wrong, 31 are still expected to be
+right."""
 
 SCORED = 150
-"""Points by which the solutions of the samples are told apart."""
+"""Number of points by which the solutions of the samples are ranked."""
 
 TRIMMED = 4.0
-"""Typical misses up to which a ray takes part in the pose."""
+"""Residual in units of the median up to which a ray takes part in the pose."""
 
 
 def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
-    """Centres (M, 3) and rotations (M, 3, 3), world from camera, of samples of three points.
+    """Compute centres (M, 3) and rotations (M, 3, 3), world from camera, from three points each.
 
     Parameters
     ----------
@@ -38,6 +39,7 @@ def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
     Grunert 1841, as given by Haralick et al. 1994, "Review and analysis of solutions of the three
     point perspective pose estimation problem", eq. 9; up to four poses of each sample.
     """
+    # Squared sides of the triangle, and cosines of the angles between the rays.
     a, b, c = (
         np.sum((world[:, i] - world[:, j]) ** 2, axis=1) for i, j in ((1, 2), (0, 2), (0, 1))
     )
@@ -66,6 +68,7 @@ def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
         )
         usable = np.isfinite(quartic).all(axis=1) & (np.abs(quartic[:, 0]) > 1e-12)
     sample, v = _real_roots(quartic, np.flatnonzero(usable))
+    # Distances of the three points from the ratios u, v to the first one.
     with np.errstate(all="ignore"):
         u = (p[sample] - 1) * v**2 - 2 * p[sample] * beta[sample] * v + 1 + p[sample]
         u = u / (2.0 * (gamma[sample] - v * alpha[sample]))
@@ -79,7 +82,7 @@ def poses_from_three(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
 
 
 def _real_roots(quartic: Floats, rows: Ints) -> tuple[Ints, Floats]:
-    """Which polynomial (m,) and the root (m,), of the real roots of some."""
+    """Find the real roots of some polynomials: index of the polynomial (m,) and root (m,)."""
     companion = np.zeros((len(rows), 4, 4))
     companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
     companion[:, 0] = -quartic[rows, 1:] / quartic[rows, :1]
@@ -90,7 +93,7 @@ def _real_roots(quartic: Floats, rows: Ints) -> tuple[Ints, Floats]:
 
 
 def _triads(three: Floats) -> Floats:
-    """(M, 3, 3) orthonormal axes, as columns, that three points each span."""
+    """Compute (M, 3, 3) orthonormal axes, as columns, spanned by three points each."""
     along = three[:, 1] - three[:, 0]
     along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     up = np.cross(along, three[:, 2] - three[:, 0])
@@ -99,7 +102,7 @@ def _triads(three: Floats) -> Floats:
 
 
 def ray_angles(center: Floats, rotation: Floats, world: Floats, ray: Floats) -> Floats:
-    """(M, n) angles between rays and points under M poses [rad]; large behind the camera.
+    """Compute (M, n) angles between rays and points under M poses [rad]; large behind the camera.
 
     Parameters
     ----------
@@ -117,7 +120,7 @@ def ray_angles(center: Floats, rotation: Floats, world: Floats, ray: Floats) -> 
 def resected(
     world: Floats, ray: Floats, rng: np.random.Generator
 ) -> tuple[Floats, Floats, float] | None:
-    """Centre (3,), rotation (3, 3) and typical miss [rad] of the camera that sees points so.
+    """Estimate centre (3,), rotation (3, 3) and typical residual [rad] of a camera from points.
 
     Half of the points may be wrong (least median of squares).
 
@@ -126,7 +129,7 @@ def resected(
     world, ray
         (n, 3) points, and unit rays to them in the camera; n >= 4.
     rng
-        For the samples.
+        Random numbers for the samples.
     """
     sample = np.argsort(rng.random((SAMPLES, len(world))), axis=1)[:, :3]
     center, rotation = poses_from_three(world[sample], ray[sample])
@@ -148,14 +151,16 @@ def resected(
 
 
 FEWEST = 7
-"""Points with a place that a frame must see to join, and that must fit it."""
+"""Smallest number of points with a place that a frame must see to join, and that must fit it."""
 
 NEARLY = 0.75
-"""Share of the most known points in any waiting frame with which others join at the same time."""
+"""Share of the largest number of known points in any waiting frame with which others join at the
+same time."""
 
 FITTING = (4.0, 16.0, 64.0)
-"""Spreads of the rays so far up to which a frame's points typically miss: those that fit best join
-first. A shutter that reads row by row bends the rays of each frame in its own way."""
+"""Typical residuals of a frame's points, in units of the present spread of the rays, up to which it
+joins: those that fit best join first. A shutter that reads row by row bends the rays of each frame
+in its own way."""
 
 MOST_FIT = 0.5
 """Share of a frame's rays that must agree for it to stay."""
@@ -164,10 +169,10 @@ WIDE = 0.05
 """Sigma of a point as a share of its distance, above which it has no place yet."""
 
 LIMITS = (20.0, 5.0)
-"""Spreads beyond which rays are left out, round by round."""
+"""Residuals in units of the spread beyond which rays are left out, round by round."""
 
 REFUSALS = 2
-"""Times that a frame may leave again before it is no longer tried."""
+"""Number of times that a frame may be removed before it is no longer tried."""
 
 MEDIAN = 1.1774
 """Median of the length of a two-dimensional error, in its sigmas per axis (Rayleigh)."""
@@ -179,18 +184,18 @@ OUT = 5.0
 def grown(
     scene: Scene, sightings: TiedRays, rng: np.random.Generator, most: int | None = None
 ) -> tuple[Scene, Bools]:
-    """The scene with all frames that can join it, and which sightings (N,) agree.
+    """Join all possible frames to the scene; mark the sightings (N,) that agree.
 
     Parameters
     ----------
     scene
-        With poses of two frames at least; its points are found anew.
+        Scene with poses of at least two frames; its points are computed again.
     sightings
-        All.
+        All sightings.
     rng
-        For what is drawn by lot.
+        Random numbers for the samples.
     most
-        Frames after which it is enough.
+        Number of frames at which it ends.
     """
     frames = sightings.frames if most is None else most
     scene, agrees = settled(scene, sightings)
@@ -209,7 +214,7 @@ def grown(
 
 
 def _fitting(scene: Scene, sightings: TiedRays, agrees: Bools) -> Scene:
-    """The scene without frames most of whose rays disagree; at least two stay."""
+    """Remove frames most of whose rays disagree; at least two stay."""
     known = scene.placed_rows(sightings)
     seen = np.bincount(sightings.frame[known], minlength=sightings.frames)
     fit = np.bincount(sightings.frame[agrees], minlength=sightings.frames)
@@ -224,18 +229,18 @@ def _fitting(scene: Scene, sightings: TiedRays, agrees: Bools) -> Scene:
 def _joined(
     scene: Scene, sightings: TiedRays, spread: float, barred: Bools, rng: np.random.Generator
 ) -> Scene | None:
-    """The scene with the frames that see most of its points and fit.
+    """Join the frames that see most points of the scene and fit; None if there are none.
 
     Parameters
     ----------
     scene, sightings
-        So far; all.
+        Present scene; all sightings.
     spread
-        Of the rays so far [rad].
+        Spread of the rays so far [rad].
     barred
-        (F,) frames that need not be tried again.
+        (F,) mask of frames that are not tried again.
     rng
-        For the samples.
+        Random numbers for the samples.
     """
     known = np.isfinite(scene.point[sightings.point, 0])
     waiting = known & np.isnan(scene.center[sightings.frame, 0]) & ~barred[sightings.frame]
@@ -253,6 +258,7 @@ def _joined(
         if pose is not None:
             tried.append((pose[2], int(frame), pose[0], pose[1]))
     center, rotation = scene.center.copy(), scene.rotation.copy()
+    # Join all frames within the smallest limit that any of them meets.
     for factor in FITTING:
         fitting = [one for one in tried if one[0] <= factor * spread]
         for _, frame, place, turn in fitting:
@@ -263,9 +269,9 @@ def _joined(
 
 
 def settled(scene: Scene, sightings: TiedRays) -> tuple[Scene, Bools]:
-    """Points where rays meet, all adjusted, and what then disagrees left out; round by round.
+    """Intersect rays, adjust the scene, and leave out rays that disagree; round by round.
 
-    Mild at first: rays of a frame that has just joined pass its points further off than they will.
+    The first limit is wide: rays of a frame that has just joined have larger residuals than later.
     """
     for limit in LIMITS:
         scene, agrees = with_points(scene, sightings, limit)
@@ -274,16 +280,16 @@ def settled(scene: Scene, sightings: TiedRays) -> tuple[Scene, Bools]:
 
 
 def with_points(scene: Scene, sightings: TiedRays, limit: float = OUT) -> tuple[Scene, Bools]:
-    """The scene with points where most rays meet, and the rays (N,) that do.
+    """Compute points where most rays meet, and mark the rays (N,) that do.
 
     Parameters
     ----------
     scene
         Poses.
     sightings
-        All.
+        All sightings.
     limit
-        Spreads beyond which a ray does not meet the others.
+        Residual in units of the spread beyond which a ray does not meet the others.
     """
     placed = np.isfinite(scene.center[sightings.frame, 0])
     direction = np.einsum("nij,nj->ni", scene.rotation[sightings.frame], sightings.ray)
@@ -299,7 +305,7 @@ def with_points(scene: Scene, sightings: TiedRays, limit: float = OUT) -> tuple[
         )
         met[~(spread <= WIDE)] = np.nan
         scene = replace(scene, point=met)
-        # Of the rays that pass their point too far away, the worst one of a point goes.
+        # Remove the worst ray of each point whose residual is too large.
         angle = scene.angles(sightings)
         far = used & (angle > spread_of(scene, sightings, used) * limit)
         worst = np.zeros(sightings.points)
@@ -315,7 +321,7 @@ def with_points(scene: Scene, sightings: TiedRays, limit: float = OUT) -> tuple[
 
 
 def _with_pairs(scene: Scene, sightings: TiedRays, agrees: Bools) -> tuple[Scene, Bools]:
-    """Only points that two rays agree on, ahead of the cameras, keep their place."""
+    """Keep only points with two agreeing rays, ahead of the cameras."""
     agrees = agrees & (np.nan_to_num(scene.angles(sightings), nan=np.pi) < 0.5)
     number = np.bincount(sightings.point[agrees], minlength=sightings.points)
     point = scene.point.copy()
@@ -324,22 +330,23 @@ def _with_pairs(scene: Scene, sightings: TiedRays, agrees: Bools) -> tuple[Scene
 
 
 def spread_of(scene: Scene, sightings: TiedRays, rows: Bools) -> float:
-    """Sigma of the rays, per axis, that they themselves show; robust, never below the stated.
+    """Estimate the sigma of the rays per axis from their residuals; robust, at least the stated.
 
     Parameters
     ----------
     scene
         Poses and points.
     sightings
-        All.
+        All sightings.
     rows
-        (N,) those that tell it.
+        (N,) mask of the sightings that are used.
     """
     angle = scene.angles(sightings)[rows]
     angle = angle[np.isfinite(angle)]
     if not len(angle):
         return np.inf
     points = len(np.unique(sightings.point[rows]))
+    # Residuals are shorter than errors by sqrt(redundancy / observations).
     free = 2 * len(angle) - 3 * points - 6 * int(np.isfinite(scene.center[:, 0]).sum())
     shrunk = float(np.sqrt(max(free, 0.2 * len(angle)) / (2 * len(angle))))
     seen = float(np.median(angle)) / MEDIAN / shrunk
@@ -347,59 +354,60 @@ def spread_of(scene: Scene, sightings: TiedRays, rows: Bools) -> float:
 
 
 def agreeing(scene: Scene, sightings: TiedRays, rows: Bools, limit: float = OUT) -> Bools:
-    """(N,) all sightings that pass their point no further off than `rows` lead to expect.
+    """Mark all sightings (N,) with residuals as small as expected from those in `rows`.
 
     Parameters
     ----------
     scene
         Poses and points.
     sightings
-        All.
+        All sightings.
     rows
-        (N,) those that tell the spread.
+        (N,) mask of the sightings that determine the spread.
     limit
-        So many spreads.
+        Largest residual in units of the spread.
     """
     angle = np.nan_to_num(scene.angles(sightings), nan=np.inf)
     return np.asarray(angle <= limit * spread_of(scene, sightings, rows))
 
 
 FEWEST_SHARED = 20
-"""Points that a pair must have in common to begin with."""
+"""Smallest number of points that an initial pair must have in common."""
 
 LEAST_PARALLAX = 10.0
-"""Sigmas of a ray that the parallax of a pair must have to begin: below, noise would tell where the
-second camera stands. A camera that hovers had 2.5; the smallest of twenty flights over flat ground
-has 60."""
+"""Smallest parallax of an initial pair, in sigmas of a ray: below, the position of the second
+camera would be determined by noise. A camera that hovers had 2.5; the smallest of twenty flights
+over flat ground has 60."""
 
 LIMIT = 10.0
-"""Sigmas beyond which a ray supports nothing."""
+"""Residual in sigmas beyond which a ray contributes nothing to the support."""
 
 ENOUGH = 200
-"""Points of a frame that are enough to place it."""
+"""Number of points of a frame that suffice to place it."""
 
 PAIRS = 3
-"""Pairs that begin in turn."""
+"""Number of initial pairs that are tried."""
 
 TRIED = 5
-"""Frames after which beginnings are compared."""
+"""Number of frames after which initial pairs are compared."""
 
 ENOUGH_RAD = 0.3
-"""Angle under which two cameras see a point, above which more of it makes no pair better."""
+"""Angle between two rays to a point [rad] above which a larger one makes no pair better."""
 
 
 def tied_poses(sightings: TiedRays, seed: int = 0) -> TiedPoses | None:
-    """Poses of as many frames as hang together; None where no two do.
+    """Estimate poses of as many frames as are connected; None if no two are.
 
-    Pairs that share many points, seen under wide angles, begin. What they allow (points in a plane
-    allow two poses) is followed until a few frames are placed; the one that fits best goes on.
+    Start with pairs that share many points, seen under wide angles. Their possible poses (points in
+    a plane allow two) are extended until a few frames are placed; the one that fits best is
+    continued.
 
     Parameters
     ----------
     sightings
-        At least two frames.
+        Sightings of at least two frames.
     seed
-        Of what is drawn by lot: alike for alike input.
+        Seed of the random samples: the same for the same input.
     """
     rng = np.random.default_rng(seed)
     best: tuple[float, Scene] | None = None
@@ -427,7 +435,7 @@ def tied_poses(sightings: TiedRays, seed: int = 0) -> TiedPoses | None:
 
 
 def _chosen(sightings: TiedRays) -> Ints:
-    """Rows of enough points for every frame: those seen most often, and in many frames few."""
+    """Choose rows of enough points for every frame: first those seen in most frames."""
     number = np.bincount(sightings.point, minlength=sightings.points)
     by_point = np.argsort(sightings.point, kind="stable")
     ends = np.cumsum(number)
@@ -443,7 +451,7 @@ def _chosen(sightings: TiedRays) -> Ints:
 
 
 def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
-    """Pairs to begin with that did not only turn, best first, of different frames if possible."""
+    """Return initial pairs with parallax, best first, without common frames if possible."""
     shared = np.triu(sightings.shared(), 1)
     first, second = np.nonzero(shared >= FEWEST_SHARED)
     if not len(first):
@@ -464,13 +472,13 @@ def _pairs(sightings: TiedRays) -> list[tuple[int, int]]:
 
 
 def _parallax(sightings: TiedRays, first: int, second: int) -> float:
-    """Typical angle that is left between the rays of two frames after the best turn [rad]."""
+    """Compute the typical angle between the rays of two frames after the best rotation [rad]."""
     one, other = sightings.of_pair(first, second)
     return best_turn(sightings.ray[one], sightings.ray[other]).miss_rad
 
 
 def _begun(sightings: TiedRays, first: int, second: int, rng: np.random.Generator) -> list[Scene]:
-    """Scenes of two frames, the first at the origin, one apart."""
+    """Return scenes of two frames, the first at the origin, at distance one."""
     one, other = sightings.of_pair(first, second)
     scenes = []
     for pose in relative_poses(sightings.ray[one], sightings.ray[other], rng):
@@ -486,6 +494,6 @@ def _nowhere(frames: int) -> tuple[Floats, Floats]:
 
 
 def _support(scene: Scene, sightings: TiedRays) -> float:
-    """How many rays of the frames placed pass their points, those that do so exactly in full."""
+    """Count the rays of the placed frames that pass their points, with full weight if exact."""
     angle = np.nan_to_num(scene.angles(sightings), nan=np.inf)
     return float(np.sum(1.0 - np.minimum(angle / (LIMIT * sightings.sigma_rad), 1.0) ** 2))

@@ -1,7 +1,7 @@
 """Poses of two views of the same points: from nearly one place, or from essential matrices.
 
-What they share has no parallax, so no pose follows from two such frames alone: but where one of
-them has its pose, the others have it too, but for a turn, which a few shared points tell.
+Two views from nearly one place have no parallax, so no pose follows from them alone: but if one of
+them has a pose, the other has the same centre, and a few shared points determine its rotation.
 """
 
 from __future__ import annotations
@@ -19,24 +19,26 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 FEWEST = 10
-"""Points that two frames must share, and that must fit the turn between them."""
+"""Smallest number of points that two frames must share, and that must fit the rotation between
+them."""
 
 TYPICAL_RAD = 0.01
-"""Angle by which rays typically may miss after the turn: a hundredth of the distance flown."""
+"""Largest typical angle between rays after the rotation [rad]: a hundredth of the distance
+flown."""
 
 AGREE = 3.0
-"""Typical misses up to which a ray takes part in the turn."""
+"""Residual in units of the typical one up to which a ray takes part in the rotation."""
 
 ROUNDS = 10
 
 
 def with_turned(survey: Survey, center: Floats, rotation: Floats) -> tuple[Floats, Floats]:
-    """The poses (F, 3), (F, 3, 3), also of frames that only turned from one that has a pose.
+    """Add poses of frames that only turned from one that has a pose: (F, 3), (F, 3, 3).
 
     Parameters
     ----------
     survey
-        What the frames share.
+        Survey with the shared points.
     center, rotation
         World from camera; NaN for frames without a pose.
     """
@@ -47,14 +49,14 @@ def with_turned(survey: Survey, center: Floats, rotation: Floats) -> tuple[Float
 
 
 def spread(center: Floats, rotation: Floats, sightings: TiedRays) -> tuple[Floats, Floats]:
-    """Poses handed on from frame to frame, each time between the two that share most.
+    """Transfer poses from frame to frame, each time between the two that share most points.
 
     Parameters
     ----------
     center, rotation
         (F, 3), (F, 3, 3) world from camera; NaN for frames without a pose.
     sightings
-        What the frames share.
+        Shared points.
     """
     center, rotation = center.copy(), rotation.copy()
     shared = sightings.shared()
@@ -74,7 +76,7 @@ def spread(center: Floats, rotation: Floats, sightings: TiedRays) -> tuple[Float
 
 
 def turn_between(first: Floats, second: Floats) -> Floats | None:
-    """(3, 3) what turns most rays of a camera onto those of a second one; None where none does.
+    """Compute the rotation (3, 3) of most rays of a camera onto those of a second; None if bad.
 
     Parameters
     ----------
@@ -87,16 +89,16 @@ def turn_between(first: Floats, second: Floats) -> Floats | None:
 
 
 class Turn(NamedTuple):
-    """Rays of a second camera are about rotation @ those of the first.
+    """Rotation between two cameras: rays of the second are about rotation @ those of the first.
 
     Attributes
     ----------
     rotation
         (3, 3).
     miss_rad
-        How far they typically pass each other then: the parallax.
+        Typical remaining angle between the rays: the parallax.
     agree
-        How many do not pass much further.
+        Number of rays that do not miss by much more.
     """
 
     rotation: Floats
@@ -105,7 +107,7 @@ class Turn(NamedTuple):
 
 
 def best_turn(first: Floats, second: Floats) -> Turn:
-    """What turns rays onto others best; those that miss far, as wrong ones do, have no say.
+    """Estimate the best rotation between rays; rays with large residuals are left out.
 
     Parameters
     ----------
@@ -130,10 +132,10 @@ REAL = 1e-6
 _CUBIC = [m for m in combinations_with_replacement(range(4), 3) if 3 not in m]
 _LOWER = [m for m in combinations_with_replacement(range(4), 3) if 3 in m]
 _PLACE: dict[tuple[int, ...], int] = {monomial: k for k, monomial in enumerate(_CUBIC + _LOWER)}
-"""Monomials of degree three in (x, y, z, 1), those without the 1 first: places in a row."""
+"""Monomials of degree three in (x, y, z, 1), those without the 1 first: positions in a row."""
 
 _LINEAR = [_PLACE[(k, 3, 3)] - 10 for k in range(4)]
-"""Of those with the 1: x, y, z and 1 themselves."""
+"""Positions of x, y, z and 1 themselves among those with the 1."""
 
 _SIGN = np.zeros((3, 3, 3))
 _SIGN[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
@@ -141,7 +143,7 @@ _SIGN[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
 
 
 def _gathering() -> Floats:
-    """(64, 20) which products of three of (x, y, z, 1) are which monomial."""
+    """Return a (64, 20) matrix that sums products of three of (x, y, z, 1) to monomials."""
     gather = np.zeros((64, 20))
     for row, factors in enumerate(product(range(4), repeat=3)):
         gather[row, _PLACE[tuple(sorted(factors))]] = 1.0
@@ -152,7 +154,7 @@ _GATHER = _gathering()
 
 
 def essential_matrices(first: Floats, second: Floats) -> Floats:
-    """Matrices E with second . E first = 0, of samples of five rays each.
+    """Compute matrices E with second . E first = 0 from samples of five rays each.
 
     Parameters
     ----------
@@ -166,16 +168,18 @@ def essential_matrices(first: Floats, second: Floats) -> Floats:
 
     Notes
     -----
-    Stewenius, Engels and Nister 2006, "Recent developments on direct relative orientation": the
-    ten cubic conditions on E = x E1 + y E2 + z E3 + E4, and the roots from the eigenvectors of the
+    Stewenius, Engels and Nister 2006, "Recent developments on direct relative orientation": the ten
+    cubic conditions on E = x E1 + y E2 + z E3 + E4, and the roots from the eigenvectors of the
     multiplication by x. It holds for points in a plane too.
     """
+    # Null space E1 to E4 of the five epipolar equations.
     rows = (second[:, :, :, None] * first[:, :, None, :]).reshape(-1, 5, 9)
     basis = np.linalg.svd(rows)[2][:, 5:].reshape(-1, 4, 3, 3)
     conditions = _conditions(basis)
     solvable = np.linalg.cond(conditions[:, :, :10]) < 1e12
     basis, conditions = basis[solvable], conditions[solvable]
     reduced = -np.linalg.solve(conditions[:, :, :10], conditions[:, :, 10:])
+    # Action matrix: multiplication by x in the basis of the ten monomials of degree <= 2.
     action = np.zeros((len(basis), 10, 10))
     for row, (_, *rest) in enumerate(_sorted_lower()):
         raised = _PLACE[tuple(sorted((0, *rest)))]
@@ -194,12 +198,12 @@ def essential_matrices(first: Floats, second: Floats) -> Floats:
 
 
 def _sorted_lower() -> list[tuple[int, ...]]:
-    """The monomials of degree at most two, as (3, a, b): the 1 first."""
+    """Return the monomials of degree at most two, as (3, a, b): the 1 first."""
     return [(3, *sorted(monomial)[:2]) for monomial in _LOWER]
 
 
 def _conditions(basis: Floats) -> Floats:
-    """(S, 10, 20) coefficients of 2 E E^T E - tr(E E^T) E = 0 and det E = 0, of (S, 4, 3, 3)."""
+    """Expand 2 E E^T E - tr(E E^T) E = 0 and det E = 0 of (S, 4, 3, 3), to (S, 10, 20)."""
     samples = len(basis)
     squares = np.einsum("siab,sjcb->sijac", basis, basis)
     trace = np.einsum("sijaa->sij", squares)
@@ -214,7 +218,7 @@ def _conditions(basis: Floats) -> Floats:
 
 
 def poses_of(essential: Floats) -> tuple[Floats, Floats]:
-    """The four poses of the second camera (4, 3, 3), (4, 3): x2 = R x1 + t with t of length one."""
+    """Compute four poses of the second camera (4, 3, 3), (4, 3): x2 = R x1 + t, t of length one."""
     left, _, right = np.linalg.svd(essential)
     left, right = left * np.linalg.det(left), right * np.linalg.det(right)
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
@@ -224,7 +228,7 @@ def poses_of(essential: Floats) -> tuple[Floats, Floats]:
 
 
 def epipolar_angles(essential: Floats, first: Floats, second: Floats) -> Floats:
-    """(M, n) by how much rays (n, 3) miss each other under M matrices [rad], to first order.
+    """Compute (M, n) angles between rays (n, 3) under M matrices [rad], to first order.
 
     Sampson's distance (Hartley and Zisserman 2004, sec. 11.4.3) on the sphere instead of the image.
 
@@ -240,7 +244,7 @@ def epipolar_angles(essential: Floats, first: Floats, second: Floats) -> Floats:
 
 
 def epipolar_misses(essential: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """(M, n) second . E first, and by how much that changes with the rays, by rad.
+    """Compute (M, n) second . E first, and its change with the rays, per rad.
 
     Parameters
     ----------
@@ -257,29 +261,31 @@ def epipolar_misses(essential: Floats, first: Floats, second: Floats) -> tuple[F
 
 
 SAMPLES = 60
-"""Samples of five rays; with a tenth of the ties wrong, 59 % of them are free of wrong ones."""
+"""Number of samples of five rays; with a tenth of the ties wrong, 59 % of them are free of wrong
+ones."""
 
 SCORED = 150
-"""Points by which the solutions of the samples are told apart."""
+"""Number of points by which the solutions of the samples are ranked."""
 
 MOST = 8
-"""Solutions that are refined."""
+"""Number of solutions that are refined."""
 
 ALIKE = 0.02
-"""Between two refined poses: the same [rad]."""
+"""Angle between two refined poses up to which they are the same [rad]."""
 
 SIGMA = 1.4826
-"""Standard deviation of normal errors, in the median of their sizes."""
+"""Standard deviation of normal errors over the median of their sizes."""
 
 TRIMMED = 3.0 * SIGMA
-"""Median misses up to which a ray takes part in a pose."""
+"""Residual in units of the median up to which a ray takes part in a pose."""
 
 RIVAL = 3.0
-"""Times the best misfit up to which another pose is kept: points in a plane allow two."""
+"""Residual in units of the best pose's up to which another pose is kept: points in a plane allow
+two."""
 
 
 class RelativePose(NamedTuple):
-    """x2 = rotation x1 + shift, |shift| = 1, and how far rays typically miss each other [rad]."""
+    """Pose x2 = rotation x1 + shift, |shift| = 1, and typical angle between the rays [rad]."""
 
     rotation: Floats
     shift: Floats
@@ -287,17 +293,18 @@ class RelativePose(NamedTuple):
 
 
 def relative_poses(first: Floats, second: Floats, rng: np.random.Generator) -> list[RelativePose]:
-    """Poses of the second camera that explain the rays (n, 3) to the same points, best first.
+    """Estimate poses of the second camera from rays (n, 3) to the same points, best first.
 
-    Those that no other one beats by far: where all points lie about in a plane, two may explain
-    them alike. Half of the points may be wrong (least median of squares, Rousseeuw 1984).
+    All poses are returned that no other one exceeds by far: if all points are nearly in a plane,
+    two may explain them alike. Half of the points may be wrong (least median of squares, Rousseeuw
+    1984).
 
     Parameters
     ----------
     first, second
         (n, 3) unit rays from the two cameras.
     rng
-        For the samples.
+        Random numbers for the samples.
     """
     count = len(first)
     sample = np.argsort(rng.random((SAMPLES, count)), axis=1)[:, :5]
@@ -309,6 +316,7 @@ def relative_poses(first: Floats, second: Floats, rng: np.random.Generator) -> l
     order = np.argsort(np.median(np.abs(angles), axis=1))
     tried: list[int] = []
     for index in order.tolist():
+        # Skip matrices of nearly the same direction as one already chosen.
         turned = np.abs(essential[tried].reshape(-1, 9) @ essential[index].ravel())
         if not (turned / 2.0 > np.cos(2.0 * ALIKE)).any():
             tried.append(index)
@@ -328,7 +336,7 @@ def _same(one: RelativePose, other: RelativePose) -> bool:
 
 
 def _in_front(essential: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Of the four poses, the one that has most points ahead of both cameras."""
+    """Choose the pose of the four that has most points ahead of both cameras."""
     rotation, shift = poses_of(essential)
     ahead = [_ahead(r, t, first, second).sum() for r, t in zip(rotation, shift, strict=True)]
     best = int(np.argmax(ahead))
@@ -336,7 +344,7 @@ def _in_front(essential: Floats, first: Floats, second: Floats) -> tuple[Floats,
 
 
 def _ahead(rotation: Floats, shift: Floats, first: Floats, second: Floats) -> Floats:
-    """(n,) whether rays meet ahead of both cameras: a r1 + t = b r2, a and b positive."""
+    """Mark the rays (n,) that meet ahead of both cameras: a r1 + t = b r2, a and b positive."""
     turned = first @ rotation.T
     normal = np.cross(turned, second)
     return np.asarray(
@@ -346,7 +354,7 @@ def _ahead(rotation: Floats, shift: Floats, first: Floats, second: Floats) -> Fl
 
 
 def _refined(essential: Floats, first: Floats, second: Floats) -> list[RelativePose]:
-    """The poses near matrices (m, 3, 3) that miss least, by the rays that nearly meet."""
+    """Refine poses near matrices (m, 3, 3) by the rays that nearly meet."""
     start = tuple(
         np.stack(part)
         for part in zip(*(_in_front(one, first, second) for one in essential), strict=True)
@@ -373,7 +381,7 @@ def _refined(essential: Floats, first: Floats, second: Floats) -> list[RelativeP
 def _epipolar_rows(
     rotation: Floats, shift: Floats, first: Floats, second: Floats
 ) -> tuple[Floats, Floats]:
-    """Angles (b, n) between rays, and their derivatives (b, n, 5) by a turn and across the shift.
+    """Compute angles (b, n) between rays, and derivatives (b, n, 5) by turn and shift direction.
 
     miss = r2 . [t] R r1; R exp(w): r2 . [t] R [w] r1; t + dt: r2 . [dt] R r1.
     """

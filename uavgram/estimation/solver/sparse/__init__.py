@@ -1,1 +1,1 @@
-"""Sparse Cholesky factors in a good order of elimination, and covariances from them."""
+"""Sparse Cholesky factorisation with fill-reducing elimination order, and covariances from it."""

@@ -1,6 +1,6 @@
-"""Sparse symmetric matrices as dense blocks: among points, among frames, and by the border.
+"""Sparse symmetric matrices as dense blocks: among points, among frames, and with the border.
 
-The pattern is worked out once; every matrix that has it is assembled by batched products of small
+The pattern is computed once; every matrix that has it is assembled by batched products of small
 matrices, without an index per number.
 """
 
@@ -27,15 +27,15 @@ CHUNK = 250_000
 class GroupedProducts:
     """Sums over groups g of left[i]^T right[j], for fixed triples (i, j, g).
 
-    Groups of equally many members are one batch of matrix products, so that the gathered factors
-    are all that is ever held beside the result.
+    Groups with equal numbers of members form one batch of matrix products, so that only the
+    gathered factors are in memory beside the result.
 
     Parameters
     ----------
     left, right
-        (n,) which matrices are multiplied.
+        (n,) indices of the matrices that are multiplied.
     group
-        (n,) which sum the product belongs to.
+        (n,) index of the sum that the product belongs to.
     """
 
     def __init__(self, left: Ints, right: Ints, group: Ints) -> None:
@@ -62,7 +62,7 @@ class GroupedProducts:
             step = max(1, CHUNK // (one.shape[1] * rows * (a + b)))
             for start in range(0, len(target), step):
                 part = slice(start, start + step)
-                some = one[part]  # b may be zero: sizes are told, not found out
+                some = one[part]  # explicit sizes, as b may be zero
                 first = left[some].reshape(len(some), one.shape[1] * rows, a)
                 second = right[other[part]].reshape(len(some), one.shape[1] * rows, b)
                 out[target[part]] += np.swapaxes(first, 1, 2) @ second
@@ -73,7 +73,7 @@ TABLES = ((POINT, POINT), (POINT, BLOCK), (BLOCK, BLOCK))
 
 
 class Pairs:
-    """Which blocks of a table are stored.
+    """Stored blocks of a table.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Pairs:
         return self._key
 
     def find(self, first: Ints, second: Ints) -> Ints:
-        """Positions of pairs.
+        """Return the positions of pairs.
 
         Raises
         ------
@@ -118,12 +118,12 @@ class Pairs:
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
-    """Pattern of a symmetric matrix; all nodes' own blocks belong to it, and all of the border.
+    """Pattern of a symmetric matrix, with all nodes' own blocks and all of the border.
 
     Attributes
     ----------
     structure
-        What the unknowns are.
+        Structure of the unknowns.
     pairs
         Stored blocks of the three tables.
     """
@@ -132,12 +132,12 @@ class Pattern:
     pairs: tuple[Pairs, Pairs, Pairs]
 
     def own(self, kind: int) -> Ints:
-        """Positions of the nodes' own blocks in their table."""
+        """Return the positions of the nodes' own blocks in their table."""
         node = np.arange(self.structure.counts[kind])
         return self.pairs[2 * kind].find(node, node)
 
     def zeros(self) -> BlockMatrix:
-        """A matrix to add to."""
+        """Return a zero matrix."""
         structure = self.structure
         size, count, border = structure.sizes, structure.counts, structure.border
         tables = tuple(
@@ -150,12 +150,12 @@ class Pattern:
 
 @dataclass(frozen=True, eq=False)
 class BlockMatrix:
-    """A symmetric matrix on a pattern.
+    """Symmetric matrix on a pattern.
 
     Attributes
     ----------
     pattern
-        Which blocks are stored.
+        Stored blocks.
     tables
         Of each pair, the block (n, a, b) with rows of the first and columns of the second node.
     coupling
@@ -170,7 +170,7 @@ class BlockMatrix:
     border: Floats
 
     def diagonal(self) -> Floats:
-        """(size,)."""
+        """Return the (size,) diagonal."""
         own = [
             np.einsum("nii->ni", self.tables[2 * kind][self.pattern.own(kind)]).ravel()
             for kind in (POINT, BLOCK)
@@ -178,9 +178,10 @@ class BlockMatrix:
         return np.concatenate([*own, np.diag(self.border)])
 
     def scaled(self, scale: Floats, damping: float = 0.0) -> BlockMatrix:
-        """diag(scale) A diag(scale), with `damping` added to its diagonal."""
+        """Compute diag(scale) A diag(scale), with `damping` added to its diagonal."""
         point, block, border = (s[..., 0] for s in self.pattern.structure.split(scale[:, None]))
         node = (point, block)
+        # Scale rows and columns of every block.
         tables = tuple(
             table * node[one][pairs.first][:, :, None] * node[other][pairs.second][:, None, :]
             for table, pairs, (one, other) in zip(
@@ -198,7 +199,7 @@ class BlockMatrix:
         return BlockMatrix(self.pattern, tables, coupling, corner)
 
     def gather(self, columns: Ints) -> Floats:
-        """(n, k, k) dense parts, rows and columns given as (n, k) indices of unknowns.
+        """Return (n, k, k) dense parts, rows and columns given as (n, k) indices of unknowns.
 
         Raises
         ------
@@ -228,7 +229,7 @@ class BlockMatrix:
         return out
 
     def _between(self, one: Segment, other: Segment) -> Floats:
-        """(n, w, v) blocks between the unknowns of two segments."""
+        """Return the (n, w, v) blocks between the unknowns of two segments."""
         if one.kind > other.kind:
             return np.swapaxes(self._between(other, one), 1, 2)
         number = one.kind + other.kind
@@ -250,7 +251,7 @@ def _chosen(block: Floats, rows: Ints | None, columns: Ints | None) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class _Term:
-    """Product of two segments of one part, and where it goes."""
+    """Product of two segments of one part, and its position."""
 
     one: Segment
     other: Segment
@@ -259,14 +260,14 @@ class _Term:
 
 
 class Assembly:
-    """J^T J of groups of rows whose columns never change.
+    """Assembly of J^T J for groups of rows with fixed columns.
 
     Parameters
     ----------
     columns
-        Of each group, (n, k) the unknown behind each Jacobian column.
+        For each group, (n, k) the unknown of each Jacobian column.
     structure
-        What the unknowns are.
+        Structure of the unknowns.
     """
 
     def __init__(self, columns: list[Ints], structure: Structure) -> None:
@@ -280,14 +281,14 @@ class Assembly:
         ]
 
     def serves(self, columns: list[Ints]) -> bool:
-        """Whether these are the columns that it was made for."""
+        """Return whether these are the columns that it was made for."""
         return len(columns) == len(self._columns) and all(
             mine is theirs or np.array_equal(mine, theirs)
             for mine, theirs in zip(self._columns, columns, strict=True)
         )
 
     def normal(self, jacobians: list[Floats]) -> BlockMatrix:
-        """J^T J of the groups' Jacobians (n, r, k)."""
+        """Compute J^T J of the groups' Jacobians (n, r, k)."""
         matrix = self.pattern.zeros()
         for jacobian, parts, terms, by_node in zip(
             jacobians, self._parts, self._terms, self._coupling, strict=True
@@ -326,6 +327,7 @@ def _pattern(parts: list[Part], structure: Structure) -> Pattern:
     for kind in (POINT, BLOCK):
         node = np.arange(count[kind])
         keys[2 * kind].append(node * max(count[kind], 1) + node)
+    # Every two nodes that occur in one row are coupled.
     for part in parts:
         for i, one in enumerate(part.segments):
             for other in part.segments[i + 1 :]:
@@ -351,7 +353,7 @@ def _terms(part: Part, pattern: Pattern) -> list[_Term]:
             elif one.kind != other.kind:
                 first, second = (one, other) if one.kind < other.kind else (other, one)
                 terms.append(_term(first, second, np.arange(len(one.node)), pattern))
-            else:  # both orders where a row names one node twice: the sum is then symmetric
+            else:  # both orders, as a row may name one node twice: symmetric sum
                 for first, second in ((one, other), (other, one)):
                     rows = np.flatnonzero(first.node <= second.node)
                     terms.append(_term(first, second, rows, pattern))

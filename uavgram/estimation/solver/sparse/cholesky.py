@@ -1,19 +1,19 @@
 """Factorisation of a survey's normal matrix: points first, then frames by dense fronts.
 
-Duff and Reid 1983, "The multifrontal solution of indefinite sparse symmetric linear equations";
-the inverse on the pattern of the factor after Takahashi, Fagan and Chen 1973, front by front.
-Each front is a few dense BLAS calls, so a survey of thousands of frames costs a few hundred.
+Duff and Reid 1983, "The multifrontal solution of indefinite sparse symmetric linear equations"; the
+inverse on the pattern of the factor after Takahashi, Fagan and Chen 1973, front by front. Each
+front is a few dense BLAS calls, so a survey of thousands of frames costs a few hundred.
 
-Points that no length joins to another see only frames and what all share: they are eliminated by
-their own small blocks (Schur complement; Brown 1958 for photogrammetry). What is left, frames,
-points with lengths and the shared border, goes to the multifrontal factorisation. Of the inverse
-only the pattern of the normal matrix is computed.
+Points that no length joins to another are coupled only with frames and shared unknowns: they are
+eliminated by their own small blocks (Schur complement; Brown 1958 for photogrammetry). The
+remaining unknowns, frames, points with lengths and the shared border, go to the multifrontal
+factorisation. Only the part of the inverse on the pattern of the normal matrix is computed.
 
-Why no library: sparse LU (SuperLU) took 4 to 8 times as long and gives no selected inverse, a dense
-Schur complement 4 and 15 times as long at 300 and 500 frames, a general bundle adjuster (Ceres)
-more than 40 times. With k frames seen per point and F frames along a strip, eliminating the points
-costs O(picks * k), the frames O(F); over an area whose frames overlap both ways O(F^1.5), which is
-what nested dissection leaves of O(F^3).
+Reasons for own code: sparse LU (SuperLU) took 4 to 8 times as long and gives no selected inverse, a
+dense Schur complement 4 and 15 times as long at 300 and 500 frames, a general bundle adjuster
+(Ceres) more than 40 times. With k frames seen per point and F frames along a strip, eliminating the
+points costs O(picks * k), the frames O(F); over an area whose frames overlap both ways O(F^1.5), to
+which nested dissection reduces O(F^3).
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from uavgram.model.arrays import Floats, Ints
 
 
 class NotPositiveError(ValueError):
-    """The matrix is not positive definite; `index` is an unknown without information."""
+    """Matrix that is not positive definite; `index` is an unknown without information."""
 
     def __init__(self, index: int) -> None:
         self.index = index
@@ -51,7 +51,7 @@ class Multifrontal:
     matrix
         Symmetric positive definite, on the pattern of `ordering`.
     ordering
-        From the same pattern.
+        Ordering of the same pattern.
     smallest
         Pivot below which an unknown counts as undetermined.
 
@@ -67,11 +67,11 @@ class Multifrontal:
         self._factorise(ordering.values(matrix), smallest)
 
     def _factorise(self, values: Floats, smallest: float) -> None:
-        """Only the upper triangle of a front holds; in Fortran's order that is the lower one.
+        """Factor all fronts, of which only the upper triangle is valid (lower in Fortran order).
 
-        Fronts come in postorder, so that what waits for a parent lies on top of a stack (Duff and
-        Reid 1983). Two stacks take turns from one level of the tree to the next: what a front hands
-        on grows in its place on one while that of its children lies on the other.
+        Fronts come in postorder, so that the updates for a parent are on top of a stack (Duff and
+        Reid 1983). Two stacks alternate from one level of the tree to the next: the update of a
+        front is written in its place on one stack while those of its children are on the other.
         """
         fronts = self._ordering.fronts
         room = np.empty(max(front.own * front.size for front in fronts))
@@ -86,6 +86,7 @@ class Multifrontal:
             rows = flat.reshape(own, front.size)
             corner = _square(stacks[turn], top[turn], boundary)
             corner[:] = 0.0
+            # Assemble the updates of the children into the front.
             children = waiting[1 - turn]
             while children and children[-1].parent == position:
                 child = children.pop()
@@ -93,6 +94,7 @@ class Multifrontal:
                 update = _square(stacks[1 - turn], top[1 - turn], len(child.boundary))
                 _extend(rows, corner, child, update)
             lower = self._pivots(front, rows[:, :own], smallest)
+            # Eliminate the own unknowns: L of the pivots, L21 = A21 L^-T, update A22 - L21 L21^T.
             below = rows[:, own:].copy().T
             if own and boundary:
                 below = blas.dtrsm(1.0, lower, below, side=1, lower=1, trans_a=1, overwrite_b=1)
@@ -113,18 +115,20 @@ class Multifrontal:
         return np.asarray(lower)
 
     def log_determinant(self) -> float:
-        """Natural logarithm of the determinant of the matrix."""
+        """Return the natural logarithm of the determinant of the matrix."""
         return 2.0 * sum(float(np.log(np.diag(lower)).sum()) for lower in self._lower if len(lower))
 
     def solve(self, right: Floats) -> Floats:
         """Solve for (n, m) right-hand sides."""
         x = right[self._ordering.order]
         fronts = list(zip(self._ordering.fronts, self._lower, self._below, strict=True))
+        # Forward substitution, from the leaves to the root.
         for front, lower, below in fronts:
             if front.own:
                 own = slice(front.first, front.first + front.own)
                 x[own] = lapack.dtrtrs(lower, x[own], lower=1)[0]
                 x[front.boundary] -= below @ x[own]
+        # Back substitution, from the root to the leaves.
         for front, lower, below in reversed(fronts):
             if front.own:
                 own = slice(front.first, front.first + front.own)
@@ -135,11 +139,12 @@ class Multifrontal:
         return solution
 
     def inverse_on_pattern(self) -> BlockMatrix:
-        """Symmetric inverse on the pattern of the matrix."""
+        """Compute the symmetric inverse on the pattern of the matrix."""
         fronts = self._ordering.fronts
         values = np.empty(self._ordering.stored)
         pending = np.bincount([f.parent for f in fronts if f.parent >= 0], minlength=len(fronts))
         dense: dict[int, Floats] = {}
+        # From the root down: each front needs its parent's inverse among its boundary.
         for position in range(len(fronts) - 1, -1, -1):
             front = fronts[position]
             later = np.empty((0, 0))
@@ -156,7 +161,7 @@ class Multifrontal:
         return self._ordering.matrix(values)
 
     def _inverse_rows(self, position: int, later: Floats) -> Floats:
-        """Own rows (own, own + boundary) of a front's inverse, from that among its boundary."""
+        """Compute own rows (own, own + boundary) of a front's inverse from that of its boundary."""
         front = self._ordering.fronts[position]
         below, own = self._below[position], front.own
         inverse = np.empty((own, front.size))
@@ -164,6 +169,7 @@ class Multifrontal:
             root = lapack.dtrtri(self._lower[position], lower=1)[0]
             inverse[:, :own] = root.T @ root
             if len(below):
+                # Takahashi: with G = L^-T L21^T, S12 = -G S22 and S11 = L^-T L^-1 + G S22 G^T.
                 gain = root.T @ below.T
                 inverse[:, own:] = -gain @ later
                 inverse[:, :own] -= inverse[:, own:] @ gain.T
@@ -186,7 +192,7 @@ def _extend(rows: Floats, corner: Floats, child: Front, update: Floats) -> None:
 
 @dataclass(frozen=True, eq=False)
 class _Views:
-    """Eliminated points that are coupled with equally many blocks.
+    """Eliminated points that are coupled with equal numbers of blocks.
 
     Attributes
     ----------
@@ -205,12 +211,12 @@ class _Views:
 
 
 class Symbolic:
-    """Everything about a sparse system that its values do not change.
+    """Symbolic factorisation of a sparse system, independent of its values.
 
     Parameters
     ----------
     pattern
-        Of the normal matrix.
+        Pattern of the normal matrix.
     """
 
     def __init__(self, pattern: Pattern) -> None:
@@ -239,17 +245,19 @@ class Symbolic:
         )
 
     def _reduce(self, between: Pairs, blocks: int) -> None:
-        """Pattern of what is left: blocks that see the same point are now coupled."""
+        """Compute the reduced pattern: blocks that see the same point are now coupled."""
         structure, (among, seen, _) = self.pattern.structure, self.pattern.pairs
         count = np.bincount(self.point, minlength=len(self.alone))
         first = np.cumsum(count) - count
         entries, keys = [], [between.key]
+        # Group the points by their number of blocks: each point couples all pairs of its blocks.
         for views in np.unique(count):
             point = np.flatnonzero(count == views)
             entry = first[point][:, None] + np.arange(views)
             one, other = np.triu_indices(views)
             entries.append((point, entry, one, other))
             keys.append((self.block[entry[:, one]] * blocks + self.block[entry[:, other]]).ravel())
+        # Blocks of the reduced matrix: those that were coupled before, and the new pairs.
         merged, place = np.unique(np.concatenate(keys), return_inverse=True)
         self.between = place[: len(between)]
         self.views: list[_Views] = []
@@ -266,6 +274,7 @@ class Symbolic:
         self.schur = GroupedProducts(
             np.concatenate(left), np.concatenate(right), place[len(between) :]
         )
+        # Renumber the points that are kept.
         joined, width = len(self.joined), structure.point_size
         border = structure.first_shared - structure.first_block + joined * width
         renamed = np.searchsorted(self.joined, among.first[self.kept_pair]) * max(joined, 1)
@@ -299,6 +308,7 @@ class SparseFactor:
     def __init__(self, scaled: BlockMatrix, symbolic: Symbolic, smallest: float) -> None:
         self._symbolic = symbolic
         alone, size = symbolic.alone, symbolic.pattern.structure.point_size
+        # Schur complement: eliminate the points without lengths, C - B^T A^-1 B.
         own = scaled.tables[0][symbolic.pattern.own(POINT)[alone]]
         self._inverse = _inverse_blocks(own, alone * size, smallest)
         views = scaled.tables[1][symbolic.entry]
@@ -321,7 +331,7 @@ class SparseFactor:
             raise NotPositiveError(int(symbolic.kept[error.index])) from None
 
     def log_determinant(self) -> float:
-        """Natural logarithm of the determinant of the matrix."""
+        """Return the natural logarithm of the determinant of the matrix."""
         return self._front.log_determinant() - float(np.linalg.slogdet(self._inverse)[1].sum())
 
     def solve(self, right: Floats) -> Floats:
@@ -331,10 +341,12 @@ class SparseFactor:
         point = structure.split(right)[POINT][symbolic.alone]
         reduced = right[symbolic.kept]
         _, block, border = symbolic.reduced.structure.split(reduced)
+        # Reduced right-hand side: b_c - B^T A^-1 b_p.
         symbolic.by_block.add(block, self._gain, -point)
         border -= _contracted(self._border_gain, point)
         found = self._front.solve(reduced)
         _, block, border = symbolic.reduced.structure.split(found)
+        # Back substitution of the points: A^-1 (b_p - B x_c).
         own = self._inverse @ point - self._border_gain @ border
         symbolic.by_point.add(own, np.swapaxes(self._gain, 1, 2), -block)
         solution = np.empty_like(right)
@@ -343,7 +355,7 @@ class SparseFactor:
         return solution
 
     def inverse_on_pattern(self) -> BlockMatrix:
-        """Symmetric inverse on the pattern of the normal matrix."""
+        """Compute the symmetric inverse on the pattern of the normal matrix."""
         symbolic, structure = self._symbolic, self._symbolic.pattern.structure
         reduced = self._front.inverse_on_pattern()
         inverse = symbolic.pattern.zeros()
@@ -353,6 +365,7 @@ class SparseFactor:
         inverse.coupling[POINT][symbolic.joined] = reduced.coupling[POINT]
         inverse.coupling[BLOCK][:] = reduced.coupling[BLOCK]
         inverse.border[:] = reduced.border
+        # Eliminated points: start from A^-1, and add the part by their blocks and the border.
         own = symbolic.pattern.own(POINT)[symbolic.alone]
         inverse.tables[0][own] = self._inverse
         for views in symbolic.views:
@@ -364,7 +377,7 @@ class SparseFactor:
         return inverse
 
     def _eliminated(self, views: _Views, reduced: BlockMatrix, inverse: BlockMatrix) -> None:
-        """Covariances of eliminated points with what they are coupled with, and of their own.
+        """Compute covariances of eliminated points, their own and with the coupled nodes.
 
         With G = A^-1 B: S_pc = -G S_cc, S_pp = A^-1 + G S_cc G^T.
         """
@@ -390,12 +403,12 @@ class SparseFactor:
 
 
 def _contracted(left: Floats, right: Floats) -> Floats:
-    """Sum of left[i]^T right[i] over (n, s, a) and (n, s, b)."""
+    """Sum left[i]^T right[i] over (n, s, a) and (n, s, b)."""
     return np.asarray(np.tensordot(left, right, axes=([0, 1], [0, 1])))
 
 
 def _inverse_blocks(blocks: Floats, first: Ints, smallest: float) -> Floats:
-    """Inverses of (n, s, s); `first` (n,) are the blocks' first unknowns."""
+    """Invert blocks (n, s, s); `first` (n,) are the blocks' first unknowns."""
     if not len(blocks):
         return blocks
     value = np.linalg.eigvalsh(blocks)[:, 0]

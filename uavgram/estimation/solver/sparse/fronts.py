@@ -1,4 +1,4 @@
-"""Elimination order and fronts of a sparse matrix: what its values do not change."""
+"""Elimination order and fronts of a sparse matrix: the symbolic part, independent of its values."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ class Front:
     Attributes
     ----------
     first, own
-        Its own unknowns: the first, and how many.
+        Its own unknowns: the first, and their number.
     boundary
         Later unknowns that the own ones, or their descendants, are coupled with; sorted.
     parent
         Position of the parent front; -1 for the root.
     level
-        Fronts between it and the root.
+        Number of fronts between it and the root.
     in_parent
-        Where the boundary's unknowns stand in the parent's (own, boundary).
+        Positions of the boundary's unknowns among the parent's (own, boundary).
     runs
-        The same as runs of neighbours: start and end in the boundary, start in the parent. None
-        lies both among the parent's own unknowns and on its boundary.
+        The same as runs of neighbours: start and end in the boundary, start in the parent. No run
+        contains both own unknowns of the parent and unknowns of its boundary.
     flat, source
-        Where stored values stand in the front (own, boundary), row by row, upper triangle; and
-        which values these are.
+        Positions of stored values in the front (own, boundary), row by row, upper triangle; and the
+        indices of these values.
     """
 
     first: int
@@ -49,12 +49,12 @@ class Front:
 
     @property
     def size(self) -> int:
-        """Rows of the front."""
+        """Number of rows of the front."""
         return self.own + len(self.boundary)
 
 
 class Ordering:
-    """Elimination order and fronts of a pattern; serves every matrix that has it.
+    """Elimination order and fronts of a pattern, for every matrix that has it.
 
     Attributes
     ----------
@@ -63,14 +63,15 @@ class Ordering:
     fronts
         Children before parents.
     stored
-        How many values a matrix of that pattern stores.
+        Number of values that a matrix of that pattern stores.
     stacks
         (2,) largest size of the two stacks on which updates wait for the front of their parent:
         that of the even levels of the tree, and that of the odd ones.
     """
 
     def __init__(self, pattern: Pattern) -> None:
-        # small surveys have none, and scipy's functions of graphs load all its sparse solvers
+        # Imported here: small surveys do not need it, and scipy's graph functions load all its
+        # sparse solvers.
         from uavgram.estimation.solver.sparse.nested_dissection import dissect  # noqa: PLC0415
 
         self._pattern = pattern
@@ -97,11 +98,11 @@ class Ordering:
         self.stacks = _stacks(self.fronts)
 
     def values(self, matrix: BlockMatrix) -> Floats:
-        """(stored,) values of a matrix."""
+        """Return the (stored,) values of a matrix."""
         return np.concatenate([v.ravel() for v in _stored(matrix)])
 
     def matrix(self, values: Floats) -> BlockMatrix:
-        """The matrix with these values."""
+        """Return the matrix with these values."""
         matrix, done = self._pattern.zeros(), 0
         for part in _stored(matrix):
             part[...] = values[done : done + part.size].reshape(part.shape)
@@ -118,6 +119,7 @@ class Ordering:
             np.concatenate([self._unknowns(nodes), shared]) if above >= 0 else shared[:0]
             for nodes, above in zip(self._later(last, parent, rank), parent, strict=True)
         ]
+        # Depth of each front in the tree, from the root down.
         level = np.zeros(len(parent), dtype=np.int64)
         for node in range(len(parent) - 2, -1, -1):
             level[node] = level[parent[node]] + 1
@@ -153,19 +155,21 @@ class Ordering:
         return fronts
 
     def _unknowns(self, nodes: Ints) -> Ints:
-        """Unknowns of nodes given by their rank, in elimination order."""
+        """Return the unknowns of nodes given by their rank, in elimination order."""
         width = self._width[nodes]
         ends = np.cumsum(width)
         return np.repeat(self._start[nodes] - ends + width, width) + np.arange(width.sum())
 
     def _later(self, last: Ints, parent: list[int], rank: Ints) -> list[Ints]:
-        """Ranks of the nodes on the boundary of each front."""
+        """Return the ranks of the nodes on the boundary of each front."""
         one, other = _edges(self._pattern)
         low, high = np.minimum(rank[one], rank[other]), np.maximum(rank[one], rank[other])
         front = np.searchsorted(last, low, side="right")
         order = np.argsort(front, kind="stable")
         ends = np.cumsum(np.bincount(front, minlength=len(last)))
         coupled = np.split(high[order], ends[:-1])
+        # Boundary: nodes coupled with the front or on its children's boundaries, and eliminated
+        # later.
         boundary: list[Ints] = []
         children: list[list[int]] = [[] for _ in parent]
         for node, above in enumerate(parent):
@@ -177,7 +181,7 @@ class Ordering:
         return boundary
 
     def _entries(self, last: Ints, rank: Ints) -> list[tuple[Ints, Ints, Ints]]:
-        """Per front: rows and columns, in elimination order, of the values it takes; and which."""
+        """Return the values of each front: rows and columns in elimination order, and indices."""
         structure = self._pattern.structure
         shared = np.arange(structure.first_shared, structure.size)
         rows, columns, fronts = [], [], []
@@ -193,6 +197,7 @@ class Ordering:
             column = np.broadcast_to(
                 (self._start[other, None] + np.arange(b))[:, None, :], (len(one), a, b)
             )
+            # Entries are kept in the upper triangle of the elimination order.
             turned = (one > other)[:, None, None]
             rows.append(np.where(turned, column, row).ravel())
             columns.append(np.where(turned, row, column).ravel())
@@ -222,7 +227,7 @@ def _stored(matrix: BlockMatrix) -> tuple[Floats, ...]:
 
 
 def _edges(pattern: Pattern) -> tuple[Ints, Ints]:
-    """Pairs of nodes that are coupled, points numbered before blocks."""
+    """Return pairs of nodes that are coupled, points numbered before blocks."""
     first = (0, pattern.structure.counts[0])
     one = [
         pairs.first + first[kind] for pairs, (kind, _) in zip(pattern.pairs, TABLES, strict=True)
@@ -243,7 +248,7 @@ def _graph(pattern: Pattern) -> sp.csr_matrix:
 
 
 def _runs(inside: Ints, own: int) -> list[tuple[int, int, int]]:
-    """Runs of neighbours in sorted places, also cut at `own`."""
+    """Return runs of neighbours in sorted places, also cut at `own`."""
     cuts = np.flatnonzero(np.diff(inside) != 1) + 1
     bounds = np.unique(np.concatenate([[0], cuts, [np.searchsorted(inside, own), len(inside)]]))
     return [(a, b, int(inside[a])) for a, b in pairwise(bounds.tolist())]

@@ -1,14 +1,14 @@
 """Elimination order of a sparse symmetric system: a tree of separators over its block graph.
 
-George 1973, "Nested dissection of a regular finite element mesh". Only the graph is needed: its
-distances from a few far nodes stand for a geometry, and a smallest vertex cover of the edges
+George 1973, "Nested dissection of a regular finite element mesh". Only the graph is needed:
+distances in it from a few far nodes replace a geometry, and a smallest vertex cover of the edges
 between two halves is the separator.
 
 A block-tridiagonal factorisation in the order of the flight would be a tenth of the code. It is as
 fast at 100 frames, 2 to 3 times slower at 500 and at 2,000, and its band widens where a flight
-crosses its own path: this is kept while surveys of thousands of frames are a goal. On a graph of n
-blocks with separators of O(sqrt(n)) the factor has O(n log n) blocks and costs O(n^1.5) (George
-1973; Lipton, Rose and Tarjan 1979, "Generalized nested dissection").
+crosses its own path: nested dissection is kept while surveys of thousands of frames are a goal. On
+a graph of n blocks with separators of O(sqrt(n)) the factor has O(n log n) blocks and costs
+O(n^1.5) (George 1973; Lipton, Rose and Tarjan 1979, "Generalized nested dissection").
 """
 
 from __future__ import annotations
@@ -28,21 +28,22 @@ from scipy.sparse.csgraph import (
 from uavgram.model.arrays import Bools, Floats, Ints
 
 LEAF = 48
-"""Blocks up to which a part is eliminated as a whole."""
+"""Number of blocks up to which a part is eliminated as a whole."""
 
 SHARES = (0.4, 0.5, 0.6)
 """Shares of a part on one side of the cuts that are tried."""
 
 SMALLEST = 0.2
-"""Share of a part below which no side of its separator may fall."""
+"""Smallest share of a part on each side of its separator."""
 
 SMOOTHING = 5
-"""How often a direction is averaged over neighbours: hops are whole numbers, cuts are not."""
+"""Number of times that a direction is averaged over neighbours: distances are whole numbers of
+edges, cuts need finer ones."""
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A set of blocks that is eliminated together, after its children.
+    """Set of blocks that is eliminated together, after its children.
 
     Attributes
     ----------
@@ -57,7 +58,7 @@ class Node:
 
 
 def dissect(graph: sp.csr_matrix) -> list[Node]:
-    """Nodes of the elimination tree in postorder: children before parents; the root stands last.
+    """Compute the elimination tree in postorder: children before parents, the root last.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def _dissect(graph: sp.csr_matrix, part: Ints, found: list[tuple[Ints, list[int]
 
 
 def _split(graph: sp.csr_matrix, part: Ints) -> tuple[Ints, list[Ints]]:
-    """Separator and sides of a part; all of it and nothing where no separator halves it."""
+    """Return separator and sides of a part; all of it and no sides if no separator halves it."""
     count, found = connected_components(graph, directed=False)
     member: Ints = found.astype(np.int64)
     if count > 1:
@@ -98,6 +99,7 @@ def _split(graph: sp.csr_matrix, part: Ints) -> tuple[Ints, list[Ints]]:
         return part[:0], [part[side], part[~side]]
     row: Ints = np.repeat(np.arange(len(part)), np.diff(graph.indptr))
     column: Ints = graph.indices.astype(np.int64)
+    # Of all cuts take the one with the smallest end of crossing edges; its cover separates.
     cuts = []
     for side in _sides(graph):
         crossing = side[row] & ~side[column]
@@ -113,7 +115,7 @@ def _split(graph: sp.csr_matrix, part: Ints) -> tuple[Ints, list[Ints]]:
 
 
 def _balanced(member: Ints, count: int) -> Bools:
-    """Components on two sides of about one size: the largest first, onto the lighter side."""
+    """Assign components to two sides of about one size: the largest first, to the lighter side."""
     sizes = np.bincount(member)
     side = np.zeros(count, dtype=bool)
     weight = np.zeros(2, dtype=int)
@@ -125,9 +127,9 @@ def _balanced(member: Ints, count: int) -> Bools:
 
 
 def _sides(graph: sp.csr_matrix) -> Iterator[Bools]:
-    """One side each of some cuts through a connected graph.
+    """Yield one side each of some cuts through a connected graph.
 
-    The difference of the distances from two opposite ends is a direction. Ends lie in corners, so
+    The difference of the distances from two opposite ends is a direction. Ends are in corners, so
     that such directions run diagonally; their sum and difference run along the sides.
     """
     far = _distance(graph, int(np.argmin(np.diff(graph.indptr))))
@@ -146,12 +148,12 @@ def _sides(graph: sp.csr_matrix) -> Iterator[Bools]:
 
 
 def _distance(graph: sp.csr_matrix, start: int) -> Floats:
-    """Edges from one block to each other."""
+    """Compute the number of edges from one block to each other."""
     return np.asarray(dijkstra(graph, indices=[start], unweighted=True)[0])
 
 
 def _cover(left: Ints, right: Ints) -> Ints:
-    """Fewest blocks that touch all edges from left to right ones.
+    """Find the fewest blocks that touch all edges from left to right ones.
 
     König 1931: in a bipartite graph they are as many as the edges of a maximum matching: the left
     nodes that no alternating path from an unmatched left node reaches, and the right ones that one

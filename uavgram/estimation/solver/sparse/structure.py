@@ -1,7 +1,7 @@
-"""What the unknowns of a survey are, and which of them the columns of a Jacobian mean.
+"""Structure of the unknowns of a survey, and the kinds of unknowns of a Jacobian's columns.
 
 An unknown belongs to a point, to a block (a frame) or to the border that all observations share.
-Points and blocks are nodes: what concerns them is kept in dense matrices of their size.
+Points and blocks are nodes, whose entries are kept in dense matrices of their size.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ POINT, BLOCK, BORDER = 0, 1, 2
 
 @dataclass(frozen=True)
 class Structure:
-    """What the unknowns are, in their order: points, then blocks, then what all share.
+    """Kinds of the unknowns in their order: points, then blocks, then shared ones.
 
     Attributes
     ----------
@@ -28,7 +28,7 @@ class Structure:
     block_size
         Unknowns of a frame.
     first_shared
-        From here on, unknowns that many observations have in common: the border.
+        First of the unknowns that many observations have in common: the border.
     """
 
     size: int
@@ -39,7 +39,7 @@ class Structure:
 
     @classmethod
     def plain(cls, size: int) -> Structure:
-        """Nothing is known: every unknown stands for itself."""
+        """Return the structure of unknowns of no known kind: each is a block of its own."""
         return cls(size=size, points=0, point_size=1, block_size=1, first_shared=size)
 
     @property
@@ -63,16 +63,16 @@ class Structure:
         return self.point_size, self.block_size
 
     def node_columns(self, kind: int, node: Ints) -> Ints:
-        """(n, size) unknowns of points or blocks."""
+        """Return the (n, size) unknowns of points or blocks."""
         first = (0, self.first_block)[kind]
         return first + node[:, None] * self.sizes[kind] + np.arange(self.sizes[kind])
 
     def shared(self, columns: Ints) -> bool:
-        """Whether all of these unknowns belong to the border."""
+        """Return whether all of these unknowns belong to the border."""
         return bool((columns >= self.first_shared).all())
 
     def split(self, vector: Floats) -> tuple[Floats, Floats, Floats]:
-        """Views (K, s, m), (F, b, m), (border, m) of an array (size, m) over the unknowns."""
+        """Return views (K, s, m), (F, b, m), (border, m) of an array (size, m) of unknowns."""
         wide = vector.shape[1]
         return (
             vector[: self.first_block].reshape(self.points, self.point_size, wide),
@@ -92,11 +92,11 @@ class Segment:
     kind
         POINT or BLOCK.
     node
-        (n,) which.
+        (n,) index of the node.
     columns
-        Where they stand.
+        Positions of the columns.
     inside
-        (n, w) which of the node's unknowns they are; None where they are all of them in order.
+        (n, w) indices among the node's unknowns; None if they are all of them in order.
     size
         Unknowns of the node.
     """
@@ -108,29 +108,29 @@ class Segment:
     size: int
 
     def whole(self, jacobian: Floats) -> Floats:
-        """(n, r, size) Jacobian by all unknowns of the node, from that of the rows (n, r, k)."""
+        """Return the (n, r, size) Jacobian by all unknowns of the node, from rows (n, r, k)."""
         given = jacobian[:, :, self.columns]
         return given if self.inside is None else spread(given, self.inside, self.size)
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Rows whose columns mean the same kinds of unknowns.
+    """Rows whose columns are of the same kinds of unknowns.
 
     Attributes
     ----------
     count
-        How many.
+        Number of rows.
     rows
-        Which rows of the block.
+        Indices of the rows of the block.
     segments
         Columns of nodes.
     shared
-        (q,) where the columns of the border stand.
+        (q,) positions of the border's columns.
     used
-        (u,) which of the border's unknowns occur.
+        (u,) the border's unknowns that occur.
     place
-        (n, q) where among these the columns belong; None where they are all of them in order.
+        (n, q) positions of the columns among these; None if they are all of them in order.
     """
 
     count: int
@@ -141,22 +141,22 @@ class Part:
     place: Ints | None
 
     def by_border(self, jacobian: Floats) -> Floats:
-        """(n, r, u) Jacobian by the border's unknowns that occur."""
+        """Return the (n, r, u) Jacobian by the border's unknowns that occur."""
         given = jacobian[:, :, self.shared]
         return given if self.place is None else spread(given, self.place, len(self.used))
 
 
 def spread(given: Floats, place: Ints, size: int) -> Floats:
-    """(n, r, size) with the columns of `given` (n, r, w) added at `place` (n, w).
+    """Add the columns of `given` (n, r, w) at `place` (n, w) of an array (n, r, size).
 
     Parameters
     ----------
     given
         (n, r, w).
     place
-        (n, w) column of the result to which each belongs; one may occur twice in a row.
+        (n, w) column of the result for each; one may occur twice in a row.
     size
-        Columns of the result.
+        Number of columns of the result.
     """
     whole = np.zeros((*given.shape[:2], size))
     rows = np.arange(len(given))
@@ -186,6 +186,7 @@ def _part(rows: slice | Ints, columns: Ints, kind: Ints, structure: Structure) -
             continue
         size, first = structure.sizes[here], (0, structure.first_block)[here]
         node = (columns[:, position] - first) // size
+        # Extend the segment while the columns belong to the same node in every row.
         end = position + 1
         while end < len(kind) and kind[end] == here:
             if not np.array_equal((columns[:, end] - first) // size, node):

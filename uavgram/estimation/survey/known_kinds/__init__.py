@@ -1,1 +1,1 @@
-"""Kinds of known things, by how they are computed."""
+"""Kinds of known things, grouped by how their residuals are computed."""

@@ -12,11 +12,11 @@ class Azimuth(KnownKind):
     """Direction in plan from a first point to a second, clockwise from north [deg].
 
     North is that of the world's axes, true north at the origin. The azimuth of a grid bearing is
-    the bearing plus ``convergence_deg``, by which grid north is east of true north.
+    the bearing plus ``convergence_deg``, the angle by which grid north is east of true north.
     """
 
     def departures(self, alike: Alike) -> Departures:
-        """Compute the azimuths less the known ones, from -180 to 180; 0 where they have none."""
+        """Compute azimuths minus known ones, from -180 to 180 degrees; 0 if the points coincide."""
         known = [
             thing.value + dict(thing.parameters).get(CONVERGENCE, 0.0) for thing in alike.things
         ]
@@ -25,17 +25,18 @@ class Azimuth(KnownKind):
         is_apart = square > 0.0
         azimuth = np.degrees(np.arctan2(ahead[:, 0], ahead[:, 1]))
         value = np.where(is_apart, (azimuth - known + 180.0) % 360.0 - 180.0, 0.0)
+        # Gradient of atan2(east, north): (north, -east) / distance^2.
         turn = np.degrees(ahead[:, ::-1] * [1.0, -1.0] / np.where(is_apart, square, 1.0)[:, None])
         gradient = np.zeros((len(known), 1, 2, 3))
         gradient[:, 0, 0, :2], gradient[:, 0, 1, :2] = -turn, turn
         return Departures(value[:, None], gradient)
 
     def fault(self, value: float) -> str:
-        """Say why an azimuth cannot be."""
+        """Describe why an azimuth is impossible."""
         return "" if 0.0 <= value < 360.0 else "must lie from 0 to less than 360 degrees"
 
     def adjusted(self, thing: KnownThing, off: float) -> float:
-        """From 0 to less than 360 degrees."""
+        """Return the adjusted azimuth, from 0 to less than 360 degrees."""
         return (thing.value + off) % 360.0
 
 

@@ -1,4 +1,4 @@
-"""What is true of points without a number: a right angle, points in line, in a plane, level."""
+"""Conditions on points without a number: right angle, collinear, coplanar, level and others."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from uavgram.model.survey.known import KnownThing
 
 @dataclass(frozen=True, kw_only=True)
 class Condition(KnownKind):
-    """A condition, which has no value.
+    """Condition, which has no value.
 
     Attributes
     ----------
     function
-        Of points (N, k, 3), and whether they lie on the ground.
+        Residuals as a function of points (N, k, 3), and of whether they are on the ground.
     count
-        Rows of a thing, by its number of points and that of axes across a line: along the ground,
-        and upwards where the points are off it.
+        Number of rows of a thing, from its number of points and the number of axes across a line:
+        one along the ground, and one more upwards if the points are off it.
     lines
         Whether its points are the ends of lines.
     """
@@ -34,7 +34,7 @@ class Condition(KnownKind):
     lines: bool = False
 
     def departures(self, alike: Alike) -> Departures:
-        """Compute the residuals; 0 where there is no derivative: no direction leads nearer."""
+        """Compute the residuals; 0 where there is no derivative, as no direction reduces them."""
         value, gradient = self.function(alike.world, alike.on_ground)
         return Departures(np.nan_to_num(value), np.nan_to_num(gradient))
 
@@ -43,7 +43,7 @@ class Condition(KnownKind):
         return self.count(len(thing.label), 1 if on_ground else 2)
 
     def points_fault(self, points: tuple[str, ...]) -> str:
-        """Say why the ends of lines are none."""
+        """Describe why the points are no valid ends of lines."""
         if not self.lines:
             return ""
         if len(points) % 2:

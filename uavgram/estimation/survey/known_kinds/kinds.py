@@ -1,4 +1,4 @@
-"""Every kind of known thing.
+"""Registry of the kinds of known things.
 
 To add a kind, write it in a file of this folder and name it here.
 """
@@ -15,13 +15,13 @@ from uavgram.model.survey.known import ON_LINE, KnownThings
 ALL_KINDS: dict[str, KnownKind] = {
     one.name: one for one in (*MEASURED, *CONDITIONS, AZIMUTH, LINE_OF_POSITION)
 }
-"""By name."""
+"""All kinds by name."""
 
 KNOWN_KINDS = {name: one for name, one in ALL_KINDS.items() if name != ON_LINE}
-"""Those of the table of known things; lines of known position have a table of their own."""
+"""Kinds of the table of known things; lines of known position have a table of their own."""
 
 
 def gives_scale(known: KnownThings) -> bool:
-    """Whether anything known that is an observation determines the scale."""
+    """Return whether any known thing that is an observation determines the scale."""
     rows = zip(known.kind, known.value.tolist(), known.adjust.tolist(), strict=True)
     return any(ALL_KINDS[kind].gives_scale(value) for kind, value, adjust in rows if adjust)

@@ -1,4 +1,4 @@
-"""What every kind of known thing provides: its rows, and what it is called.
+"""Protocol of the kinds of known things: rows of residuals, names and checks.
 
 Reading, adjustment, tests, simulation, tables and messages loop over kinds. A kind is a `KnownKind`
 in a file of this folder, registered in `known_kinds/kinds.py`.
@@ -16,9 +16,12 @@ from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
 
 Needs = Literal["nothing", "height", "relief", "tilt", "world"]
-"""What makes a thing an observation where all of its points are on the ground: ``height``, as on
-the ground no point is above another; ``relief``, as smooth ground is a plane; ``tilt``, as that of
-a free gauge is level. ``world``: it refers to north or to the map, wherever its points are."""
+"""Condition under which a thing whose points are all on the ground is an observation.
+
+``height``: never, because on the ground no point is above another; ``relief``: not on smooth
+ground, which is a plane; ``tilt``: not on the ground of a free gauge, which is level. ``world``:
+the thing refers to north or to the map, wherever its points are.
+"""
 
 
 class Alike(NamedTuple):
@@ -27,13 +30,13 @@ class Alike(NamedTuple):
     Attributes
     ----------
     things
-        What is known.
+        The known things.
     world, feet
         (N, k, 3) the points, and the places on the smooth ground straight below them.
     on_ground
-        Whether all points lie on the ground.
+        Whether all points are on the ground.
     survey
-        Which of the points are on the ground, and how rough that is.
+        Survey, which holds the points that are on the ground and the roughness of the ground.
     """
 
     things: tuple[KnownThing, ...]
@@ -44,20 +47,21 @@ class Alike(NamedTuple):
 
 
 class Departures(NamedTuple):
-    """By how much N things are not what is known of them, each in m rows, in their unit.
+    """Residuals of N things against their known values, each in m rows, in the unit of the thing.
 
     Attributes
     ----------
     value
-        (N, m) as it is, less as it is known.
+        (N, m) computed minus known values.
     by_point
-        (N, m, k, 3) derivatives by the points.
+        (N, m, k, 3) derivatives with respect to the points.
     by_foot
-        (N, m, k, 3) by the places on the smooth ground straight below them; None: all 0.
+        (N, m, k, 3) derivatives with respect to the places on the smooth ground straight below
+        them; None: all 0.
     rough
         (N, m) sigma that the roughness of the ground below adds; None: 0.
     covariance
-        (N, m, m) of what is known, where its rows are correlated.
+        (N, m, m) covariance of the known values, where the rows are correlated.
     """
 
     value: Floats
@@ -69,29 +73,29 @@ class Departures(NamedTuple):
 
 @dataclass(frozen=True)
 class KnownKind:
-    """A kind of known thing.
+    """Kind of known thing.
 
     Attributes
     ----------
     name
-        In the table of known things.
+        Name in the table of known things.
     words, shown
-        What one is called in a sentence, and in the table of the report; empty: by its name.
+        Name in a sentence, and in the table of the report; empty: `name`.
     points
-        Least and greatest number of points; None: any number. Kinds of measurement have theirs in
-        the table of these.
+        Smallest and largest number of points; None: any number. Kinds of measurement have theirs in
+        the table of measurements.
     unit
-        Of its value and sigma.
+        Unit of value and sigma.
     has_value
-        Whether a number is known, or a condition holds.
+        Whether a number is known (otherwise a condition holds).
     is_directed
-        Whether it has another value from its last point to its first.
+        Whether the value differs if the points are taken from last to first.
     parameters
-        Numbers that it may have beside its points.
+        Names of the numbers that may be given beside the points.
     needs
         See `Needs`.
     unplaced
-        Why it is no observation without a world, and what to do.
+        Why it is no observation without a world, and the remedy.
     """
 
     name: str
@@ -106,7 +110,7 @@ class KnownKind:
     unplaced: tuple[str, str] = ("", "")
 
     def departures(self, alike: Alike) -> Departures:
-        """Compute by how much things that are alike are not what is known of them."""
+        """Compute the residuals of things that are alike."""
         raise NotImplementedError
 
     def row_count(self, thing: KnownThing, *, on_ground: bool) -> int:
@@ -115,7 +119,7 @@ class KnownKind:
         return 1
 
     def is_observation(self, survey: Survey, thing: KnownThing) -> bool:
-        """Whether a thing adds to what the ground alone implies, or rules out."""
+        """Return whether a thing adds to, or contradicts, what the ground alone implies."""
         label = list(thing.label)
         if self.needs == "world":
             return survey.gauge == "world"
@@ -126,31 +130,31 @@ class KnownKind:
         return self.needs != "height" and not _is_plane(survey, survey.area[label], self.needs)
 
     def gives_scale(self, value: float) -> bool:
-        """Whether a thing of that value determines the scale."""
+        """Return whether a thing of this value determines the scale."""
         return self.unit != "deg" and bool(np.isfinite(value)) and value != 0.0
 
     def is_from_ground(self, thing: KnownThing) -> bool:
-        """Whether it is measured from the ground straight below its points."""
+        """Return whether it is measured from the ground straight below its points."""
         del thing
         return False
 
     def fault(self, value: float) -> str:
-        """Say why a value cannot be; empty where it can."""
+        """Describe why a value is impossible; empty if it is possible."""
         del value
         return ""
 
     def points_fault(self, points: tuple[str, ...]) -> str:
-        """Say why points mean nothing; empty where they do."""
+        """Describe why points are meaningless; empty if they are valid."""
         del points
         return ""
 
     def adjusted(self, thing: KnownThing, off: float) -> float:
-        """Value of a thing that is off by so much."""
+        """Return the adjusted value of a thing from its residual."""
         return off + (thing.value if self.has_value else 0.0)
 
 
 def _is_plane(survey: Survey, area: Ints, needs: Needs) -> bool:
-    """Whether points lie in one plane by the ground alone; where it is asked, in a level one."""
+    """Return whether the ground alone puts points in one plane, for ``tilt`` in a level one."""
     areas = set(area.tolist())
     grounds = [survey.grounds[a] for a in areas]
     smooth = all(one.roughness_sigma_m == 0 and one.relief is None for one in grounds)

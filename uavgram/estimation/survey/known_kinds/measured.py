@@ -1,7 +1,8 @@
-"""Known values of what can be measured: distances, areas, angles, heights, volumes.
+"""Known values of measurable quantities: distances, areas, angles, heights, volumes.
 
-The functions are those of the measurements less the known value. Where a value is zero, a distance
-from a line has no derivative: its offset, a signed number or a vector, takes its place.
+The residuals are the functions of the measurements minus the known value. A distance from a line
+has no derivative at zero: for a known value of zero its offset, a signed number or a vector, takes
+its place.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True, kw_only=True)
 class Measured(KnownKind):
-    """A kind of measurement whose value is known.
+    """Kind of measurement whose value is known.
 
     Attributes
     ----------
     is_positive
         Whether its value is a size.
     limits, limits_words
-        Between which values it must be [deg], and the words for that.
+        Range in which the value must be [deg], and the words for that.
     """
 
     has_value: bool = True
@@ -39,10 +40,10 @@ class Measured(KnownKind):
     limits_words: str = ""
 
     def departures(self, alike: Alike) -> Departures:
-        """Compute the measured values less the known ones.
+        """Compute the measured values minus the known ones.
 
-        Where there is no derivative (points that coincide), the gradient is zero, and the value
-        its limit on the way there: no direction leads nearer.
+        Where there is no derivative (points that coincide), the gradient is zero and the value is
+        the limit on the way there: no direction reduces it.
         """
         each = [
             self._departure(thing, world, feet, alike.survey)
@@ -56,7 +57,7 @@ class Measured(KnownKind):
     def _departure(
         self, thing: KnownThing, world: Floats, feet: Floats, survey: Survey
     ) -> tuple[float, Floats, Floats, float]:
-        """Of one thing, the four of `Departures`."""
+        """Compute value, gradients and roughness sigma of one thing, as in `Departures`."""
         kind, parameters = cast("MeasurementKind", thing.kind), dict(thing.parameters)
         nothing = np.zeros((len(world), 3))
         try:
@@ -67,6 +68,7 @@ class Measured(KnownKind):
             value, gradient, by_feet = measurable.over_ground(kind, world, below.feet, parameters)
         except measurable.UnmeasurableError:
             return -thing.value, nothing, nothing, 0.0
+        # Where the ground point moves with the point, its derivatives add to those of the point.
         is_below = below.told[:, None]
         return (
             value - thing.value,
@@ -76,11 +78,11 @@ class Measured(KnownKind):
         )
 
     def is_from_ground(self, thing: KnownThing) -> bool:
-        """Whether it is measured from the ground straight below its points."""
+        """Return whether it is measured from the ground straight below its points."""
         return measurable.refers_to_ground(thing.kind, len(thing.label), dict(thing.parameters))
 
     def fault(self, value: float) -> str:
-        """Say why a value cannot be."""
+        """Describe why a value is impossible."""
         least, greatest = self.limits
         if self.limits_words and not least < value < greatest:
             return self.limits_words
@@ -88,10 +90,10 @@ class Measured(KnownKind):
 
 
 class LineDistance(Measured):
-    """Distance from a line; where it is zero, the offset from it."""
+    """Distance from a line; the offset from it if the known distance is zero."""
 
     def departures(self, alike: Alike) -> Departures:
-        """Compute the distances less the known ones, or the offsets."""
+        """Compute the distances minus the known ones, or the offsets."""
         if alike.things[0].value != 0.0:
             return super().departures(alike)
         value, gradient = conditions.line_offset(alike.world, on_ground=alike.on_ground)
@@ -102,7 +104,7 @@ class LineDistance(Measured):
         return 2 if thing.value == 0.0 and not on_ground else 1
 
     def fault(self, value: float) -> str:
-        """Say why a distance cannot be."""
+        """Describe why a distance is impossible."""
         return "must not be negative" if value < 0 else super().fault(value)
 
 

@@ -13,7 +13,7 @@ class OnLine(KnownKind):
     """Points that were picked somewhere on a line with known coordinates."""
 
     def departures(self, alike: Alike) -> Departures:
-        """Compute how far each point is beside its line: all share the errors of its ends."""
+        """Compute the offsets of the points from their line; all share the errors of its ends."""
         value, gradient, covariance = [], [], []
         for thing, world in zip(alike.things, alike.world, strict=True):
             line = thing.position
@@ -22,6 +22,7 @@ class OnLine(KnownKind):
             k, axes = beside.value.shape
             by_point = np.zeros((k, axes, k, 3))
             by_point[np.arange(k), :, np.arange(k)] = beside.gradient
+            # Covariance of all offsets: errors of the line's ends, shared, and its straightness.
             joint = joint_covariance(beside.by_ends, line.sigma_m, line.straightness_m)
             value.append(beside.value.ravel())
             gradient.append(by_point.reshape(k * axes, k, 3))
@@ -29,12 +30,12 @@ class OnLine(KnownKind):
         return Departures(np.array(value), np.array(gradient), covariance=np.array(covariance))
 
     def row_count(self, thing: KnownThing, *, on_ground: bool) -> int:
-        """Count the points' axes."""
+        """Count the axes of all points."""
         del on_ground
         return len(thing.label) * (1 + (thing.position is not None and thing.position.has_height))
 
     def gives_scale(self, value: float) -> bool:
-        """Whether it determines the scale: its ends do."""
+        """Return True: the known ends of the line determine the scale."""
         del value
         return True
 

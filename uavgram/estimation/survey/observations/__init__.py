@@ -1,1 +1,1 @@
-"""Terms of the likelihood that are a subject of their own."""
+"""Kinds of observations of the likelihood, each in a file of its own."""

@@ -1,4 +1,4 @@
-"""What is known of the camera beforehand: calibration, readout time, turns while it reads."""
+"""Prior knowledge of the camera: calibration, readout time, turns during the readout."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uavgram.model.camera.calibration import parameter_names
 
 
 class Calibration(Observation):
-    """The interior orientation, in independent combinations of its parameters."""
+    """Interior orientation, in independent combinations of its parameters."""
 
     kind = Kind(
         "calibration",
@@ -29,7 +29,7 @@ class Calibration(Observation):
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Draw what the calibration states of the lens."""
+        """Draw the parameters that the calibration states."""
         root = truth.problem.intrinsic_basis
         off = root @ truth.rng.standard_normal(root.shape[1])
         camera = replace(stated.calibration, parameters=truth.intrinsics + off)
@@ -42,27 +42,27 @@ class Calibration(Observation):
         return independent_prior(state.intrinsic, sigma, layout.first_intrinsic)
 
     def tested(self, block: Block) -> Block:
-        """Take the combinations as one observation of correlated parameters."""
+        """Arrange the combinations as one observation of correlated parameters."""
         n = len(block.residual)
         return Block(block.residual.reshape(1, n), block.columns.reshape(1, n), np.eye(n)[None])
 
     def whitening(self) -> Floats | None:
-        """(1, I, P): an exactly known parameter has a row of zeros, and keeps it: it cannot err."""
+        """Return (1, I, P); the row of an exactly known parameter is zero, as it cannot err."""
         inverse = np.linalg.pinv(self.problem.intrinsic_basis)
         return np.asarray(inverse, dtype=np.float64)[None]
 
     def axis(self, member: Member) -> str:
-        """``fx`` and the like."""
+        """Return ``fx`` and the like."""
         camera = self.problem.survey.calibration
         return parameter_names(camera.model, len(camera.parameters))[member.axis]
 
     def unit(self, member: Member) -> tuple[str, float]:
-        """Pixels, or none."""
+        """Return pixels, or no unit."""
         return in_unit("px" if self.axis(member) in ("fx", "fy", "cx", "cy") else "1")
 
 
 class Readout(Prior):
-    """The time in which the camera reads a photo, row after row."""
+    """Time in which the camera reads a photo, row after row."""
 
     kind = Kind(
         "readout",
@@ -73,11 +73,11 @@ class Readout(Prior):
     )
 
     def is_part(self) -> bool:
-        """Whether rows are read one after the other."""
+        """Return whether rows are read one after the other."""
         return self.problem.survey.rolling is not None
 
     def rows(self, state: State) -> Block | None:
-        """Compare the time with what is known of it."""
+        """Compare the time with its known value."""
         assert self.problem.survey.rolling is not None  # noqa: S101  (see `of`)
         known = self.problem.survey.rolling.readout
         off = state.readout - known.value_s
@@ -85,7 +85,7 @@ class Readout(Prior):
 
 
 class Turning(Observation):
-    """How the camera turned while its rows were read, beyond the turns of the log."""
+    """Turns of the camera during the readout, beyond those of the log."""
 
     kind = Kind(
         "turning",
@@ -95,7 +95,7 @@ class Turning(Observation):
     )
 
     def is_part(self) -> bool:
-        """Whether these turns are unknowns."""
+        """Return whether these turns are unknowns."""
         return bool(self.problem.layout.turning)
 
     def rows(self, state: State) -> Block | None:

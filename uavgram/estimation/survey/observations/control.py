@@ -1,4 +1,4 @@
-"""Points with known coordinates."""
+"""Control points: points with known coordinates."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from uavgram.model.survey.observations import KnownWorldPoints
 
 
 class Control(Observation):
-    """Points with known coordinates."""
+    """Control points: points with known coordinates."""
 
     kind = Kind(
         "control",
@@ -44,12 +44,12 @@ class Control(Observation):
     )
 
     def is_part(self) -> bool:
-        """Whether there are control points."""
+        """Return whether there are control points."""
         return bool(len(self.problem.survey.control_label))
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Survey the points anew."""
+        """Draw the coordinates of the points about the truth."""
         control = stated.control
         kept = [i for i, name in enumerate(control.label) if name in truth.row]
         label = tuple(control.label[i] for i in kept)
@@ -75,7 +75,7 @@ class Control(Observation):
         return Block(residual, self._columns, jacobian * weight[:, :, None])
 
     def sigma(self, found: Minimum[State]) -> Floats:
-        """(C, 3) of the coordinates [m]."""
+        """Return the (C, 3) standard deviations of the coordinates [m]."""
         del found
         return self.problem.survey.control_sigma_m
 
@@ -88,23 +88,23 @@ class Control(Observation):
         yield survey.control_label, up
 
     def label(self, row: int) -> str:
-        """Label of a control point."""
+        """Return the label of a control point."""
         return str(self.problem.survey.label[self.problem.survey.control_label[row]])
 
     def title(self, member: Member) -> str:
-        """``control point 'P'``."""
+        """Return ``control point 'P'``."""
         return f"control point {self.label(member.row)!r}"
 
     def axis(self, member: Member) -> str:
-        """``control 'P' east``."""
+        """Return ``control 'P' east``."""
         return f"control {self.label(member.row)!r} {self.kind.axes[member.axis]}"
 
     def subjects(self, row: int) -> Subjects:
-        """Its label."""
+        """Return its label."""
         return {"labels": (self.label(row),)}
 
     def witness(self) -> Iterator[str]:
-        """Yield what bears on the scale."""
+        """Yield the source of evidence for the scale."""
         yield "the control points"
 
     def misfit(self, found: Misfit) -> tuple[str, str]:

@@ -1,4 +1,4 @@
-"""The ground beforehand: planes, relief, and how far each point may be from where they put it."""
+"""Priors of the ground: planes, relief, and the departures of points from them."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ThirdCoordinate:
-    """What is known of the departure of each of K points, in metres up.
+    """Prior of the departure of each of K points, in metres up.
 
-    A point lies at ground(east, north) + stated height + departure. Where the ground is smooth and
-    the height exact, there is no departure; where any point of a survey has one, all have the
+    A point is at ground(east, north) + stated height + departure. Where the ground is smooth and
+    the height exact, there is no departure. If any point of a survey has one, all points have the
     unknown, and it is `idle` where nothing uses it.
 
     Attributes
     ----------
     rough, stated, free, idle
-        Labels by index: on rough ground, at a height that was stated with a sigma, at a height of
-        which nothing is known, and the rest.
+        Labels by index: on rough ground, at a height that was stated with a sigma, at an entirely
+        unknown height, and all others.
     sigma_m
-        (K,) of the departure; 1 where it is idle, and where it is free, of no meaning.
+        (K,) sigma of the departure; 1 where it is idle and where it is free, without meaning there.
     """
 
     rough: Ints
@@ -47,7 +47,7 @@ class ThirdCoordinate:
 
     @classmethod
     def of(cls, survey: Survey) -> ThirdCoordinate:
-        """Of the points of a survey."""
+        """Return the departures of the points of a survey."""
         roughness = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
         free, stated = survey.is_free, survey.height_sigma_m > 0
         departs = free | stated | (roughness > 0)
@@ -69,14 +69,14 @@ class ThirdCoordinate:
 
     @property
     def departs(self) -> Bools:
-        """(K,) which points have one."""
+        """(K,) mask of the points that have a departure."""
         departs = np.ones(len(self.sigma_m), dtype=np.bool_)
         departs[self.idle] = False
         return departs
 
 
 class Departures(Observation):
-    """Heights of points over the ground that puts them there; of a free point nothing is known.
+    """Departures of points from the ground; a free point has no prior.
 
     Roughness of the ground, heights stated with a sigma, and unknowns that nothing uses.
     """
@@ -89,7 +89,7 @@ class Departures(Observation):
 
     @cached_property
     def label(self) -> Ints:
-        """(n,) the points."""
+        """(n,) labels of the points, by index."""
         third = self.problem.third
         return {"roughness": third.rough, "heights": third.stated, "idle": third.idle}[self.name]
 
@@ -105,24 +105,24 @@ class Departures(Observation):
         return replace(stated, picks=again)
 
     def is_part(self) -> bool:
-        """Whether any point has a third unknown, and one of them is of this kind."""
+        """Return whether any point has a third unknown, and one of them is of this kind."""
         return self.problem.layout.point_size == 3 and len(self.label) > 0
 
     def rows(self, state: State) -> Block | None:
         """Compare the departures with 0."""
         weight = 1.0 / self.problem.third.sigma_m[self.label]
-        columns = 3 * self.label[:, None] + 2  # where any point departs, each has three unknowns
+        columns = 3 * self.label[:, None] + 2  # with departures, each point has three unknowns
         off = state.point[..., self.label, 2] * weight
         return Block(off[..., None], columns, weight[:, None, None])
 
     def axis(self, member: Member) -> str:
-        """``departure of 'P' from the plane``, ``height of 'P'``."""
+        """Return ``departure of 'P' from the plane`` or ``height of 'P'``."""
         (label,) = self.subjects(member.row)["labels"]
         is_height = self.name == "heights"
         return f"height of {label!r}" if is_height else f"departure of {label!r} from the plane"
 
     def subjects(self, row: int) -> Subjects:
-        """Its label."""
+        """Return its label."""
         return {"labels": (str(self.problem.survey.label[self.label[row]]),)}
 
 
@@ -140,7 +140,7 @@ class Relief(Observation):
     )
 
     def is_part(self) -> bool:
-        """Whether an area has a relief."""
+        """Return whether an area has a relief."""
         return bool(self.problem.layout.relief)
 
     def rows(self, state: State) -> Block | None:
@@ -150,7 +150,7 @@ class Relief(Observation):
 
 
 class Plane(Prior):
-    """The plane of an area beforehand; the first area's group has the kind's name."""
+    """Prior of the plane of an area; the first area's group has the kind's name."""
 
     kind = Kind(
         "plane",
@@ -178,20 +178,20 @@ class Plane(Prior):
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Draw the height that is stated of the first area; without a world there is none."""
+        """Draw the stated height of the first area; without a world there is none."""
         ground, free = stated.ground, truth.problem.survey.gauge == "plane"
         true = 0.0 if free else float(truth.state.plane[0])
         height = true + ground.height_sigma_m * truth.rng.standard_normal()
         return replace(stated, ground=replace(ground, height_m=float(height)))
 
     def rows(self, state: State) -> Block | None:
-        """Compare height and slopes with what is known of them."""
+        """Compare height and slopes with their prior means."""
         layout, prior = self.problem.layout, self._prior
         unknown = state.plane[..., state.plane.shape[-1] - layout.plane :]
         off = unknown[..., prior.first : prior.first + len(prior.mean)] - prior.mean
         return independent_prior(off, prior.sigma, layout.first_plane + prior.first)
 
     def axis(self, member: Member) -> str:
-        """``ground height``, or ``ground height of 'verge'``."""
+        """Return ``ground height``, or ``ground height of 'verge'``."""
         what = super().axis(member)
         return what if self._is_first else f"{what} of {self._prior.area!r}"

@@ -1,4 +1,4 @@
-"""Every kind of observation, in the order of the likelihood's groups.
+"""Registry of the kinds of observations, in the order of the likelihood's groups.
 
 To add a kind, write its class in a file of this folder and name it here.
 """
@@ -48,21 +48,24 @@ OBSERVATIONS: tuple[type[Observation], ...] = (
 KINDS: dict[str, Kind] = {
     kind.name: kind for one in OBSERVATIONS for kind in one.kinds or (one.kind,)
 }
-"""By name."""
+"""Kinds by name."""
 
 READINGS = tuple(
     one.name for one in sorted(KINDS.values(), key=lambda one: one.rank) if one.role == "reading"
 )
-"""What people read, and misread: suspected before priors are, unless a prior's odds are better than
-20 to 1 (the nine axes of a calibration, say, mimic many an error of a single length). Of
-inseparable observations, the first of these stands for the group."""
+"""Kinds of readings, which people take and can misread, by rank.
+
+They are suspected before priors are, unless the odds of a prior are better than 20 to 1 (the nine
+axes of a calibration, for example, mimic many errors of a single length). The first of these kinds
+represents a group of inseparable observations.
+"""
 
 
 def kind_of(group: str) -> Kind:
-    """Kind of a group of the likelihood, by its name."""
+    """Return the kind of a group of the likelihood, by the name of the group."""
     return KINDS[group.partition(" of ")[0]]
 
 
 def observations_of(problem: SurveyProblem) -> dict[str, Observation]:
-    """All observations of a survey, by the names of their groups."""
+    """Return all observations of a survey, by the names of their groups."""
     return {one.name: one for kind in OBSERVATIONS for one in kind.of(problem)}

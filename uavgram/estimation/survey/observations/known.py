@@ -1,4 +1,4 @@
-"""Known things as observations: residuals by the row, their derivatives by the unknowns."""
+"""Known things as observations: residuals by the row, and their derivatives by the unknowns."""
 
 from __future__ import annotations
 
@@ -31,26 +31,27 @@ if TYPE_CHECKING:
 
 
 class KnownRows(NamedTuple):
-    """Known things in R rows, by what they depend on.
+    """Known things in R rows with their derivatives.
 
     Attributes
     ----------
     thing
-        (R,) which of the things each row is of.
+        (R,) index of the thing of each row.
     sigma
-        (R,) standard deviation of each, in the unit of the thing; with what the roughness of the
-        ground below adds.
+        (R,) standard deviation of each row, in the unit of the thing, including the roughness of
+        the ground below.
     value
-        (R,) departure from what is known, in the same unit.
+        (R,) residual against the known value, in the same unit.
     gradient
-        (R, m) by the unknowns.
+        (R, m) derivatives by the unknowns.
     columns
-        (R, m) which unknowns.
+        (R, m) columns of these unknowns.
     label, by_up
-        (R, k) points of each row, and derivatives by how high each lies, the ground below it too.
+        (R, k) points of each row, and derivatives by the height of each, together with that of the
+        ground below it.
     joint
-        Rows that are correlated, with their covariance: those of points on one line of known
-        position. They are of one thing, so their columns are the same.
+        Correlated rows with their covariance: those of points on one line of known position. They
+        are of one thing, so their columns are the same.
     """
 
     thing: Ints
@@ -63,7 +64,7 @@ class KnownRows(NamedTuple):
     joint: tuple[tuple[Ints, Floats], ...] = ()
 
     def block(self) -> Block:
-        """As a group of observations of one number each; correlated ones made independent."""
+        """Return a group of observations of one number each; correlated ones are decorrelated."""
         return Block(
             self.whitened(self.value)[:, None],
             self.columns,
@@ -71,14 +72,15 @@ class KnownRows(NamedTuple):
         )
 
     def whitened(self, of_rows: Floats) -> Floats:
-        """Numbers (R, ...) of the rows over their standard deviations."""
+        """Divide numbers (R, ...) of the rows by their standard deviations."""
         scaled = of_rows / self.sigma.reshape(-1, *(1,) * (of_rows.ndim - 1))
+        # Correlated rows: multiply by the inverse root of their covariance.
         for rows, covariance in self.joint:
             scaled[rows] = inverse_root(covariance) @ of_rows[rows]
         return np.asarray(scaled)
 
     def covariance(self, rows: Ints) -> Floats:
-        """(r, r) covariance of what is known in the rows of one thing."""
+        """Return the (r, r) covariance of the known values in the rows of one thing."""
         for own, covariance in self.joint:
             if np.array_equal(own, rows):
                 return covariance
@@ -86,20 +88,20 @@ class KnownRows(NamedTuple):
 
 
 def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing]) -> KnownRows:
-    """The rows of known things.
+    """Compute the rows of known things.
 
     Parameters
     ----------
     problem
-        The likelihood.
+        Likelihood.
     state
         Values of the unknowns.
     things
-        At least one; their labels are those of the likelihood's survey.
+        At least one known thing; its labels are those of the likelihood's survey.
 
     Notes
     -----
-    All rows have as many points as that with the most: others name their first point again,
+    All rows have as many points as the thing with the most: others repeat their first point,
     without a derivative.
     """
     most = max(len(thing.label) for thing in things)
@@ -124,6 +126,7 @@ def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing
         sigma[rows] = np.sqrt(np.diag(covariance))
     point, plane = problem.layout.point_columns(label.ravel()), problem.plane_columns(label.ravel())
     columns = np.concatenate([point, plane], axis=1).reshape(len(things), -1)
+    # Chain rule: derivatives by points and ground points times theirs by the unknowns.
     gradient = np.einsum("rpi,rpij->rpj", by_point, by_world[row])
     gradient += np.einsum("rpi,rpij->rpj", by_foot, by_feet[row])
     return KnownRows(
@@ -141,7 +144,7 @@ def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing
 def _departures(
     survey: Survey, things: Sequence[KnownThing], row: Ints, world: Floats, feet: Floats
 ) -> Iterator[tuple[Ints, Departures]]:
-    """Rows (N, m) of things that are alike, and by how much these are not as they are known."""
+    """Yield rows (N, m) of things that are alike, and their residuals."""
     first = np.searchsorted(row, np.arange(len(things)))
     alike: dict[tuple[object, ...], list[int]] = {}
     for i, thing in enumerate(things):
@@ -158,14 +161,14 @@ def _departures(
 
 
 def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
-    """(N, k, 3) places of labels (N, k), and their derivatives (N, k, 3, j) by all unknowns."""
+    """Return places (N, k, 3) of labels (N, k), and derivatives (N, k, 3, j) by all unknowns."""
     world, d_point, d_plane = points
     by_unknowns = np.concatenate([d_point, d_plane], axis=2)
     return world.reshape(*label.shape, 3), by_unknowns.reshape(*label.shape, 3, -1)
 
 
 def things_of_rows(survey: Survey, things: Sequence[KnownThing]) -> Ints:
-    """(R,) which of some known things each of their rows is of."""
+    """Return the (R,) index of the known thing of each row."""
     counts = [
         ALL_KINDS[thing.kind].row_count(thing, on_ground=on_ground(survey, thing))
         for thing in things
@@ -174,12 +177,12 @@ def things_of_rows(survey: Survey, things: Sequence[KnownThing]) -> Ints:
 
 
 def on_ground(survey: Survey, thing: KnownThing) -> bool:
-    """Whether all points of a thing lie on the ground."""
+    """Return whether all points of a thing are on the ground."""
     return not survey.off_ground[list(thing.label)].any()
 
 
 class Known(Observation):
-    """What else is known of points: distances, angles, conditions, lines of known position."""
+    """Known things: distances, angles, conditions, lines of known position."""
 
     kind = Kind(
         "known",
@@ -196,12 +199,12 @@ class Known(Observation):
     )
 
     def is_part(self) -> bool:
-        """Whether a known thing takes part."""
+        """Return whether a known thing takes part."""
         return bool(self.problem.known)
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Draw the values; conditions and lines of position hold as far as they held."""
+        """Draw the values; conditions and lines of position keep their residuals."""
         known = stated.known
         value, row = known.value.copy(), truth.problem.survey.row_of_label
         seen = (known.seen_thing(i, row) for i in range(len(known.name)))
@@ -214,7 +217,7 @@ class Known(Observation):
         return replace(stated, known=replace(known, value=value))
 
     def rows(self, state: State) -> Block | None:
-        """Compute by how much each is not met."""
+        """Compute the residuals of all known things."""
         if state.plane.ndim == 1:
             return self._found(state).block()
         each = [self._found(one).block() for one in unstacked(state)]
@@ -225,15 +228,15 @@ class Known(Observation):
         return known_rows(self.problem, state, self.problem.known)
 
     def sigma(self, found: Minimum[State]) -> Floats:
-        """(R, 1) each in its unit."""
+        """Return the (R, 1) standard deviations, each in its unit."""
         return self._found(found.state).sigma[:, None]
 
     def residuals(self, found: Minimum[State]) -> Floats:
-        """(R, 1) each in its unit; whitened, correlated ones are mixed."""
+        """Return the (R, 1) residuals, each in its unit; whitening would mix correlated rows."""
         return self._found(found.state).value[:, None]
 
     def things(self) -> Ints | None:
-        """(R,) several rows may be of one thing."""
+        """Return the (R,) thing of each row: several rows may be of one."""
         return self.problem.known_thing
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
@@ -244,31 +247,31 @@ class Known(Observation):
             yield rows.label[:, k], by_up[:, [k]]
 
     def thing(self, row: int) -> KnownThing:
-        """The known thing of a row."""
+        """Return the known thing of a row."""
         return self.problem.known[int(self.problem.known_thing[row])]
 
     def _labels(self, row: int) -> tuple[str, ...]:
         return tuple(self.problem.survey.label[k] for k in self.thing(row).label)
 
     def named(self, row: int) -> str:
-        """``right angle 'corner' ('A', 'B', 'C')``."""
+        """Return ``right angle 'corner' ('A', 'B', 'C')``."""
         thing = self.thing(row)
         return named_thing(thing.kind, thing.name, self._labels(row))
 
     def title(self, member: Member) -> str:
-        """``known right angle 'corner' ('A', 'B', 'C')``."""
+        """Return ``known right angle 'corner' ('A', 'B', 'C')``."""
         return f"known {self.named(member.row)}"
 
     def unit(self, member: Member) -> tuple[str, float]:
-        """Of its value and sigma, in which its errors are."""
+        """Return the unit of its value and sigma, which is that of its errors."""
         return ALL_KINDS[self.thing(member.row).kind].unit, 1.0
 
     def subjects(self, row: int) -> Subjects:
-        """Its labels."""
+        """Return its labels."""
         return {"labels": self._labels(row)}
 
     def witness(self) -> Iterator[str]:
-        """Yield what bears on the scale."""
+        """Yield the sources of evidence for the scale."""
         known = self.problem.known
         if any(thing.position is not None for thing in known):
             yield "the lines of known position"
@@ -289,12 +292,12 @@ class Known(Observation):
 
 
 def departure(thing: KnownThing, off: Floats) -> str:
-    """``given 3.500 m, adjusted 3.612 m``, or of a condition ``off by 0.112 m``.
+    """Return ``given 3.500 m, adjusted 3.612 m``, or for a condition ``off by 0.112 m``.
 
     Parameters
     ----------
     thing
-        What is known.
+        Known thing.
     off
         (r,) its residuals, in its unit.
     """
@@ -307,12 +310,12 @@ def departure(thing: KnownThing, off: Floats) -> str:
 
 
 def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
-    """``right angle 'corner' ('A', 'B', 'C')``: a known thing.
+    """Return the name of a known thing: ``right angle 'corner' ('A', 'B', 'C')``.
 
     Parameters
     ----------
     kind, name
-        What it is, and what it is called.
+        Its kind and its name.
     points
         Labels of its points.
     """

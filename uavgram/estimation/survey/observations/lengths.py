@@ -1,10 +1,10 @@
 """Known lengths, and the scales of the tapes that they were read on.
 
-**Sign.** A tape of scale s reads a true length l as ``l / (1 + s)``. One that is 1 % too long (a
-mark that says 1.00 m stands at 1.01 m) has s = +0.01 and reads short.
+**Sign.** A tape of scale s reads a true length l as ``l / (1 + s)``. A tape that is 1 % too long
+(its mark of 1.00 m is at 1.01 m) has s = +0.01 and reads short.
 
-Only tapes whose lengths take part have an unknown; the scale of another one is as far from 0 as
-its prior says.
+Only tapes whose lengths take part have an unknown; the scale of another tape deviates from 0 by its
+prior sigma.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from uavgram.model.survey.survey import Survey
 
 
 class Taped(NamedTuple):
-    """n lengths to read: labels of their ends (n,), names of their tapes, whether level (n,)."""
+    """Tape readings of n lengths: labels of their ends (n,), tapes, whether horizontal (n,)."""
 
     start: Ints
     end: Ints
@@ -45,7 +45,7 @@ class Taped(NamedTuple):
 
 
 def taped_lines(survey: Survey, line: Ints) -> Taped:
-    """Some of the known lengths of a survey, by row."""
+    """Return some of the known lengths of a survey, by row."""
     return Taped(
         survey.line_start[line],
         survey.line_end[line],
@@ -55,14 +55,14 @@ def taped_lines(survey: Survey, line: Ints) -> Taped:
 
 
 def taped_known(lines: KnownLines, row: Ints, start: Ints, end: Ints) -> Taped:
-    """Some of the known lengths of a project.
+    """Return some of the known lengths of a project.
 
     Parameters
     ----------
     lines
-        All of them.
+        All known lengths.
     row
-        (n,) which.
+        (n,) rows of those to return.
     start, end
         (n,) the labels of their ends among those of a survey.
     """
@@ -74,13 +74,13 @@ def _level(along: tuple[str, ...], row: Ints) -> Bools:
 
 
 def tapes_of(survey: Survey, line: Ints) -> tuple[str, ...]:
-    """Tapes whose scale is an unknown where these known lengths take part, in their order."""
+    """Return the tapes with an unknown scale if these known lengths take part, in their order."""
     names = dict.fromkeys(taped_lines(survey, line).tape)
     return tuple(name for name in names if survey.scale_sigma_of(name) > 0)
 
 
 def tape_rows(known: tuple[str, ...], tape: tuple[str, ...]) -> Ints:
-    """(n,) place of each of n tapes among the known ones; -1 for those that are not."""
+    """Return the (n,) positions of n tapes among the known ones; -1 for others."""
     place = {name: k for k, name in enumerate(known)}
     return np.array([place.get(name, -1) for name in tape], dtype=np.int64)
 
@@ -88,16 +88,16 @@ def tape_rows(known: tuple[str, ...], tape: tuple[str, ...]) -> Ints:
 def unlearnt(
     known: tuple[str, ...], taped: Taped, reading_m: Floats, sigma_of: Callable[[str], float]
 ) -> Floats:
-    """(n, U) errors of readings by one sigma of each tape that no adjusted length was read on.
+    """Compute (n, U) errors of readings by one sigma of each tape without an adjusted length.
 
     Parameters
     ----------
     known
         Tapes of the adjustment.
     taped, reading_m
-        n lengths, and what a right tape reads.
+        n lengths, and the readings of a correct tape.
     sigma_of
-        Prior of the scale of a tape; 0 where it is exact.
+        Function that returns the prior sigma of the scale of a tape; 0 if it is exact.
     """
     others = [name for name in dict.fromkeys(taped.tape) if name not in known]
     own = np.array([[name == tape for name in others] for tape in taped.tape], dtype=np.float64)
@@ -123,12 +123,12 @@ class Lengths(Observation):
     )
 
     def is_part(self) -> bool:
-        """Whether a length takes part."""
+        """Return whether a length takes part."""
         return bool(len(self.problem.line_index))
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Read the lengths between points that took part, each tape with a scale of its own."""
+        """Draw readings between points that took part; each tape has a scale of its own."""
         lines, own = stated.lines, dict(stated.own_scale_sigma)
         names = range(len(lines.name))
         kept = [i for i in names if {lines.start[i], lines.end[i]} <= truth.row.keys()]
@@ -148,12 +148,12 @@ class Lengths(Observation):
 
     @cached_property
     def _taped(self) -> tuple[Taped, Ints]:
-        """The lengths that take part, and the unknowns of each."""
+        """Lengths that take part, and the unknowns of each."""
         taped = taped_lines(self.problem.survey, self.problem.line_index)
         return taped, self.problem.columns_of_readings(taped)
 
     def rows(self, state: State) -> Block | None:
-        """Predict the readings."""
+        """Compare the predicted readings with the actual ones."""
         survey, (taped, columns) = self.problem.survey, self._taped
         reading, jacobian = self.problem.read(state, taped)
         sigma = survey.length_sigma_m[self.problem.line_index]
@@ -161,7 +161,7 @@ class Lengths(Observation):
         return Block(residual[..., None], columns, jacobian[..., None, :] / sigma[:, None, None])
 
     def sigma(self, found: Minimum[State]) -> Floats:
-        """(L, 1) of the readings [m]."""
+        """Return the (L, 1) standard deviations of the readings [m]."""
         del found
         return self.problem.survey.length_sigma_m[self.problem.line_index, None]
 
@@ -179,17 +179,17 @@ class Lengths(Observation):
         yield taped.start, -slope[:, None]
 
     def named(self, row: int) -> str:
-        """``'L2' ('R3' to 'R4')``."""
+        """Return ``'L2' ('R3' to 'R4')``."""
         survey, line = self.problem.survey, self.problem.line_index[row]
         start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
         return named_ends(survey.line_name[line] if survey.line_name else "", start, end)
 
     def title(self, member: Member) -> str:
-        """``length 'L2' ('R3' to 'R4')``."""
+        """Return ``length 'L2' ('R3' to 'R4')``."""
         return f"length {self.named(member.row)}"
 
     def subjects(self, row: int) -> Subjects:
-        """Its name and the labels of its ends."""
+        """Return its name and the labels of its ends."""
         survey, line = self.problem.survey, self.problem.line_index[row]
         ends = survey.line_start[line], survey.line_end[line]
         name = survey.line_name[line : line + 1]
@@ -208,18 +208,18 @@ class Lengths(Observation):
         )
 
     def remedy(self, row: int) -> Remedy | None:
-        """Remove the length."""
+        """Return the removal of the length."""
         survey, line = self.problem.survey, self.problem.line_index[row]
         return without_lengths([survey.line_name[line] if survey.line_name else ""])
 
 
 class TapeScales(Observation):
-    """What is known of the scales of tapes."""
+    """Priors of the scales of tapes."""
 
     kind = Kind("tape", "tape", "scale of the tape", units=("%",))
 
     def is_part(self) -> bool:
-        """Whether a scale is an unknown."""
+        """Return whether a scale is an unknown."""
         return bool(self.problem.tapes)
 
     def rows(self, state: State) -> Block | None:
@@ -229,17 +229,17 @@ class TapeScales(Observation):
         return independent_prior(state.tape, sigma, self.problem.layout.first_tape)
 
     def named(self, row: int) -> str:
-        """``the tape``, or ``the tape 'red'``."""
+        """Return ``the tape``, or ``the tape 'red'``."""
         name = self.problem.tapes[row]
         return f"the tape {name!r}" if name else "the tape"
 
     def axis(self, member: Member) -> str:
-        """``scale of the tape 'red'``."""
+        """Return ``scale of the tape 'red'``."""
         return f"scale of {self.named(member.row)}"
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a tape that is longer or shorter than stated."""
-        # Without its prior the scale would be the estimate over the prior's redundancy.
+        # Without its prior the scale would be the estimate divided by the prior's redundancy.
         free = found.off[0] / found.redundancy
         what = self.named(found.member.row)
         size, side = f"{figures(100.0 * abs(free))} %", "long" if free > 0 else "short"
@@ -251,12 +251,12 @@ class TapeScales(Observation):
 
 
 def named_ends(name: str, start: str, end: str) -> str:
-    """``'L2' ('R3' to 'R4')``: a length; by its ends alone where it has no name.
+    """Return a length as ``'L2' ('R3' to 'R4')``; only its ends if it has no name.
 
     Parameters
     ----------
     name
-        Of the length; may be empty.
+        Name of the length; may be empty.
     start, end
         Labels of its ends.
     """

@@ -1,4 +1,4 @@
-"""Protocol of observations: what every kind provides, and suspicions of single ones.
+"""Protocol of observations: the interface of every kind, and suspicions of single observations.
 
 The likelihood, tests for blunders, error budget and report loop over kinds. A kind is a subclass of
 `Observation` in a file of its own, registered in `observations/kinds.py`.
@@ -22,7 +22,7 @@ from uavgram.model.message import Remedy
 
 @dataclass(frozen=True)
 class Member:
-    """One observation: group of the likelihood, row in it, and the axis that tells most."""
+    """One observation: group of the likelihood, row in it, and its most significant axis."""
 
     kind: str
     row: int
@@ -31,16 +31,16 @@ class Member:
 
 @dataclass(frozen=True)
 class Suspicion:
-    """An observation that does not fit, and what else could be wrong instead.
+    """Observation that does not fit, with the alternatives that could be wrong instead.
 
     Attributes
     ----------
     accused
-        With the largest test statistic `w`.
+        Observation with the largest test statistic `w`.
     w
-        Signed, given earlier suspicions.
+        Test statistic, signed, given earlier suspicions.
     group
-        Observations that no test can part from it.
+        Observations that no test can separate from it.
     rivals
         Others whose odds against it are more than 1 in 20.
     """
@@ -55,16 +55,19 @@ if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
 
 Role = Literal["reading", "prior", "untested", "construction"]
-"""``reading``: people read it, and misread it. ``prior``: known beforehand. ``untested``: observed,
-but no single one is tested. ``construction``: nobody observed it, it holds unknowns together."""
+"""Role of a kind of observation.
+
+``reading``: taken by people, who can misread it. ``prior``: known beforehand. ``untested``:
+observed, but single ones are not tested. ``construction``: not observed; it constrains unknowns.
+"""
 
 
 FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6, "%": 100.0}
-"""How many of a unit make the unit of the unknowns; else 1."""
+"""Number of each unit in the unit of the unknowns; 1 for all others."""
 
 
 class Subjects(TypedDict, total=False):
-    """Names of what a message is about, by the fields of a message."""
+    """Names of the frames, labels and lengths of a message, by its fields."""
 
     frames: tuple[str, ...]
     labels: tuple[str, ...]
@@ -77,11 +80,11 @@ class Misfit(NamedTuple):
     Attributes
     ----------
     member
-        Which.
+        The observation and the axis.
     w
-        Its test statistic.
+        Test statistic of the axis.
     redundancy
-        Of the axis.
+        Redundancy number of the axis.
     off
         (r,) adjusted minus read, of all numbers of the observation, in its unit.
     """
@@ -94,31 +97,31 @@ class Misfit(NamedTuple):
 
 @dataclass(frozen=True)
 class Kind:
-    """What is the same for a kind of observation in every survey.
+    """Properties of a kind of observation that are the same in every survey.
 
     Attributes
     ----------
     name
-        Of its group in the likelihood; of the planes of further areas, its beginning.
+        Name of its group in the likelihood; for the planes of further areas, the beginning of it.
     source
-        In the error budget.
+        Name in the error budget.
     words
-        In the table of all groups.
+        Name in the table of all groups.
     role
         See `Role`.
     rank
-        Of readings. Of inseparable ones that of the lowest rank represents all.
+        Rank among readings: the one of the lowest rank represents a group of inseparable readings.
     axes, units
-        What each of its numbers is called, and the unit of each.
+        Name and unit of each of its numbers.
     plural, check
-        What several are called in a sentence, and what to check where the group does not fit;
-        empty: no message is about it alone.
+        Name of several in a sentence, and the thing to check if the group does not fit; empty: no
+        message is about it alone.
     look
-        What to look at where several single ones do not fit.
+        Advice if several single ones do not fit.
     misfit_code
-        Of the message on one that does not fit.
+        Code of the message on one that does not fit.
     is_judged
-        Whether its variance factor is reported, though nobody observed it.
+        Whether its variance factor is reported, although it was not observed.
     is_core
         Whether its fit shows if the model of picks and ground holds.
     is_whole
@@ -156,9 +159,9 @@ class Observation:
     Parameters
     ----------
     problem
-        The likelihood that it is part of: survey, layout of the unknowns and ground exist already.
+        Likelihood that it is part of: survey, layout of the unknowns and ground exist already.
     kind
-        One of `kinds`, where a class has several that differ in their words only.
+        One of `kinds`, for classes with several kinds that differ in their words only.
     """
 
     kind: Kind
@@ -174,7 +177,7 @@ class Observation:
         return (one for one in every if one.is_part())
 
     def is_part(self) -> bool:
-        """Whether the survey has any such observation."""
+        """Return whether the survey has any such observation."""
         return True
 
     @classmethod
@@ -184,13 +187,13 @@ class Observation:
         Parameters
         ----------
         stated
-            What was observed; kinds before this one are drawn already.
+            Observations; kinds before this one are drawn already.
         truth
-            Of the survey, with random numbers of this kind alone.
+            True survey, with random numbers of this kind alone.
 
         Returns
         -------
-        The observations, those of these kinds replaced by what took part.
+        The observations, with those of these kinds replaced by the drawn ones that took part.
         """
         del truth
         return stated
@@ -201,71 +204,72 @@ class Observation:
         return self.kind.name
 
     def rows(self, state: State) -> Block | None:
-        """Compute whitened residuals and derivatives; None where the state is impossible.
+        """Compute whitened residuals and derivatives; None if the state is impossible.
 
-        Of states with a leading axis, the residuals have it too, and so do derivatives that differ
+        For states with a leading axis, the residuals have it too, and so do derivatives that differ
         from state to state.
         """
         raise NotImplementedError
 
     def sigma(self, found: Minimum[State]) -> Floats:
-        """(n, r) standard deviations of independent numbers.
+        """Return the (n, r) standard deviations of independent numbers.
 
         The whitened residual of a prior changes by the inverse of its sigma.
         """
         return np.asarray(1.0 / found.blocks[self.name].jacobian[:, :, 0])
 
     def whitening(self) -> Floats | None:
-        """(n, r, a) from errors of correlated numbers to whitened residuals; None: independent."""
+        """Return (n, r, a) matrices that whiten errors of correlated numbers; None: independent."""
         return None
 
     def tested(self, block: Block) -> Block:
-        """Arrange the rows as they are tested."""
+        """Arrange the rows for the tests."""
         return block
 
     def residuals(self, found: Minimum[State]) -> Floats:
-        """(n, r) adjusted minus stated, of independent numbers, in their unit."""
+        """Return (n, r) adjusted minus stated values of independent numbers, in their unit."""
         return np.asarray(found.blocks[self.name].residual * self.sigma(found))
 
     def things(self) -> Ints | None:
-        """(n,) rows with the same number are one observation; None: each row is one."""
+        """Return (n,) numbers: rows of one observation share one. None: each row is one."""
         return None
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
         """Yield labels (n,) and derivatives (n, r) of the whitened residuals by their heights.
 
-        For a point that is higher than its surface, while the observations stay as they are.
+        The derivatives are for a point that is higher than its surface, with unchanged
+        observations.
         """
         del found
         yield from ()
 
     def title(self, member: Member) -> str:
-        """Name of an observation in a sentence, without an article."""
+        """Return the name of an observation in a sentence, without an article."""
         return self.axis(member)
 
     def axis(self, member: Member) -> str:
-        """Name of one of its numbers, in a table."""
+        """Return the name of one of its numbers, in a table."""
         return self.kind.axes[member.axis]
 
     def suspect(self, member: Member) -> str:
-        """What may be wrong where an observation does not fit, without an article."""
+        """Return the possible cause of a misfit, without an article."""
         return self.title(member)
 
     def unit(self, member: Member) -> tuple[str, float]:
-        """Unit in which an error is stated, and how many of it make the unit of the unknowns."""
+        """Return the unit of its errors, and how many of it make the unit of the unknowns."""
         return in_unit(self.kind.units[member.axis])
 
     def subjects(self, row: int) -> Subjects:
-        """Frames, labels and lengths that an observation is about."""
+        """Return frames, labels and lengths that an observation is about."""
         del row
         return {}
 
     def witness(self) -> Iterator[str]:
-        """Yield what of it bears on the scale of the survey."""
+        """Yield the sources of evidence for the scale of the survey."""
         yield from ()
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
-        """Describe one that does not fit: as a sentence with what to check, and in a few words."""
+        """Describe a misfit: as a sentence with the values to check, and in a few words."""
         what = self.axis(found.member)
         return (
             f"What was assumed of the {what} does not fit the picks, lengths and log: check its "
@@ -274,18 +278,18 @@ class Observation:
         )
 
     def several(self) -> str:
-        """Opening of a message on several that do not fit; ``{count}`` is their number."""
+        """Return the opening of a message on several misfits; ``{count}`` is their number."""
         what = self.kind.plural
         if not what:
             return "{count} things that were assumed do not fit the picks, lengths and log"
         return f"{{count}} {what} do not fit"
 
     def remedy(self, row: int) -> Remedy | None:
-        """What would put it right; None where only a person can."""
+        """Return the remedy; None if only a person can find it."""
         del row
         return None
 
 
 def in_unit(unit: str) -> tuple[str, float]:
-    """A unit, and how many of it make the unit of the unknowns."""
+    """Return a unit, and how many of it make the unit of the unknowns."""
     return unit, FACTORS.get(unit, 1.0)

@@ -1,8 +1,8 @@
 """Picked pixels, and the identification error that all picks of a label share.
 
-Lengths, control points and what is measured are of the meant point, clicks show the picked one.
-More photos do not average the offset between the two away. Chains of matches are of the picked
-point as well: they show it again, and nothing of the meant one but its height.
+Lengths, control points and measurements refer to the meant point; clicks show the picked one. More
+photos do not average out the offset between the two. Chains of matches also show the picked point,
+and give only the height of the meant one.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ LINKED_M = 0.001
 
 
 class Identification(Observation):
-    """Offsets, east and north, between the points that people picked and those that were meant."""
+    """Offsets, east and north, between the picked and the meant points."""
 
     kind = Kind(
         "identification",
@@ -57,7 +57,7 @@ class Identification(Observation):
         self._level = _columns(picked[:, :2], layout.point_columns(self._label)[:, :2])
 
     def is_part(self) -> bool:
-        """Whether people may have picked beside what was meant."""
+        """Return whether picked points may differ from the meant ones."""
         return len(self._label) > 0
 
     def rows(self, state: State) -> Block | None:
@@ -67,7 +67,7 @@ class Identification(Observation):
 
 
 class Linked(Observation):
-    """Heights of picked points and of chains of matches, as of the points that were meant."""
+    """Equal heights of picked points and chains of matches, and of the meant points."""
 
     kind = Kind(
         "linked",
@@ -87,23 +87,23 @@ class Linked(Observation):
         self._upright = _columns(own[:, 2:], layout.point_columns(self._linked)[:, 2:])
 
     def is_part(self) -> bool:
-        """Whether such a point has a height of its own."""
+        """Return whether such a point has a height of its own."""
         return len(self._upright) > 0
 
     def rows(self, state: State) -> Block | None:
-        """Compute (Q + chains, 1) how much higher than the meant one each is over its ground."""
+        """Compute (Q + chains, 1) heights over the ground minus that of the meant point."""
         own = np.concatenate([state.picked, state.tie[..., self._chain, :]], axis=-2)
         off = (own - state.point[..., self._linked, :])[..., 2]
         return _differences(off, self._upright, np.full(off.shape[-1], LINKED_M))
 
 
 def _columns(own: Ints, other: Ints) -> Ints:
-    """(n, 2) pairs of unknowns from (m, k) of two kinds."""
+    """Return (n, 2) pairs of unknowns from (m, k) of two kinds."""
     return np.stack([own.ravel(), other.ravel()], axis=1)
 
 
 def _differences(off: Floats, columns: Ints, sigma: Floats) -> Block:
-    """Rows for (..., n) differences of two unknowns each, over their sigmas (n,)."""
+    """Return rows for (..., n) differences of two unknowns each, over their sigmas (n,)."""
     jacobian = np.stack([1.0 / sigma, -1.0 / sigma], axis=1)[:, None, :]
     return Block((off / sigma)[..., None], columns, jacobian)
 
@@ -129,21 +129,22 @@ class Pixels(Observation):
     )
 
     def rows(self, state: State) -> Block | None:
-        """Predict the pixels; None where a point is not in front, or the ground not from above."""
+        """Predict the pixels; None if a point is not in front, or the ground is seen from below."""
         survey = self.problem.survey
         every = np.concatenate([state.point, state.picked], axis=-2)
         own = every[..., self._point, :]
         world, d_point, d_plane = self.problem.placed(state, own, survey.pick_label)
         to_camera = (state.center[..., survey.pick_frame, :] - world)[..., self._from_above, :]
+        # Height of the camera over the tangent plane of the ground at the point.
         slope = d_point[..., self._from_above, 2, :2]
         above = to_camera[..., 2] - np.sum(slope * to_camera[..., :2], axis=-1)
-        if above.size and above.min() <= 0:  # the ground is not seen from below
+        if above.size and above.min() <= 0:  # the ground is only visible from above
             return None
         return rows_of_sightings(self.problem, state, self._seen, (world, d_point, d_plane))
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Draw where people see each point, the point that they pick beside the one meant."""
+        """Draw the pixels at which people see each point, picked with an identification error."""
         picks, survey = stated.picks, truth.problem.survey
         frame = {name: i for i, name in enumerate(survey.frame_id)}
         matches = set(survey.matches.row.tolist())
@@ -168,13 +169,13 @@ class Pixels(Observation):
 
     @cached_property
     def _from_above(self) -> Ints:
-        """Picks of points on the ground: what rises above it may be seen from below."""
+        """Picks of points on the ground; points above it may be seen from below."""
         survey = self.problem.survey
         return np.flatnonzero(~survey.off_ground[survey.pick_label])
 
     @cached_property
     def _point(self) -> Ints:
-        """(P,) which point each pick shows: the label's own, or K + which of those picked."""
+        """(P,) index of the point of each pick: the label's own, or K + that of a picked point."""
         survey, found = self.problem.survey, self.problem.survey.pick_label.copy()
         by_hand = np.isin(found, survey.identified) & ~survey.pick_is_target
         found[by_hand] = len(survey.label) + np.searchsorted(survey.identified, found[by_hand])
@@ -187,28 +188,28 @@ class Pixels(Observation):
         return seen(problem, own, survey.pick_frame, survey.pixel_px, survey.pick_sigma_px)
 
     def sigma(self, found: Minimum[State]) -> Floats:
-        """(P, 1) of both coordinates [px]."""
+        """Return the (P, 1) standard deviations of both coordinates [px]."""
         del found
         return self.problem.survey.pick_sigma_px[:, None]
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
-        """Yield the derivatives: a pixel moves with its point as against its camera's centre."""
+        """Yield the derivatives: those by a point are minus those by its camera's centre."""
         up = self.problem.layout.point_size + 2
         jacobian = found.blocks[self.name].jacobian
         yield self.problem.survey.pick_label, -jacobian[:, :, up]
 
     def place(self, row: int) -> tuple[str, str]:
-        """Frame and label of a pick."""
+        """Return frame and label of a pick."""
         survey = self.problem.survey
         return survey.frame_id[survey.pick_frame[row]], survey.label[survey.pick_label[row]]
 
     def title(self, member: Member) -> str:
-        """``pick of 'P' in 'img1.jpg'``."""
+        """Return ``pick of 'P' in 'img1.jpg'``."""
         frame, label = self.place(member.row)
         return f"pick of {label!r} in {frame!r}"
 
     def subjects(self, row: int) -> Subjects:
-        """Its frame and its label."""
+        """Return its frame and its label."""
         frame, label = self.place(row)
         return {"frames": (frame,), "labels": (label,)}
 
@@ -224,5 +225,5 @@ class Pixels(Observation):
         )
 
     def remedy(self, row: int) -> Remedy | None:
-        """Remove the pick."""
+        """Return the removal of the pick."""
         return unpicked([self.place(row)])

@@ -13,26 +13,26 @@ from uavgram.model.arrays import Floats, Ints
 
 
 class Prior(Observation):
-    """What is known beforehand of some shared unknowns: each is a row of one number."""
+    """Prior of some shared unknowns: each is a row of one number."""
 
     def axis(self, member: Member) -> str:
-        """Name of the unknown."""
+        """Return the name of the unknown."""
         return self.kind.axes[member.row]
 
     def unit(self, member: Member) -> tuple[str, float]:
-        """Unit of the unknown."""
+        """Return the unit of the unknown."""
         return in_unit(self.kind.units[member.row])
 
 
 def independent_prior(off: Floats, sigma: Floats, first: int) -> Block:
-    """A row for each of n unknowns.
+    """Compute a row for each of n unknowns.
 
     Parameters
     ----------
     off
-        (..., n) how far each is from what is known of it.
+        (..., n) differences of the unknowns from their known values.
     sigma
-        (n,) standard deviations of that, in the same units.
+        (n,) standard deviations of the known values, in the same units.
     first
         Column of the first unknown.
     """
@@ -42,31 +42,32 @@ def independent_prior(off: Floats, sigma: Floats, first: int) -> Block:
 
 @lru_cache(maxsize=256)
 def _neighbours(first: int, count: int) -> Ints:
-    """(count, 1) columns; each iteration asks for them again."""
+    """Return (count, 1) columns; cached, as each iteration asks for them again."""
     columns = (first + np.arange(count))[:, None]
     columns.flags.writeable = False
     return columns
 
 
 GAUGE_SIGMA = np.array([1e-4, 1e-4, 1e-6])
-"""Of the three conditions that fix a free gauge [m, m, rad]: they are met exactly at the minimum,
-so their size moves no estimate; small enough to add nothing to a covariance."""
+"""Sigmas of the three conditions that fix a free gauge [m, m, rad]. The conditions are met exactly
+at the minimum, so their sigmas change no estimate; they are small enough to add nothing to a
+covariance."""
 
 
 class Gauge(Observation):
-    """First frame above x = y = 0, its image up towards north."""
+    """Conditions of a free gauge: first frame above x = y = 0, its image up towards north."""
 
     kind = Kind("gauge", "choice of axes", "choice of axes", role="construction")
 
     def is_part(self) -> bool:
-        """Whether nothing else fixes position and heading."""
+        """Return whether nothing else fixes position and heading."""
         return self.problem.layout.free_gauge
 
     def rows(self, state: State) -> Block | None:
         """Compute place and heading of the first frame.
 
-        u = R (0, -1, 0) is image up in the world; u_east = 0. With R exp(δθ):
-        δu = R (δθ x (0, -1, 0)), its east part row R_east . (δθ_z, 0, -δθ_x).
+        u = R (0, -1, 0) is image up in the world; u_east = 0. With R exp(δθ): δu = R (δθ x (0, -1,
+        0)), its east part row R_east . (δθ_z, 0, -δθ_x).
         """
         east = state.rotation[..., 0, 0, :]
         residual = np.concatenate([state.center[..., 0, :2], -east[..., 1:2]], axis=-1)

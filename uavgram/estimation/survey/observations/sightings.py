@@ -1,7 +1,8 @@
 """Points seen in photos: whitened residuals and the chain of their derivatives.
 
-The chain is run from the pixels' side: what stands before it is both coordinates of each pixel,
-which makes the Jacobian J, or one weighted sum of the two, which makes J^T v without J.
+The chain rule is applied from the pixels' side (reverse mode). It starts either with both
+coordinates of each pixel, which gives the Jacobian J, or with one weighted sum of the two, which
+gives J^T v without J.
 """
 
 from __future__ import annotations
@@ -24,12 +25,13 @@ from uavgram.model.survey.survey import Survey
 
 @dataclass(frozen=True, eq=False)
 class Sights:
-    """n points as cameras see them, and what moves them there.
+    """Projections of n points, and the factors of their derivatives.
 
     Attributes
     ----------
     by_camera, by_lens
-        (..., n, 2, 3), (..., n, 2, P) derivatives of pixels by points in camera axes and the lens.
+        (..., n, 2, 3), (..., n, 2, P) derivatives of pixels by points in camera axes and by the
+        interior orientation.
     camera_from_world
         (..., n, 3, 3) rotations.
     by_point, by_ground
@@ -38,9 +40,10 @@ class Sights:
     by_turn
         (..., n, 3, 3) derivatives of the points in camera axes by turns of the camera.
     lens
-        (P, I) the lens by its unknowns.
+        (P, I) derivatives of the interior orientation by its unknowns.
     by_rest
-        (..., n, 3, q) derivatives of the points in camera axes by what else moves them.
+        (..., n, 3, q) derivatives of the points in camera axes by further unknowns (readout time,
+        turning).
     """
 
     by_camera: Floats
@@ -53,18 +56,18 @@ class Sights:
     by_rest: tuple[Floats, ...]
 
     def jacobian(self) -> Floats:
-        """(..., n, 2, k) derivatives of the pixels."""
+        """Compute the (..., n, 2, k) derivatives of the pixels."""
         return self._by_unknowns(self.by_camera, self.by_lens)
 
     def pulled(self, along: Floats) -> Floats:
-        """(..., n, k) derivatives of sums of both coordinates with weights (..., n, 2)."""
+        """Compute (..., n, k) derivatives of sums of both coordinates with weights (..., n, 2)."""
         rows = along[..., None, :]
         return self._by_unknowns(rows @ self.by_camera, rows @ self.by_lens)[..., 0, :]
 
     def _by_unknowns(self, by_camera: Floats, by_lens: Floats) -> Floats:
-        """(..., n, r, k) from (..., n, r, 3) and (..., n, r, P)."""
+        """Compute (..., n, r, k) from (..., n, r, 3) and (..., n, r, P)."""
         by_world = by_camera @ self.camera_from_world
-        # One product for all rows, where the stack's own would take one for each.
+        # One matrix product for all rows: a stacked product would compute one for each.
         many, (parameters, unknowns) = by_lens.shape[:-1], self.lens.shape
         by_intrinsic = by_lens.reshape(math.prod(many), parameters) @ self.lens
         parts = [
@@ -79,14 +82,14 @@ class Sights:
 
 
 class SightedBlock(Block):
-    """Rows of which no Jacobian is formed before it is asked for: J^T v is had without it.
+    """Rows whose Jacobian is formed only on request: J^T v is computed without it.
 
     Parameters
     ----------
     residual, columns
-        As of any block.
+        As in `Block`.
     sights, weight
-        The points, and (n,) one over the sigma of each coordinate.
+        Projections of the points, and (n,) inverse sigmas of each coordinate.
     """
 
     _sights: Sights
@@ -97,11 +100,11 @@ class SightedBlock(Block):
 
     @cached_property
     def jacobian(self) -> Floats:
-        """(..., n, 2, k)."""
+        """(..., n, 2, k) derivatives of the whitened residuals."""
         return self._sights.jacobian() * self._weight[:, None, None]
 
     def pulled(self, along: Floats) -> Floats:
-        """(..., n, k) products of (..., n, 2) with the Jacobian."""
+        """Multiply (..., n, 2) by the Jacobian, to (..., n, k)."""
         return self._sights.pulled(along * self._weight[:, None])
 
 
@@ -110,14 +113,14 @@ if TYPE_CHECKING:
 
 
 class Seen(NamedTuple):
-    """n points as photos show them.
+    """Sightings of n points in photos.
 
     Attributes
     ----------
     frame
         (n,) the photo.
     pixel_px, sigma_px
-        (n, 2), (n,) where, and the sigma of each coordinate.
+        (n, 2), (n,) image points, and the sigma of each coordinate.
     columns
         (n, k) unknowns of each row, in the order of the Jacobian.
     """
@@ -135,16 +138,16 @@ def seen(
     pixel_px: Floats,
     sigma_px: Floats,
 ) -> Seen:
-    """Points as photos show them.
+    """Collect sightings of points with the columns of their unknowns.
 
     Parameters
     ----------
     problem
-        The likelihood.
+        Likelihood.
     points
         (n, point_size), (n, w) the unknowns of each point, and those of the ground that place it.
     frame, pixel_px, sigma_px
-        As of `Seen`.
+        As in `Seen`.
     """
     layout = problem.layout
     parts = [
@@ -161,14 +164,14 @@ def seen(
 def rows_of_sightings(
     problem: SurveyProblem, state: State, rows: Seen, placed: tuple[Floats, Floats, Floats]
 ) -> Block | None:
-    """Predicted pixels less those seen, over their sigmas; None where a point is not in front.
+    """Compute predicted minus observed pixels over their sigmas; None if a point is not in front.
 
     Parameters
     ----------
     problem, state
-        The likelihood, and values of its unknowns.
+        Likelihood, and values of its unknowns.
     rows
-        What was seen.
+        Sightings.
     placed
         (..., n, 3), (..., n, 3, point_size), (..., n, 3, w) the points, and their derivatives by
         their own unknowns and by those of the ground.
@@ -208,6 +211,7 @@ def rows_of_sightings(
         by_rest.append((share * by_time)[..., None])
         if problem.layout.turning:
             by_rest.append(hat(camera) @ left * share[..., None])
+    # camera = R^T (X - C): by a turn R exp(d) it changes by camera x d, that is hat(camera) d.
     sights = Sights(
         by_camera=by_camera,
         by_lens=by_lens,
@@ -221,12 +225,12 @@ def rows_of_sightings(
     weight = 1.0 / rows.sigma_px
     residual = (pixel - rows.pixel_px) * weight[:, None]
     block = SightedBlock(residual, rows.columns, sights, weight)
-    # Of many states nothing but products with the Jacobians is asked for.
+    # For many states only products with the Jacobians are needed.
     return block if residual.ndim > 2 else Block(residual, rows.columns, block.jacobian)
 
 
 def _left_jacobian(turn: Floats) -> Floats:
-    """(n, 3, 3) of small rotations exp(turn): how they change on the left as `turn` does.
+    """Compute the left Jacobians (n, 3, 3) of small rotations exp(turn).
 
     To the second order in `turn`, which is some hundredths of a radian (Sola et al. 2018, "A micro
     Lie theory for state estimation in robotics", eq. 145).
@@ -236,9 +240,9 @@ def _left_jacobian(turn: Floats) -> Floats:
 
 
 def sweep_of(survey: Survey, state: State) -> Floats:
-    """(..., F, 6) by which each camera moves while its rows are read.
+    """Compute (..., F, 6) motions of each camera during the readout of its photo.
 
-    What the log says, and what it does not say: see geometry/motion/camera_motion.py.
+    Motion by the log, plus the turning beyond the log: see geometry/motion/camera_motion.py.
     """
     if survey.rolling is None:
         return np.zeros((len(survey.frame_id), 6))
@@ -249,7 +253,7 @@ def sweep_of(survey: Survey, state: State) -> Floats:
 
 
 def motion_of(survey: Survey, state: State) -> Floats:
-    """(..., F, 6) velocity in the world, and angular rate in camera axes; 0 without a shutter."""
+    """Return (..., F, 6) world velocity and angular rate in camera axes; 0 for a global shutter."""
     if survey.rolling is None:
         return np.zeros((len(survey.frame_id), 6))
     motion = survey.rolling.motion

@@ -1,4 +1,4 @@
-"""Poses of frames by the log, and what is known of all that these share."""
+"""Poses of frames by the flight log, and priors of the unknowns that all frames share."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from uavgram.model.flight.pose import PhotoExposures, TelemetryPrior
 
 
 class Telemetry(Observation):
-    """Poses of frames by the log; what they share is an unknown with a prior of its own."""
+    """Poses of frames by the log; errors that they share are unknowns with priors of their own."""
 
     kind = Kind(
         "telemetry",
@@ -56,14 +56,14 @@ class Telemetry(Observation):
     )
 
     def is_part(self) -> bool:
-        """Whether there is a log."""
+        """Return whether there is a log."""
         return self.problem.survey.telemetry is not None
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Draw the log of the true poses, wrong as its priors say; times stay as they were.
+        """Draw the log of the true poses with errors by its priors; times stay as they were.
 
-        What the clock did is in the errors of the frames already.
+        The errors of the clock are part of the errors of the frames already.
         """
         telemetry, frames = stated.telemetry, truth.problem.survey.telemetry
         if telemetry is None or frames is None:
@@ -79,11 +79,13 @@ class Telemetry(Observation):
         sigma[HEADING_BIAS] = prior.heading_bias_sigma_rad
         shared = nominal + sigma * truth.rng.standard_normal(SHARED_SIZE)
         shared[CLOCK] = shared[CLOCK_DRIFT] = 0.0
+        # Independent errors of each frame: the Cholesky root of its covariance times unit normals.
         root = np.linalg.cholesky(covariance)
         own = np.einsum("nij,nj->ni", root, truth.rng.standard_normal((len(center), 6)))
         logged = rotation @ exp_so3(own[:, 3:])
         there = exposures_by_time(telemetry.track, poses.frame_id)(prior.time_s)
-        # logged = turn(heading) Rz mount exp(boresight), and Rb keeps its place to Rz.
+        # Invert the model: logged = turn(heading) Rz mount exp(boresight), and Rb keeps its
+        # attitude relative to Rz.
         turn = exp_so3(shared[HEADING_BIAS] * UP)
         camera = prior.gimbal_from_camera @ exp_so3(shared[BORESIGHT])
         gimbal = np.swapaxes(turn, -1, -2) @ logged @ camera.T
@@ -122,7 +124,7 @@ class Telemetry(Observation):
         )
 
     def rows(self, state: State) -> Block | None:
-        """Predict the poses; None where the clock's correction leads out of the log."""
+        """Compare the poses with the predicted ones; None if the corrected time leaves the log."""
         prior, layout = self._prior, self.problem.layout
         at_s = corrected_time(state.telemetry, prior.time_s, prior.middle_s)
         try:
@@ -138,8 +140,9 @@ class Telemetry(Observation):
         frame = prior.frame_index
         turn = log_so3(np.swapaxes(rotation, -1, -2) @ state.rotation[..., frame, :, :])
         residual = np.concatenate([state.center[..., frame, :] - center, turn], axis=-1)
-        # turn = log(P^T R): by R exp(a) it moves by Jr^-1(turn) a, by P exp(b) by -Jr^-1(-turn) b
-        # (Sola et al. 2018, eq. 68 to 70); Jr^-1(-turn) is the transpose of Jr^-1(turn).
+        # turn = log(P^T R): with R exp(a) it changes by Jr^-1(turn) a, with P exp(b) by
+        # -Jr^-1(-turn) b (Sola et al. 2018, eq. 68 to 70); Jr^-1(-turn) is the transpose of
+        # Jr^-1(turn).
         by_turn = right_jacobian_inverse(turn)
         jacobian = np.zeros((*turn.shape[:-1], 6, 6 + layout.telemetry))
         jacobian[..., :3, :3] = np.eye(3)
@@ -156,28 +159,28 @@ class Telemetry(Observation):
         return np.concatenate([layout.frame_columns(frame), shared], axis=1)
 
     def whitening(self) -> Floats | None:
-        """(N, 6, 6) of the poses."""
+        """Return the (N, 6, 6) whitening matrices of the poses."""
         return np.asarray(self.problem.telemetry_whitening, dtype=np.float64)
 
     def frame(self, row: int) -> str:
-        """Name of the frame of a row."""
+        """Return the name of the frame of a row."""
         return str(self.problem.survey.frame_id[self._prior.frame_index[row]])
 
     def title(self, member: Member) -> str:
-        """``log's pose of 'img1.jpg' (east)``."""
+        """Return ``log's pose of 'img1.jpg' (east)``."""
         return f"log's pose of {self.frame(member.row)!r} ({self.kind.axes[member.axis]})"
 
     def subjects(self, row: int) -> Subjects:
-        """Its frame."""
+        """Return its frame."""
         return {"frames": (self.frame(row),)}
 
     def witness(self) -> Iterator[str]:
-        """Yield what bears on the scale."""
+        """Yield the source of evidence for the scale."""
         is_photo = isinstance(self.problem.survey.track, PhotoExposures)
         yield "the photos' own positions" if is_photo else "the log"
 
     def several(self) -> str:
-        """Opening of a message on several."""
+        """Return the opening of a message on several poses."""
         return "{count} photos do not stand where the log has them"
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
@@ -199,7 +202,7 @@ TELEMETRY_PARTS = {
     "clock": CLOCK,
     "clock_drift": CLOCK_DRIFT,
 }
-"""Place of each of these among the unknowns that all frames of a log share."""
+"""Slice of each of these among the unknowns that all frames of a log share."""
 
 
 def _shared(name: str, words: str, unit: str, axes: str, ways: str = "") -> Kind:
@@ -208,7 +211,7 @@ def _shared(name: str, words: str, unit: str, axes: str, ways: str = "") -> Kind
 
 
 class FlightPrior(Prior):
-    """What is known beforehand of something that all frames of a log share."""
+    """Priors of the unknowns that all frames of a log share."""
 
     kinds: ClassVar[tuple[Kind, ...]] = (
         _shared("boresight", "camera against its mount", "deg", "boresight", "x y z"),
@@ -221,11 +224,11 @@ class FlightPrior(Prior):
     )
 
     def is_part(self) -> bool:
-        """Whether there is a log."""
+        """Return whether there is a log."""
         return self.problem.survey.telemetry is not None
 
     def rows(self, state: State) -> Block | None:
-        """Compare the unknowns with what is known of them."""
+        """Compare the unknowns with their prior means."""
         problem, part = self.problem, TELEMETRY_PARTS[self.name]
         off = state.telemetry[..., part] - problem.telemetry_mean[part]
         first = problem.layout.first_telemetry + part.start
@@ -236,21 +239,21 @@ STEADY_CHANGE = "something that changes steadily over the flight"
 
 
 class ClockDriftPrior(FlightPrior):
-    """Drift of the camera's clock.
+    """Prior of the drift of the camera's clock.
 
-    It is the one unknown that grows steadily over a flight: it takes up whatever does, most often
-    something else, so no clock is blamed.
+    The drift is the one unknown that grows steadily over a flight: it absorbs every steady change,
+    most often one of another cause. Therefore no message names the clock as the cause.
     """
 
     kinds = (_shared("clock_drift", "drift of the camera clock", "ppm", "clock drift"),)
 
     def suspect(self, member: Member) -> str:
-        """Name no clock."""
+        """Return a name that does not mention the clock."""
         del member
         return STEADY_CHANGE
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
-        """Describe what grows over the flight."""
+        """Describe a misfit that grows over the flight."""
         return (
             "Something that changes steadily from the first photo to the last does not fit "
             f"(w = {found.w:.1f}). It may be positions of the log that jump or wander, a wrong "
@@ -261,7 +264,7 @@ class ClockDriftPrior(FlightPrior):
 
 
 def telemetry_prior(prior: TelemetryPrior) -> tuple[Floats, Floats]:
-    """Mean and sigma (12,) of the telemetry's shared unknowns."""
+    """Return mean and sigma (12,) of the telemetry's shared unknowns."""
     mean = np.zeros(SHARED_SIZE)
     mean[LEVER_ARM] = prior.lever_arm_m
     mean[HEADING_BIAS] = prior.heading_bias_rad

@@ -1,8 +1,8 @@
-"""Matches and tie points: what photos show of the ground beside what people picked.
+"""Matches and tie points: sightings of the ground in addition to the picks.
 
-A match repeats the error of the pick that it was found from. So a chain (the picked pixel, and
-where it was found again) has a point of its own, what lies under the picked pixel; the label's
-point is observed by the pick alone. Both depart from the ground by the same.
+A match repeats the error of the pick that it was found from. So a chain (the picked pixel, and the
+places where it was found again) has a ground point of its own, the one under the picked pixel; the
+label's point is observed by the pick alone. Both depart from the ground by the same height.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.ties import TiePicks
 
 PATCH_PX = 0.03
-"""Sigma of the picked pixel itself in a chain: the noise of the photo around it, which all matches
-found from it share. (matching.md's prototype: matches of exact picks are good to 0.04 to 0.06 px.)
-"""
+"""Sigma of the picked pixel itself in a chain [px]: the noise of the photo around it, which all
+matches found from it share. (matching.md's prototype: matches of exact picks are good to 0.04 to
+0.06 px.)"""
 
 ANYWHERE_M = 100.0
-"""Prior sigma of a tie point's height about the ground's: what photos from nearly one place show
-still has a depth then."""
+"""Prior sigma of a tie point's height about the ground's [m]: it determines the depth of points
+that only photos from nearly one place show."""
 
 
 class Matches(Observation):
-    """Where the program found again what people had picked."""
+    """Places where the program found picked points again."""
 
     kind = Kind(
         "matches",
@@ -45,15 +45,15 @@ class Matches(Observation):
     )
 
     def is_part(self) -> bool:
-        """Whether there are chains of matches."""
+        """Return whether there are chains of matches."""
         return bool(self.problem.survey.matches.points)
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Draw where the picture about a drawn pick is found again, from its error on.
+        """Draw the places where the image patch around a drawn pick is found, its error included.
 
-        On the ground as it slopes at the pick's point; the patch that is looked for is cut out with
-        an error of its own.
+        The patch is on the ground as it slopes at the pick's point; the patch that is searched for
+        is cut out with an error of its own.
         """
         picks, survey = stated.picks, truth.problem.survey
         found = np.flatnonzero(picks.of_source("match"))
@@ -66,6 +66,7 @@ class Matches(Observation):
         f = np.array([frame[picks.image[i]] for i in first])
         k = np.array([truth.row[picks.label[i]] for i in first])
         cut = picks.pixel_px[first] + PATCH_PX * truth.rng.standard_normal((len(first), 2))
+        # Intersect the ray of the patch with the tangent plane of the ground at the label.
         ray = back_project(survey.calibration.model, truth.intrinsics, cut)
         ray = np.einsum("nij,nj->ni", truth.state.rotation[f], ray)
         normal = np.column_stack([-truth.slope[k], np.ones(len(k))])
@@ -92,29 +93,29 @@ class Matches(Observation):
         return seen(self.problem, points, matches.frame, matches.pixel_px, matches.sigma_px)
 
     def rows(self, state: State) -> Block | None:
-        """Predict the pixels; None where a point is not in front of its camera."""
+        """Predict the pixels; None if a point is not in front of its camera."""
         own = state.tie[..., self.problem.survey.matches.point, :]
         placed = self.problem.placed(state, own, self._label)
         return rows_of_sightings(self.problem, state, self._seen, placed)
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
-        """Yield the derivatives: what a picked pixel shows is on the same ground."""
+        """Yield the derivatives: the point under a picked pixel is on the same ground."""
         jacobian = found.blocks[self.name].jacobian
         yield self._label, -jacobian[:, :, self.problem.layout.point_size + 2]
 
 
 class Ties(Observation):
-    """Tie points: what several photos show, and nobody picked."""
+    """Tie points: points that several photos show, which no person picked."""
 
     kind = Kind("ties", "tie points", "tie points", role="untested")
 
     def is_part(self) -> bool:
-        """Whether there are tie points."""
+        """Return whether there are tie points."""
         return bool(self.problem.survey.ties.points)
 
     @classmethod
     def draw(cls, stated: Observations, truth: Truth) -> Observations:
-        """Draw where photos show each tie point."""
+        """Draw the pixels of each tie point in its photos."""
         survey, ties = truth.problem.survey, stated.ties
         row, sigma = survey.ties.row, ties.sigma_px[survey.ties.row]
         place = truth.state.tie[survey.matches.points + survey.ties.point][:, :3]
@@ -140,7 +141,7 @@ class Ties(Observation):
         return seen(self.problem, points, ties.frame, ties.pixel_px, ties.sigma_px)
 
     def rows(self, state: State) -> Block | None:
-        """Predict the pixels; None where a point is not in front of its camera."""
+        """Predict the pixels; None if a point is not in front of its camera."""
         world = state.tie[..., self._point, :]
         n = world.shape[-2]
         placed = world, np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3, 0))
@@ -148,12 +149,12 @@ class Ties(Observation):
 
 
 class TieHeights(Observation):
-    """What is known of the heights of tie points: hardly anything."""
+    """Weak priors of the heights of tie points."""
 
     kind = Kind("tie heights", "tie points", "heights of tie points", role="construction")
 
     def is_part(self) -> bool:
-        """Whether there are tie points."""
+        """Return whether there are tie points."""
         return bool(self.problem.survey.ties.points)
 
     def rows(self, state: State) -> Block | None:
@@ -167,10 +168,10 @@ class TieHeights(Observation):
 
 
 class Beside(Observation):
-    """Heights over the plane that ties make of labels, less those of the labels.
+    """Heights of labels over the plane as interpolated from ties, minus those of the labels.
 
-    Nothing but differences: what holds the plane is, as without ties, the prior of the labels'
-    roughness about it.
+    These observations are differences only: as without ties, the plane is fixed by the prior of the
+    labels' roughness about it.
     """
 
     kind = Kind(
@@ -182,7 +183,7 @@ class Beside(Observation):
     )
 
     def is_part(self) -> bool:
-        """Whether ties surround a label on rough ground."""
+        """Return whether ties surround a label on rough ground."""
         return bool(self.problem.layout.ties and len(self._which))
 
     @cached_property
@@ -192,7 +193,7 @@ class Beside(Observation):
         return np.flatnonzero(is_rough & np.isfinite(beside.sigma_m))
 
     def rows(self, state: State) -> Block | None:
-        """Compare the heights that ties make of labels with those of the labels."""
+        """Compare the heights that ties give for labels with those of the labels."""
         problem, beside, which = self.problem, self.problem.survey.ties.beside, self._which
         label, weight, sigma = beside.label[which], beside.weight[which], beside.sigma_m[which]
         tie = problem.survey.matches.points + beside.tie[which]
@@ -201,6 +202,7 @@ class Beside(Observation):
         own = np.repeat(label, tie.shape[1])
         ground = problem.ground.at(state.plane, state.relief, own, flat[..., :2])
         above = place[..., 2] - ground.height_m.reshape(place.shape[:-1])
+        # Weighted mean height of the ties over the plane, minus the departure of the label.
         off = np.sum(weight * above, axis=-1) - state.point[..., label, 2]
         by_tie = np.ones(flat.shape)
         by_tie[..., :2] = -ground.slope
