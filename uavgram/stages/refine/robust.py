@@ -681,7 +681,7 @@ def _predictions(
 
 
 def _quadratic_forms(residual: Floats, share: Floats) -> Floats:
-    """Compute r^T Q^-1 r (n,) of residuals (n, a) and cofactors (n, a, a), without unchecked axes."""
+    """Compute r^T Q^-1 r (n,) of residuals (n, a) and cofactors (n, a, a), of checked axes."""
     redundancy, axes = np.linalg.eigh(share)
     along = np.einsum("nra,nr->na", axes, residual) ** 2
     checked = redundancy > LEAST_REDUNDANCY
