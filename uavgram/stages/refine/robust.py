@@ -639,7 +639,7 @@ def _falls_with_all(
     gradient, error, owner = _predictions(found, restored)
     # S J^T, V^-1 and v = V^-1 e.
     pull = minimum.factor.solve(gradient)
-    inverse = np.linalg.inv(np.eye(len(error)) + gradient.T @ pull)
+    inverse = np.asarray(np.linalg.inv(np.eye(len(error)) + gradient.T @ pull), np.float64)
     force = inverse @ error
     covariance, falls = minimum.factor.covariance(), {}
     for name in ("lengths", "pixels"):
