@@ -99,6 +99,15 @@ def test_other_files_of_one_exposure_are_those_of_one_time_or_with_picks_alike(
     assert found_in(times, *TWO, *second) == ({"b.jpg": "a.jpg"} if same else {})
 
 
+def test_photos_that_look_alike_are_no_copies_where_most_labels_are_elsewhere() -> None:
+    nan = np.nan
+    moved = [("b.jpg", "A", 2.0, 4.0), ("b.jpg", "B", 300.0, 4.0), ("b.jpg", "C", 9.0, 700.0)]
+    first = [("a.jpg", "A", 1.0, 2.0), ("a.jpg", "B", 3.0, 4.0), ("a.jpg", "C", 1.0, 9.0)]
+    assert not found_in((nan, nan), *first, *moved, same=True)
+    again = [(name.replace("a", "b", 1), label, u + 1.0, v) for name, label, u, v in first]
+    assert found_in((nan, nan), *first, *again, same=True) == {"b.jpg": "a.jpg"}
+
+
 def test_photos_of_one_second_that_do_not_show_the_same_are_a_burst() -> None:
     assert not found_in((1.0, 1.0), *TWO, same=False)
 

@@ -147,6 +147,19 @@ def test_a_click_that_explains_as_much_is_named_beside_the_length_that_was_left_
     assert len(first["lengths"]) == 1
 
 
+@pytest.mark.parametrize(("fault", "label"), [("pick_60_400px", "R3"), ("swapped_once", "R1")])
+def test_one_wrong_click_is_found_though_two_lengths_and_the_log_could_be_wrong_instead(
+    fault: str, label: str
+) -> None:
+    """In one photo it turns the camera, and other clicks and lengths no longer fit."""
+    survey = drawn("single", fault, 82001)
+    row = judged(survey, {"world": "single", "fault": fault, "seed": 82001})
+    assert label in survey.wrong["labels"]
+    first = row["reasons"][0]
+    assert (first["cause"], first["labels"]) == ("pick-left-out", [label])
+    assert not any("length" in one["cause"] or one["lengths"] for one in row["reasons"][2:])
+
+
 def test_one_wrong_withheld_length_is_amber_and_named() -> None:
     """It bends nothing; the other withheld lengths fit."""
     survey = drawn("strip_log", "", 5)

@@ -105,7 +105,8 @@ def _same_exposures(
 
     The first by name with a capture time is counted of each exposure. A photo without a time is
     compared with those that have a label at nearly the same pixel, and with the one before it where
-    its name continues that name, as for a copy.
+    its name continues that name, as for a copy. Other files whose common labels are at other pixels
+    are no copies, even if they look alike, as photos of plain asphalt do.
     """
     time_s = dict(zip(photos.frame_id, photos.file_time_s.tolist(), strict=True))
     rows: dict[str, list[int]] = {}
@@ -128,9 +129,10 @@ def _same_exposures(
                 *(picks.image[k] for (_, k), px in zip(pairs, apart, strict=True) if px <= SAME_PX),
                 *([before] if before and photo_name(name).startswith(photo_name(before)) else []),
             ]
+        near = [one for one in dict.fromkeys(near) if _may_be_same(picks, rows.get(one, []), own)]
         if content in counted:
             files[name] = counted[content]
-        elif same := next((other for other in dict.fromkeys(near) if is_same(other, name)), ""):
+        elif same := next((other for other in near if is_same(other, name)), ""):
             counted[content] = exposures[name] = same
         else:
             counted[content] = before = name
@@ -138,6 +140,25 @@ def _same_exposures(
             for i in own:
                 of_label.setdefault(picks.label[i], []).append(i)
     return files, exposures
+
+
+def _may_be_same(picks: Picks, one: list[int], other: list[int]) -> bool:
+    """Return whether two photos have most of their common labels at nearly the same pixels.
+
+    Parameters
+    ----------
+    picks
+        All picks.
+    one, other
+        Rows of those in each photo.
+    """
+    apart_px = [
+        float(np.abs(picks.pixel_px[i] - picks.pixel_px[k]).max())
+        for i in one
+        for k in other
+        if picks.label[i] == picks.label[k]
+    ]
+    return not apart_px or float(np.median(apart_px)) <= SAME_PX
 
 
 def _same_lines(lines: KnownLines) -> dict[int, int]:

@@ -217,6 +217,7 @@ UNUSED = (
         finding="A length is not used, because one of its ends has no usable pick.",
         action="Pick that point, or correct the label.",
         effect=Effect.AMBER,
+        order=Order.EXCLUDED,
         one="{lengths} is not used: a point of it is not picked.",
         several="{lengths} are not used: points of them are not picked.",
     ),
@@ -226,6 +227,7 @@ UNUSED = (
         finding="A known value is not used, because one of its points has no usable pick.",
         action="Pick that point, or correct the label.",
         effect=Effect.AMBER,
+        order=Order.EXCLUDED,
         one="Something known is not used: {labels} is not picked.",
     ),
     Entry(

@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, islice
@@ -86,6 +86,9 @@ RIVAL = 2.0 * float(np.log(20.0))
 PROMISING = 0.5
 """Share of the gross error's decrease of the sum of squares that another observation must reach, in
 the linear model, to be tried instead."""
+
+MOST_PROPOSED = 3
+"""Number of single gross errors that are tried in place of several."""
 
 OFF_GROUND_M = 0.1
 """Departure from the ground [m] above which a point has a height of its own."""
@@ -343,6 +346,10 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
             return others[:1]
     if found and found[0].is_agreed():
         return found[:1]
+    # Several gross errors may be the effects of a single one.
+    found = _by_cost(taking, chain(found, *map(_with_one_instead, found)))
+    if found and found[0].is_agreed():
+        return found[:1]
     # First values may depend on a gross error: leave out one known thing, length or photo.
     whole = replace(taking, survey=_softer(taking.survey, 1.0))
     kinds = (_without_a_known_thing, _without_lengths, _without_a_frame)
@@ -595,53 +602,117 @@ def _softer(survey: Survey, factor: float) -> Survey:
 
 def _has_rival(found: Annealed, row: int) -> bool:
     """Return whether another length explains the misfit of a removed one, in the linear model."""
-    whole, falls = _falls_with_length(found, row)
+    whole, falls = _falls_with_all(found, {"lengths": np.array([row])})
     others = found.misfit["lengths"] <= GROSS_SIGMAS
     return bool((falls["lengths"][others] > whole - RIVAL).any())
 
 
-def _falls_with_length(found: Annealed, row: int) -> tuple[float, dict[str, Floats]]:
-    """Compute the decreases of the sum of squares without a length, or another one instead.
+def _falls_with_all(
+    found: Annealed, restored: Mapping[str, Ints]
+) -> tuple[float, dict[str, Floats]]:
+    """Compute the decrease of the sum of squares without each length and each pick.
 
     Parameters
     ----------
-    found, row
-        A robust adjustment, and the row of the length that it left out.
+    found
+        A robust adjustment.
+    restored
+        Rows of its gross errors that take part again, by group.
 
     Returns
     -------
     whole, falls
-        Decrease of the sum of squares without this length; and (n,) without each length and each
-        pick while this length takes part, in the linear model.
+        Decrease without all restored observations; and (n,) without each single length and each
+        single pick while all others take part, the restored ones included, in the linear model.
 
     Notes
     -----
-    With the length back, the unknowns move by -S J^T e / v, where S is their covariance, e the
-    error of the length's prediction and v = 1 + J S J^T its variance. The residuals r and cofactors
-    Q of the others become r - x e / v and Q + x x^T / v, with x = J' S J^T, and the sum of squares
-    falls by r^T Q^-1 r without one of them. Axes that no other observation checks then count 0.
+    Let J be the Jacobian of the restored observations, e the errors of their predictions without
+    them, S the covariance of the unknowns without them, and V = I + J S J^T the covariance of e.
+    Restoring them increases the sum of squares by e^T V^-1 e and moves the unknowns by
+    -S J^T V^-1 e. With X = J' S J^T, the residuals r and cofactors Q of another observation become
+    r - X V^-1 e and Q + X V^-1 X^T, and the sum of squares decreases by r^T Q^-1 r without it. Axes
+    that no other observation checks count 0. For a restored observation i itself the decrease is
+    v_i^T ((V^-1)_ii)^-1 v_i, with v = V^-1 e.
     """
     minimum = found.minimum
-    block, root = minimum.blocks["lengths"], np.sqrt(found.weight["lengths"])
-    # Gradient J^T of the length at full weight, S J^T, variance v and error e of its prediction.
-    gradient = np.zeros((found.problem.layout.size, 1))
-    np.add.at(gradient[:, 0], block.columns[row], block.jacobian[row, 0] / root[row])
+    gradient, error, owner = _predictions(found, restored)
+    # S J^T, V^-1 and v = V^-1 e.
     pull = minimum.factor.solve(gradient)
-    variance = 1.0 + float(gradient[:, 0] @ pull[:, 0])
-    error = float(block.residual[row, 0] / root[row])
+    inverse = np.asarray(np.linalg.inv(np.eye(len(error)) + gradient.T @ pull), np.float64)
+    force = inverse @ error
     covariance, falls = minimum.factor.covariance(), {}
     for name in ("lengths", "pixels"):
         other = minimum.blocks[name]
-        # Residuals and cofactors of the others with the length back: r - x e / v, Q + x x^T / v.
-        moved = other.times(slice(None), pull)[:, :, 0]
-        residual = other.residual - moved * error / variance
-        share = cofactors(other, covariance) + np.einsum("na,nb->nab", moved, moved) / variance
-        # r^T Q^-1 r in the eigenvectors of Q, without unchecked axes.
-        redundancy, axes = np.linalg.eigh(share)
-        along = np.einsum("nra,nr->na", axes, residual) ** 2
-        checked = redundancy > LEAST_REDUNDANCY
-        falls[name] = np.where(checked, along / np.where(checked, redundancy, 1.0), 0.0).sum(axis=1)
-    return error**2 / variance, falls
+        # Residuals r - X v and cofactors Q + X V^-1 X^T of all others.
+        moved = other.times(slice(None), pull)
+        residual = other.residual - moved @ force
+        share = cofactors(other, covariance) + moved @ inverse @ moved.swapaxes(1, 2)
+        falls[name] = _quadratic_forms(residual, share)
+        for row in restored.get(name, ()):
+            own = [k for k, of in enumerate(owner) if of == (name, row)]
+            falls[name][row] = _quadratic_forms(force[None, own], inverse[None][:, own][..., own])[
+                0
+            ]
+    return float(error @ force), falls
+
+
+def _predictions(
+    found: Annealed, rows: Mapping[str, Ints]
+) -> tuple[Floats, Floats, list[tuple[str, int]]]:
+    """Return gradients (u, k) and errors (k,) of observations at full weight, with their names.
+
+    Parameters
+    ----------
+    found, rows
+        A robust adjustment; rows of observations, by group.
+    """
+    gradients, errors, owner = [], [], []
+    for name, each in rows.items():
+        block, root = found.minimum.blocks[name], np.sqrt(found.weight[name])
+        for row in each.tolist():
+            for axis in range(block.residual.shape[1]):
+                gradient = np.zeros(found.problem.layout.size)
+                np.add.at(gradient, block.columns[row], block.jacobian[row, axis] / root[row])
+                gradients.append(gradient)
+                errors.append(block.residual[row, axis] / root[row])
+                owner.append((name, row))
+    return np.stack(gradients, axis=1), np.array(errors), owner
+
+
+def _quadratic_forms(residual: Floats, share: Floats) -> Floats:
+    """Compute r^T Q^-1 r (n,) of residuals (n, a) and cofactors (n, a, a), of checked axes."""
+    redundancy, axes = np.linalg.eigh(share)
+    along = np.einsum("nra,nr->na", axes, residual) ** 2
+    checked = redundancy > LEAST_REDUNDANCY
+    return np.asarray(
+        np.where(checked, along / np.where(checked, redundancy, 1.0), 0.0).sum(axis=1)
+    )
+
+
+def _with_one_instead(candidate: Candidate) -> Iterator[Candidate]:
+    """Try one gross error in place of several.
+
+    A wrong pick turns its photo, and lengths and other picks of the photo no longer fit. All gross
+    errors take part again, without the single length or pick that the linear model proposes.
+    """
+    found = candidate.annealed
+    gross = {name: found.gross(name) for name in found.misfit if len(found.gross(name))}
+    if not 1 < sum(map(len, gross.values())) <= MOST_STARTS:
+        return
+    whole, falls = _falls_with_all(found, gross)
+    proposed = sorted(
+        ((fall, name, row) for name in falls for row, fall in enumerate(falls[name].tolist())),
+        reverse=True,
+    )
+    for fall, name, row in proposed[:MOST_PROPOSED]:
+        if fall < PROMISING * whole:
+            break
+        weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
+        weight[name][row] = NEARLY_NONE
+        with suppress(SingularError, ValueError):  # undetermined, or impossible
+            minimum = weighted_minimum(found.problem, found.minimum.state, weight)
+            yield replace(candidate, annealed=decide(found.problem, minimum, weight))
 
 
 def _clicks_instead(candidate: Candidate) -> dict[str, Adjustment | None]:
@@ -661,7 +732,7 @@ def _clicks_instead(candidate: Candidate) -> dict[str, Adjustment | None]:
     row, problem = int(rows[0]), found.problem
     if _is_known_mistake(found, row):
         return {}
-    whole, falls = _falls_with_length(found, row)
+    whole, falls = _falls_with_all(found, {"lengths": rows})
     instead: dict[str, Adjustment | None] = {}
     for pick in np.flatnonzero(falls["pixels"] > PROMISING * whole).tolist():
         out = {name: np.zeros(len(size), dtype=np.bool_) for name, size in found.misfit.items()}
