@@ -34,6 +34,7 @@ _ROW = re.compile(r"<tr([^>]*)>(.*?)</tr>", re.DOTALL)
 _CELL = re.compile(r"<(t[hd])([^>]*)>(.*?)</\1>", re.DOTALL)
 
 SHEET = """
+.columns { table-layout: fixed; }
 .columns td, .columns th { border: 0 !important; padding: 0 !important; }
 .columns pre { font-family: "DejaVu Sans Mono", monospace; line-height: 1.45; margin: 0; }
 .columns .head { font-weight: 700; color: #5b6470; border-bottom: 0.8pt solid #1b1f24; }

@@ -172,7 +172,7 @@ def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
         )  # fmt: skip
         within = np.append(within, home.height_m[-1])
     if events is not None:
-        heights = np.interp(events.time_boot_s, time, within, left=np.nan)
+        heights = np.interp(events.time_boot_s, time, height[flown], left=np.nan)
         axis.scatter(
             events.time_boot_s, heights, s=_MARK_SIZE, color=_ORANGE, zorder=3, label="camera event"
         )

@@ -15,7 +15,7 @@ from uavgram.errors import OutputError
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import learnt_camera
-from uavgram.views.pages import page_environment, units_shown
+from uavgram.views.pages import page, units_shown
 from uavgram.views.report.annex import annex
 from uavgram.views.report.brief import MOST_REASONS, Brief, brief
 from uavgram.views.report.budget import MOST_ROWS, budget_table
@@ -155,7 +155,7 @@ def _write(parts: Iterable[bytes], target: Path) -> None:
 
 def _page(template: str, facts: dict[str, Any]) -> str:
     """Fill in a template, with marks for its pictures."""
-    return with_contents(page_environment().get_template(template).render(facts))
+    return with_contents(page(template, **facts))
 
 
 def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
