@@ -29,7 +29,7 @@ from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.errors import HabitSpec
 from uavgram.synthetic.inputs import Drawn, ScenarioWorld, World
 from uavgram.synthetic.scenario import GroundSpec, Scenario
-from uavgram.views.simulation.page import write_simulation_page
+from uavgram.views.simulation.page import render_simulation_page
 
 OF_THE_LOG = {
     "position_bias_m": "position_bias_sigma_m",
@@ -335,7 +335,8 @@ def write_outputs(simulation: Simulation, folder: Path, source: Path) -> tuple[s
     """
     with staged_output(folder, [source]) as hidden:
         write_simulation(simulation, hidden / JSON_FILE)
-        write_simulation_page(simulation, hidden / PAGE_FILE)
+        page = render_simulation_page(simulation)
+        (hidden / PAGE_FILE).write_text(page, encoding="utf-8")
     return JSON_FILE, PAGE_FILE
 
 

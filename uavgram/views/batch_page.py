@@ -11,7 +11,7 @@ from urllib.parse import quote
 from uavgram.model.batch import Batch, Drift, Pooled, SurveyRow
 from uavgram.views.batch_map import batch_map
 from uavgram.views.batch_words import KINDS, drift_words, headline, pooled_words, told_name
-from uavgram.views.pages import page_environment
+from uavgram.views.pages import page
 from uavgram.views.wording import number
 
 REPORT = "report.html"
@@ -39,38 +39,18 @@ class Judged(NamedTuple):
     is_bad: bool
 
 
-def write_batch_page(batch: Batch, path: Path, folder: Path) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    batch
-        What came out.
-    path
-        The file.
-    folder
-        Where it will stand: links to reports are relative to it.
-    """
-    path.write_text(render_batch_page(batch, folder), encoding="utf-8")
-
-
 def render_batch_page(batch: Batch, folder: Path) -> str:
     """The page as text; nothing is loaded from elsewhere."""
     links = {row.project: _link(row, folder) for row in batch.rows if row.output}
-    return (
-        page_environment()
-        .get_template("batch.html")
-        .render(
-            batch=batch,
-            kinds=KINDS,
-            verdict=headline(batch),
-            map=batch_map(batch, links),
-            lines=[_line(row, links) for row in sorted(batch.rows, key=_worst_first)],
-            pooled=[Judged(one, pooled_words(one), one.is_small) for one in batch.pooled],
-            drifts=[
-                Judged(one, drift_words(one), one.is_off or one.drifts) for one in batch.drifts
-            ],
-        )
+    return page(
+        "batch.html",
+        batch=batch,
+        kinds=KINDS,
+        verdict=headline(batch),
+        map=batch_map(batch, links),
+        lines=[_line(row, links) for row in sorted(batch.rows, key=_worst_first)],
+        pooled=[Judged(one, pooled_words(one), one.is_small) for one in batch.pooled],
+        drifts=[Judged(one, drift_words(one), one.is_off or one.drifts) for one in batch.drifts],
     )
 
 

@@ -72,6 +72,19 @@ def _told(context: Context, value: object) -> object:
     return value if text is value else type(value)(text)
 
 
+def page(template: str, **facts: Any) -> str:  # noqa: ANN401 (whatever a template shows)
+    """Fill in a template: a page that loads nothing from elsewhere.
+
+    Parameters
+    ----------
+    template
+        Its file below ``views/templates``.
+    **facts
+        What it names.
+    """
+    return page_environment().get_template(template).render(facts)
+
+
 @cache
 def page_environment() -> Environment:
     """Jinja over this package's templates; an unknown name in one is an error.

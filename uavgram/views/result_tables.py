@@ -200,6 +200,12 @@ class ShownTable(NamedTuple):
     rows: tuple[tuple[Cell, ...], ...]
     bad: tuple[bool, ...]
 
+    @property
+    def heads(self) -> tuple[str, ...]:
+        """(c,) titles as templates/tables.html has them."""
+        marks = zip(self.titles, self.numbers, strict=True)
+        return tuple(f">{title}" if is_number else title for title, is_number in marks)
+
 
 def _kind(source: Source, row: int) -> Cell:
     second, words = source.result.second_order, source.measured(row)

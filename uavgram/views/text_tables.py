@@ -14,8 +14,8 @@ from typing import NamedTuple
 MARK = "plain"
 """Class of the tables that become text: their cells hold words and numbers, nothing else."""
 
-MOST_ROWS = 20
-"""Of one block, which stands below a head of its own and on one page: so little stays empty."""
+MOST_ROWS = 5
+"""Of one block, which is on one page; the head is repeated on each page."""
 
 LARGEST_PT, LEAST_PT = 7.0, 4.6
 """Letters: as large as the widest line lets them be; below the least the table stays one."""
@@ -34,7 +34,8 @@ _ROW = re.compile(r"<tr([^>]*)>(.*?)</tr>", re.DOTALL)
 _CELL = re.compile(r"<(t[hd])([^>]*)>(.*?)</\1>", re.DOTALL)
 
 SHEET = """
-.columns { break-inside: avoid; margin: 4px 0; }
+.columns { table-layout: fixed; }
+.columns td, .columns th { border: 0 !important; padding: 0 !important; }
 .columns pre { font-family: "DejaVu Sans Mono", monospace; line-height: 1.45; margin: 0; }
 .columns .head { font-weight: 700; color: #5b6470; border-bottom: 0.8pt solid #1b1f24; }
 """
@@ -101,11 +102,12 @@ def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]
     head = "\n".join(line for row in heads for line in _head(row, widths, right))
     lines = [_line(row, widths, right) for row in body]
     style = f'style="font-size: {size_pt:.2f}pt"'
-    named = f'<pre class="head" {style}>{head}</pre>' if head else ""
-    return "".join(
-        f'<div class="columns">{named}<pre {style}>{chr(10).join(some)}</pre></div>'
+    named = f'<thead><tr><th><pre class="head" {style}>{head}</pre></th></tr></thead>'
+    blocks = "".join(
+        f"<tr><td><pre {style}>{chr(10).join(some)}</pre></td></tr>"
         for some in (lines[k : k + MOST_ROWS] for k in range(0, len(lines), MOST_ROWS))
     )
+    return f'<table class="columns">{named if head else ""}<tbody>{blocks}</tbody></table>'
 
 
 def _least(text: str) -> int:

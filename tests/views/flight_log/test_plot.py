@@ -129,6 +129,8 @@ def test_zeros_before_the_first_place_do_not_set_the_axis(repository: Path) -> N
     low, high = axis.get_ylim()
     assert low < flown.min() < flown.max() < high
     assert low > 0.5 * flown.min()
+    drawn_s = np.asarray(axis.get_lines()[0].get_xdata(), np.float64)
+    np.testing.assert_array_equal(drawn_s, positions.time_boot_s[~early])
 
 
 def test_no_window_toolkit_and_no_pyplot_is_loaded(repository: Path) -> None:

@@ -284,7 +284,7 @@ def test_every_view_has_a_name_and_something_to_show(result: Result, contents: C
         assert origin == "/" or any(e.startswith(f"/{origin}") for e in entities), view.name
     assert len(names) == len(set(names)) == 23
     assert "Worst point P24, true scale: 4.7 cm × 2.8 cm" in names
-    assert "20 frames: 17 refined (1 to check), 1 no picks, 1 not in the log, 1 rejected" in names
+    assert "20 photos: 17 refined (1 to check), 1 no picks, 1 not in the log, 1 rejected" in names
     assert "Messages: 1 error, 1 warning" in names
 
 

@@ -71,6 +71,6 @@ def test_the_backdrop_lies_where_the_drawing_has_its_corners() -> None:
     assert placed.y == pytest.approx(dot[1] - (ground.north_m - point[1]) * per_metre, abs=0.01)
     assert placed.width == pytest.approx(ground.width_m * per_metre, abs=0.01)
     html = render_report(result, replace(NO_PICTURES, ground=ground))
-    assert html.count("<image ") == 2  # of the first page and of the plan
+    assert html.count("<image ") == 1
     assert "leans away from the camera" in html
     assert '<section id="plan">' not in render_report(result)

@@ -201,7 +201,7 @@ def test_points_have_their_ellipse_within_the_survey_and_on_the_earth() -> None:
 def test_the_facts_stand_on_top() -> None:
     html = render_annex(survey.build())
 
-    assert html.index("20 frames: 17 refined") < html.index("<h2>Measurements")
+    assert html.index("20 photos: 17 refined") < html.index("<h2>Measurements")
     assert html.index("P24: 4.7 cm × 2.8 cm") < html.index("<h2>Measurements")
 
 

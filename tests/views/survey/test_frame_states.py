@@ -41,7 +41,7 @@ def test_a_frame_that_is_not_refined_keeps_its_status_whatever_its_picks() -> No
 
 def test_the_counts_say_how_many_and_whether_any_was_rejected() -> None:
     assert frame_counts(survey.build()) == (
-        "20 frames: 17 refined (1 to check), 1 no picks, 1 not in the log, 1 rejected"
+        "20 photos: 17 refined (1 to check), 1 no picks, 1 not in the log, 1 rejected"
     )
-    assert frame_counts(survey.build(clean=True)) == "20 frames: 20 refined, none rejected"
-    assert frame_counts(survey.build(frame_count=1)).startswith("1 frame: 1 refined")
+    assert frame_counts(survey.build(clean=True)) == "20 photos: 20 refined, none rejected"
+    assert frame_counts(survey.build(frame_count=1)).startswith("1 photo: 1 refined")

@@ -13,7 +13,7 @@ from uavgram.views.survey.key_facts import key_facts, largest_ellipse, least_cer
 def test_the_facts_answer_the_four_questions() -> None:
     facts = dict(key_facts(survey.build()))
 
-    assert facts["frames"].startswith("20 frames")
+    assert facts["photos"].startswith("20 photos")
     assert facts["least certain length for its size"] == "road width: 6.310 ± 0.012 m (0.19 %)"
     assert (
         facts["known length that fits worst"] == "R3 hedge, P17 to P23: +0.210 m off (13.5 sigma)"
@@ -72,7 +72,7 @@ def test_areas_angles_and_coordinates_are_no_lengths() -> None:
 def test_a_survey_without_points_has_only_frames_to_tell() -> None:
     facts = key_facts(survey.build(lines=(), measures=(), point_count=0))
 
-    assert [question for question, _ in facts] == ["frames"]
+    assert [question for question, _ in facts] == ["photos"]
 
 
 def test_a_single_point_has_no_shape() -> None:

@@ -18,8 +18,9 @@ from uavgram.model.result.reliability import (
     WeakestLinks,
 )
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import PointChecks
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.survey.reliability import prior_rows
+from uavgram.views.survey.reliability import overall_words, prior_rows
 
 
 def judged(result: Result) -> Result:
@@ -115,7 +116,22 @@ def test_the_report_says_what_could_be_wrong_unseen() -> None:
     assert "1. The length 'north' (w = -25.9); variance factor 9.12 before, 1.03 after." in page
     assert "No test can part it from: pick of 'Q' in 'b.jpg'." in page
     assert "It could also have been: length 'east'." in page
-    assert "7 numbers, root mean square error 0.057 m, lengths 0.42 % on average" in page
+
+
+def test_errors_of_lengths_and_of_points_are_summed_up_apart() -> None:
+    made = judged(survey.build())
+    points = PointChecks(
+        label=("C1", "C2"),
+        error_m=np.array([[0.3, -0.4, 1.0], [0.3, 0.4, 2.0]]),
+        sigma_m=np.ones((2, 3)),
+        mahalanobis=np.ones(2),
+    )
+    words = overall_words(replace(made, point_checks=points))
+    feet = replace(made.provenance, options=(("units.length", "ft"),))
+
+    assert words.startswith("Root mean square errors: 1 length 0.017 m (0.42 % on average); ")
+    assert "; 2 points 0.35 m in east and north, 1.58 m in height; chi-square" in words
+    assert "1 length 0.056 ft" in overall_words(replace(made, provenance=feet))
 
 
 def test_a_result_without_evidence_has_a_report_without_all_this() -> None:

@@ -31,7 +31,7 @@ from uavgram.pipeline.executor.cluster import Cluster, on_cluster
 from uavgram.pipeline.executor.processes import Bounds, Ended, in_workers
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.pooled import camera_drifts, pooled_fits
-from uavgram.views.batch_page import write_batch_page
+from uavgram.views.batch_page import render_batch_page
 
 log = logging.getLogger(__name__)
 
@@ -234,4 +234,5 @@ def write_batch(batch: Batch, folder: Path, inputs: Sequence[str]) -> None:
     with staged_output(folder, inputs) as hidden:
         write_batch_csv(batch, hidden / CSV)
         write_batch_parquet(batch, hidden / PARQUET)
-        write_batch_page(batch, hidden / PAGE, folder)
+        page = render_batch_page(batch, folder)
+        (hidden / PAGE).write_text(page, encoding="utf-8")

@@ -58,7 +58,7 @@ from uavgram.stages.calibrate.calibrate import calibrate as estimate
 from uavgram.stages.camera import assume_camera
 from uavgram.stages.messages import in_order
 from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
-from uavgram.views.calibration.report import write_calibration_report
+from uavgram.views.calibration.report import render_calibration_report
 
 FOLDER = "calibration"
 FOUND = "found"
@@ -276,7 +276,9 @@ def _write(
             opencv_text(camera, provenance.created_utc), encoding="utf-8"
         ),
         NUMBERS: lambda path: write_calibration(account, path),
-        REPORT: lambda path: write_calibration_report(account, pictures, path),
+        REPORT: lambda path: path.write_text(
+            render_calibration_report(account, pictures), encoding="utf-8"
+        ),
         RECORDING: lambda path: _write_recording(account, seen.previews, path),
     }
     for name, write in progress(writers.items(), "writing", len(writers)):

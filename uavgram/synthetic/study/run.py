@@ -20,7 +20,7 @@ from uavgram.synthetic.study.method_scenes import Setting
 from uavgram.synthetic.study.methods import LIMITS, compared
 from uavgram.synthetic.study.photos import Place, StudyScene, photo_cell
 from uavgram.views.study.figures import figure_files
-from uavgram.views.study.page import write_study_page
+from uavgram.views.study.page import render_study_page
 
 Numbers = Mapping[str, float | str]
 """Values of a scene, by name."""
@@ -259,5 +259,6 @@ def make_studies(
             write_studies(studies, hidden / JSON_FILE)
             for file, content in figures.items():
                 (hidden / file).write_bytes(content)
-            write_study_page(studies, figures, hidden / PAGE_FILE)
+            page = render_study_page(studies, figures)
+            (hidden / PAGE_FILE).write_text(page, encoding="utf-8")
         yield made

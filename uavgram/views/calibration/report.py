@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
-from pathlib import Path
 
 import numpy as np
 
@@ -31,7 +30,7 @@ from uavgram.views.calibration.verdict import (
     judge_calibration,
     percent,
 )
-from uavgram.views.pages import page_environment
+from uavgram.views.pages import page
 from uavgram.views.wording import LEVEL_RANK, number
 
 PICTURE_WIDTH_PX = 300
@@ -41,57 +40,35 @@ Row = dict[str, str | bool]
 PHOTO_WORDS = {"used": "used", "suspect": "SUSPECT", "removed": "removed"}
 
 
-def write_calibration_report(
-    account: CalibrationAccount, pictures: Mapping[str, bytes], path: Path
-) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    account
-        What to tell.
-    pictures
-        JPEGs of the photos with their corners, by name.
-    path
-        The file.
-    """
-    path.write_text(render_calibration_report(account, pictures), encoding="utf-8")
-
-
 def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str, bytes]) -> str:
     """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
     result = account.result
     shown = _best_photo(result, pictures)
-    return (
-        page_environment()
-        .get_template("calibration.html")
-        .render(
-            account=account,
-            result=result,
-            camera=result.calibration,
-            quality=result.quality,
-            board=board_words(result.board),
-            verdict=judge_calibration(account),
-            facts=calibration_facts(account),
-            parameters=parameter_cells(result.calibration)[1:],
-            correlations=_correlations(result),
-            bow=_bow(result),
-            models=_models(result),
-            messages=sorted(account.messages, key=lambda message: LEVEL_RANK[message.level]),
-            coverage=coverage_map(result),
-            residuals=residual_map(result),
-            uncertainty=uncertainty_map(result),
-            dial=tilt_dial(result),
-            lengths=[
-                (effect, length_map(result, effect, shown), _length_row(effect))
-                for effect in account.effects
-            ],
-            photos=_photos(result, pictures),
-            left_out=[
-                (file, reason, _picture(pictures, file)) for file, reason in account.left_out
-            ],
-            outliers=_outliers(result),
-        )
+    return page(
+        "calibration.html",
+        account=account,
+        result=result,
+        camera=result.calibration,
+        quality=result.quality,
+        board=board_words(result.board),
+        verdict=judge_calibration(account),
+        facts=calibration_facts(account),
+        parameters=parameter_cells(result.calibration)[1:],
+        correlations=_correlations(result),
+        bow=_bow(result),
+        models=_models(result),
+        messages=sorted(account.messages, key=lambda message: LEVEL_RANK[message.level]),
+        coverage=coverage_map(result),
+        residuals=residual_map(result),
+        uncertainty=uncertainty_map(result),
+        dial=tilt_dial(result),
+        lengths=[
+            (effect, length_map(result, effect, shown), _length_row(effect))
+            for effect in account.effects
+        ],
+        photos=_photos(result, pictures),
+        left_out=[(file, reason, _picture(pictures, file)) for file, reason in account.left_out],
+        outliers=_outliers(result),
     )
 
 

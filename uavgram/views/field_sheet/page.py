@@ -10,7 +10,7 @@ from uavgram.model.naming import METRIC, Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.views.field_sheet.drawing import field_drawing
 from uavgram.views.field_sheet.names import LETTERS
-from uavgram.views.pages import page_environment
+from uavgram.views.pages import page
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
 from uavgram.views.planned.numbers import metres
 from uavgram.views.planned.tables import line_rows, plate_rows, value_rows
@@ -45,33 +45,30 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
     """
     lengths = planned.lines.length_m
     named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
-    return (
-        page_environment()
-        .get_template("field_sheet/page.html")
-        .render(
-            planned=planned,
-            view=field_drawing(planned, units),
-            letters=LETTERS,
-            headline=headline(planned),
-            outcome=outcome(planned),
-            lines=line_rows(planned),
-            plates=plate_rows(planned),
-            wanted=value_rows(planned, units),
-            facts=flight_facts(planned),
-            corners=corners_on_earth(planned),
-            unchecked=unchecked(planned),
-            lost=if_a_line_is_lost(planned),
-            take_off=take_off_words(planned),
-            chosen=chosen(planned),
-            assumed=assumed(planned),
-            plate_side=plate_side(planned),
-            longest=metres(math.ceil(lengths.max())) if len(lengths) else "",
-            length_of_map=metres(planned.grid.length_m),
-            has_log=planned.assumptions.telemetry != "none",
-            units=units,
-            length_unit=column(units).symbol,
-            kept_names=like_lengths(named),
-        )
+    return page(
+        "field_sheet/page.html",
+        planned=planned,
+        view=field_drawing(planned, units),
+        letters=LETTERS,
+        headline=headline(planned),
+        outcome=outcome(planned),
+        lines=line_rows(planned),
+        plates=plate_rows(planned),
+        wanted=value_rows(planned, units),
+        facts=flight_facts(planned),
+        corners=corners_on_earth(planned),
+        unchecked=unchecked(planned),
+        lost=if_a_line_is_lost(planned),
+        take_off=take_off_words(planned),
+        chosen=chosen(planned),
+        assumed=assumed(planned),
+        plate_side=plate_side(planned),
+        longest=metres(math.ceil(lengths.max())) if len(lengths) else "",
+        length_of_map=metres(planned.grid.length_m),
+        has_log=planned.assumptions.telemetry != "none",
+        units=units,
+        length_unit=column(units).symbol,
+        kept_names=like_lengths(named),
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import MaxNLocator
 
 from uavgram.geometry.motion.rotation import matrix_from_xyzw, ypr_from_matrix
 from uavgram.model.arrays import Floats
@@ -118,6 +119,14 @@ def _explain(axis: Axes, height: str, source: str) -> None:
         axis.legend(fontsize=8, loc="best")
 
 
+def _beside(axis: Axes) -> Axes:
+    """Add an axis on the right, below the curves and the legend of the left one."""
+    right = axis.twinx()
+    axis.set_zorder(right.get_zorder() + 1)
+    axis.patch.set_visible(False)
+    return right
+
+
 def _confirmed(events: CameraEvents) -> np.ndarray:
     return np.asarray(events.confirmed > 0)
 
@@ -142,7 +151,7 @@ def _draw_track(summary: BootSummary, positions: PositionSamples, axis: Axes) ->
         if not sure.all():
             axis.scatter(
                 places[~sure, 0], places[~sure, 1], s=2.5 * _MARK_SIZE, marker="x",
-                color=_RED, zorder=4, label="without feedback",
+                color=_RED, zorder=4, label="not confirmed",
             )  # fmt: skip
     axis.set_aspect("equal", adjustable="datalim")
     axis.set_xlabel("east of the first position [m]")
@@ -152,8 +161,9 @@ def _draw_track(summary: BootSummary, positions: PositionSamples, axis: Axes) ->
 
 def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
     time, height, home, events = positions.time_boot_s, positions.height_m, boot.home, boot.events
-    axis.plot(time, height, color=_BLUE, linewidth=1.2, label="vehicle")
-    within = height[_flown(time, height[:, None])]
+    flown = _flown(time, height[:, None])
+    time, within = time[flown], height[flown]
+    axis.plot(time, within, color=_BLUE, linewidth=1.2, label="vehicle")
     if home is not None:
         axis.step(
             [*home.time_boot_s, time[-1]],
@@ -162,7 +172,7 @@ def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
         )  # fmt: skip
         within = np.append(within, home.height_m[-1])
     if events is not None:
-        heights = np.interp(events.time_boot_s, time, height)
+        heights = np.interp(events.time_boot_s, time, height[flown], left=np.nan)
         axis.scatter(
             events.time_boot_s, heights, s=_MARK_SIZE, color=_ORANGE, zorder=3, label="camera event"
         )
@@ -173,7 +183,7 @@ def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
 
 def _draw_attitudes(attitudes: AttitudeSamples, axis: Axes) -> None:
     yaw, pitch, roll = np.degrees(ypr_from_matrix(matrix_from_xyzw(attitudes.ned_from_body_xyzw)))
-    time, heading = attitudes.time_boot_s, axis.twinx()
+    time, heading = attitudes.time_boot_s, _beside(axis)
     heading.plot(time, yaw % 360.0, ".", color=_GREY, markersize=1.5)
     heading.set_ylabel("heading, grey [deg]")
     heading.set_ylim(0.0, 360.0)
@@ -194,8 +204,9 @@ def _draw_quality(sigmas: EstimatorSigmas, axis: Axes) -> None:
 def _draw_reception(heard: ReceptionSamples, axis: Axes) -> None:
     axis.plot(heard.time_boot_s, heard.satellites, color=_BLUE, linewidth=1.2)
     axis.set_ylim(0.0, 1.2 * float(np.nanmax(heard.satellites, initial=1.0)))
+    axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     if np.isfinite(heard.hdop).any():
-        spread = axis.twinx()
+        spread = _beside(axis)
         spread.plot(heard.time_boot_s, heard.hdop, ".", color=_GREY, markersize=2)
         spread.set_ylabel("HDOP, grey (below 1 is good)")
         spread.set_ylim(0.0, 1.3 * float(np.nanpercentile(heard.hdop, 95)) + 0.01)
@@ -221,7 +232,7 @@ def _draw_intervals(events: CameraEvents, axis: Axes) -> None:
     if missed.any():
         axis.plot(
             events.time_boot_s[1:][missed], apart[missed], "x", color=_RED, markersize=8,
-            label="without feedback",
+            label="not confirmed",
         )  # fmt: skip
     axis.set_ylim(bottom=0.0)
     numbers = f"{events.source}, {len(events.time_boot_s)}, at {events.instant}"

@@ -12,6 +12,7 @@ from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.views.report.checks import checks_summary
 from uavgram.views.survey.accuracy import accuracy_words
+from uavgram.views.survey.sheet import WIDTH
 from uavgram.views.survey.sources import measured_alone
 from uavgram.views.survey.verdict import verdict_words
 from uavgram.views.wording import shapes_first
@@ -24,13 +25,13 @@ LEAST_ROWS = 3
 FEW_ROWS = 2
 """If no more measurements than these have no room, the plan is made lower for them."""
 
-PAGE_MM, UNIT_MM = 243.0, 182.0 / 900.0
+PAGE_MM, UNIT_MM = 243.0, 182.0 / WIDTH
 """What a printed page has for the text and the plan (letter is the lower); a unit of a drawing."""
 
-LEAST_PLAN, GOOD_PLAN, MOST_PLAN = 220.0, 330.0, 780.0
+LEAST_PLAN, GOOD_PLAN, MOST_PLAN = 220.0, 330.0, 640.0
 """Height of the plan, in units of its drawing: for a good one rows of the table are left out."""
 
-HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.2, 5.3, 2.0
+HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.3, 4.8, 2.0
 """Of title and legend; of a row of a table; of a line of text; around a paragraph."""
 
 LINE, STRONG_LINE, TITLE = 96, 76, 20

@@ -1,4 +1,4 @@
-"""The ground as photos show it, below the plans of the report."""
+"""The ground as photos show it, below the plan of the report."""
 
 from __future__ import annotations
 
@@ -9,12 +9,9 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import GroundPicture, Pictures
 from uavgram.model.result.result import Result
-from uavgram.views.report.brief import brief
+from uavgram.views.report.brief import Brief, brief
 from uavgram.views.report.inline import GROUND, picture_mark
-from uavgram.views.survey.top_view import TopView, lay_out
-
-PLAN_HEIGHT = 500.0
-"""Of the large plan: on a printed page there is room for a photo below it."""
+from uavgram.views.survey.top_view import TopView, lay_out, top_view, used_points
 
 
 class Backdrop(NamedTuple):
@@ -28,13 +25,14 @@ class Backdrop(NamedTuple):
 
 
 def shown_ground(result: Result) -> tuple[Floats, Floats] | None:
-    """South-west and north-east corner (2,) of what the report's plans cover; None without one."""
-    plans = [lay_out(result, high) for high in (PLAN_HEIGHT, brief(result).plan_height)]
-    corners = [plan.sheet.extent_m for plan in plans if plan is not None]
-    if not corners:
-        return None
-    low, high = np.stack(corners, axis=1)
-    return low.min(axis=0), high.max(axis=0)
+    """South-west and north-east corner (2,) of what the report's plan covers; None without one."""
+    plan = lay_out(result, brief(result).plan_height, used_points(result))
+    return None if plan is None else plan.sheet.extent_m
+
+
+def report_plan(result: Result, first: Brief) -> TopView | None:
+    """Draw the plan of the first page; None where there is no point to draw."""
+    return top_view(result, first.plan_height, used_points(result))
 
 
 def backdrop(view: TopView | None, pictures: Pictures) -> Backdrop | None:

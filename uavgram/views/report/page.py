@@ -15,7 +15,7 @@ from uavgram.errors import OutputError
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import learnt_camera
-from uavgram.views.pages import page_environment, units_shown
+from uavgram.views.pages import page, units_shown
 from uavgram.views.report.annex import annex
 from uavgram.views.report.brief import MOST_REASONS, Brief, brief
 from uavgram.views.report.budget import MOST_ROWS, budget_table
@@ -23,7 +23,7 @@ from uavgram.views.report.checks import checks_summary
 from uavgram.views.report.contents import with_contents
 from uavgram.views.report.foundations import files_shown, foundations
 from uavgram.views.report.gauge import gauge
-from uavgram.views.report.ground import PLAN_HEIGHT, backdrop
+from uavgram.views.report.ground import backdrop, report_plan
 from uavgram.views.report.inline import with_pictures
 from uavgram.views.report.known import known_table
 from uavgram.views.report.long_tables import rows_told
@@ -35,7 +35,7 @@ from uavgram.views.report.measured import (
     second_order_note,
 )
 from uavgram.views.report.method import method_facts
-from uavgram.views.report.pictures import MOST_HALVES, gallery
+from uavgram.views.report.pictures import gallery
 from uavgram.views.report.shapes import rings
 from uavgram.views.result_tables import result_table
 from uavgram.views.survey.departures import departures
@@ -155,7 +155,7 @@ def _write(parts: Iterable[bytes], target: Path) -> None:
 
 def _page(template: str, facts: dict[str, Any]) -> str:
     """Fill in a template, with marks for its pictures."""
-    return with_contents(page_environment().get_template(template).render(facts))
+    return with_contents(page(template, **facts))
 
 
 def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
@@ -187,7 +187,6 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         used_lengths=unwithheld,
         most_lengths=MOST_LENGTHS,
         most_warnings=MOST_WARNINGS,
-        most_halves=MOST_HALVES,
         measured=shapes_first(result.measurements),
         most_cells=MOST_CELLS,
         not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
@@ -247,15 +246,12 @@ def _warnings(result: Result) -> tuple[str, ...]:
 
 
 def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object]:
-    """What is drawn from above: plans, the first page's too, and where photos were taken."""
-    plan, small = top_view(result, PLAN_HEIGHT), top_view(result, first.plan_height)
-    ground = backdrop(plan, pictures)
+    """Draw what is seen from above: both plans, and where photos were taken."""
+    plan = report_plan(result, first)
     return {
         "plan_view": plan,
         "view": top_view(result, BESIDE_HEIGHT),
-        "small_view": small,
-        "ground": ground,
-        "small_ground": backdrop(small, pictures),
+        "ground": backdrop(plan, pictures),
         "brightened": pictures.ground is not None and pictures.ground.brightened,
         "key": key_plan(result),
         "units_word": "metres" if units_of(result).length == "m" else "feet",

@@ -26,14 +26,15 @@ from uavgram.views.survey.drawing import (
 )
 from uavgram.views.survey.sources import measured_alone
 from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
+from uavgram.views.survey.top_view import used_labels
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import units_of
 from uavgram.views.wording import measurement_text, number, shapes_first, size_text
 
 WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "point": 210.0}
 """Of a picture on the page: marks are drawn as large as they are on a drawing of this width."""
-MOST_HALVES = 4
-"""Measurements of which two are side by side, and that the first page's plan has room for."""
+SIZES = {0: "half", 1: "single", 2: "half", 4: "half"}
+"""Of the pictures of so many measurements; of other numbers three are side by side."""
 MOST_SHOWN = 12
 """Measurements with a picture in the report, the least certain ones; the annex has the others."""
 DRAWN_OFF = 0.3
@@ -154,9 +155,7 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
         return None
     drawn = _drawn(result, [one.region for one in pictures.shown])
     first = _in_report(result, pictures)
-    size = {0: "half", 1: "single"}.get(
-        len(first), "half" if len(first) <= MOST_HALVES else "third"
-    )
+    size = SIZES.get(len(first), "third")
     made: dict[str, list[Shown]] = {"overview": [], "first": [], "more": [], "point": []}
     for row, picture in enumerate(pictures.shown):
         subject: str = picture.region.subject
@@ -312,7 +311,7 @@ def _is_wrong(result: Result, pick: int) -> bool:
 def _tags(
     result: Result, region: Region, rows: Sequence[int], unit: float, bar: Bar | None
 ) -> tuple[Text, ...]:
-    """Names of picks: in a picture of a measurement only of its own, and of wrong ones."""
+    """Names of the picks that a picture is about, and of wrong ones."""
     picks, own = result.picks, _own(result, region)
     low = np.array([region.left_px, region.top_px]) - 0.5
     high = low + np.array([region.width_px, region.height_px])
@@ -324,18 +323,18 @@ def _tags(
     wanted = [
         Wanted(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
         for i in rows
-        if region.subject != "measurement" or _is_wrong(result, i) or picks.label[i] in own
+        if picks.label[i] in own or _is_wrong(result, i)
     ]
     return placed_texts(wanted, (low, high), taken, unit)[0]
 
 
-def _own(result: Result, region: Region) -> tuple[str, ...]:
-    """Labels that a picture is about; none of an overview."""
+def _own(result: Result, region: Region) -> frozenset[str]:
+    """Labels that a picture is about; an overview is about all that a result rests on."""
     if region.subject == "overview":
-        return ()
+        return used_labels(result)
     if region.subject == "point":
-        return (result.points.label[region.row],)
-    return result.measurements.points[region.row]
+        return frozenset((result.points.label[region.row],))
+    return frozenset(result.measurements.points[region.row])
 
 
 def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tuple[Floats, Look]]]:

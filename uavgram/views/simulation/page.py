@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 from uavgram.model.simulation import Simulation
-from uavgram.views.pages import page_environment
+from uavgram.views.pages import page
 from uavgram.views.simulation.drawings import curve_of, ranges_of
 from uavgram.views.simulation.words import (
     amiss,
@@ -20,37 +18,21 @@ from uavgram.views.simulation.words import (
 )
 
 
-def write_simulation_page(simulation: Simulation, path: Path) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    simulation
-        What came out.
-    path
-        The file.
-    """
-    path.write_text(render_simulation_page(simulation), encoding="utf-8")
-
-
 def render_simulation_page(simulation: Simulation) -> str:
     """The page as text; nothing is loaded from elsewhere."""
     found = simulation.repetitions
-    return (
-        page_environment()
-        .get_template("simulation.html")
-        .render(
-            simulation=simulation,
-            level=level_of(simulation),
-            headline=headline(simulation),
-            counts=counts(found),
-            rows=rows_of(found, simulation.accuracy),
-            ranges=ranges_of(simulation),
-            curve=curve_of(simulation),
-            reasons=reasons(found),
-            amiss=amiss(simulation),
-            unlike=unlike(simulation),
-            warned=warned(found),
-            costs=costs(simulation),
-        )
+    return page(
+        "simulation.html",
+        simulation=simulation,
+        level=level_of(simulation),
+        headline=headline(simulation),
+        counts=counts(found),
+        rows=rows_of(found, simulation.accuracy),
+        ranges=ranges_of(simulation),
+        curve=curve_of(simulation),
+        reasons=reasons(found),
+        amiss=amiss(simulation),
+        unlike=unlike(simulation),
+        warned=warned(found),
+        costs=costs(simulation),
     )

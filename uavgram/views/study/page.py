@@ -4,27 +4,11 @@ from __future__ import annotations
 
 from base64 import b64encode
 from collections.abc import Mapping
-from pathlib import Path
 
 from uavgram.model.simulation import Cell, Study
-from uavgram.views.pages import page_environment
+from uavgram.views.pages import page
 from uavgram.views.study.overall import overall, ranking
 from uavgram.views.study.words import AGREES, said
-
-
-def write_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes], path: Path) -> None:
-    """Write the page.
-
-    Parameters
-    ----------
-    studies
-        What was made.
-    figures
-        Files by name, as of `figure_files`.
-    path
-        The file.
-    """
-    path.write_text(render_study_page(studies, figures), encoding="utf-8")
 
 
 def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) -> str:
@@ -38,15 +22,12 @@ def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) 
         }
         for study in studies
     ]
-    return (
-        page_environment()
-        .get_template("study.html")
-        .render(
-            parts=parts,
-            overall=overall(studies),
-            ranking=ranking(studies) if len(studies) > 1 else [],
-            seconds=sum(study.seconds for study in studies),
-        )
+    return page(
+        "study.html",
+        parts=parts,
+        overall=overall(studies),
+        ranking=ranking(studies) if len(studies) > 1 else [],
+        seconds=sum(study.seconds for study in studies),
     )
 
 

@@ -33,7 +33,7 @@ def frame_states(result: Result) -> tuple[FrameState, ...]:
 
 
 def frame_counts(result: Result) -> str:
-    """``20 frames: 17 refined (1 to check), 1 rejected``; says so where none was rejected."""
+    """``20 photos: 17 refined (1 to check), 1 rejected``; says so where none was rejected."""
     status, states = Counter(result.frames.status), Counter(frame_states(result))
     check = f" ({states['check']} {FRAME_STATE_WORDS['check']})" if states["check"] else ""
     parts = [f"{status['refined']} refined{check}"]
@@ -44,4 +44,4 @@ def frame_counts(result: Result) -> str:
     ]
     if not status["rejected"]:
         parts.append("none rejected")
-    return f"{counted(len(result.frames.frame_id), 'frame')}: {', '.join(parts)}"
+    return f"{counted(len(result.frames.frame_id), 'photo')}: {', '.join(parts)}"

@@ -22,9 +22,9 @@ Fact = tuple[str, str]
 
 
 def key_facts(result: Result) -> tuple[Fact, ...]:
-    """Frames, the least certain length, the known length that fits worst, the least known point."""
+    """Photos, the least certain length, the known length that fits worst, the least known point."""
     facts = [
-        ("frames", frame_counts(result)),
+        ("photos", frame_counts(result)),
         ("least certain length for its size", _least_certain(result)),
         ("known length that fits worst", _worst_fit(result)),
         _least_known_point(result),

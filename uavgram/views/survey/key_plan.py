@@ -60,7 +60,7 @@ class KeyPlan:
 
     Attributes
     ----------
-    height
+    width, height
         Of the drawing.
     footprints
         SVG points of the border of the ground that each adjusted photo shows.
@@ -76,6 +76,7 @@ class KeyPlan:
         As of the top view.
     """
 
+    width: float
     height: float
     footprints: tuple[str, ...]
     cameras: tuple[Camera, ...]
@@ -109,6 +110,7 @@ def key_plan(result: Result) -> KeyPlan | None:
     short = tuple(name[len(prefix) :] for name in names)
     texts, unnamed = _texts(result, sheet, short, cameras, taken)
     return KeyPlan(
+        width=WIDTH,
         height=sheet.height,
         footprints=tuple(svg_points(sheet(ring)) for ring in rings.values()),
         cameras=cameras,

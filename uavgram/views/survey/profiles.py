@@ -14,7 +14,7 @@ from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
 from uavgram.views.units import Shown, column, round_bar, units_of
 from uavgram.views.wording import decimals_for, number
 
-WIDTH, LEFT, RIGHT, TOP, BOTTOM = 900.0, 70.0, 30.0, 34.0, 30.0
+WIDTH, LEFT, RIGHT, TOP, BOTTOM = 720.0, 70.0, 30.0, 34.0, 30.0
 MOST_HEIGHT, LEAST_HEIGHT = 200.0, 24.0
 """Of what is drawn: heights are exaggerated as far as the first allows."""
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from uavgram.model.naming import listed
-from uavgram.model.result.reliability import Effects, PriorResults, RemovalRecord
+from uavgram.model.arrays import Floats
+from uavgram.model.naming import counted, listed
+from uavgram.model.result.reliability import ChecksOverall, Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
 from uavgram.views.survey.limits import prior_limits
+from uavgram.views.units import spread_text, units_of
 from uavgram.views.wording import UNIT_WORDS, chance, computed_first, number
 
 MOST_PRIORS = 20
@@ -152,15 +156,7 @@ def overall_words(result: Result, *, in_statistics: bool = True) -> str:
     checks = result.checks_overall
     if checks is None:
         return ""
-    share = (
-        f", lengths {number(checks.mean_error_percent, 2)} % on average"
-        if np.isfinite(checks.mean_error_percent)
-        else ""
-    )
-    together = (
-        f"Together: {checks.count} numbers, root mean square error {number(checks.rms_error_m)} m"
-        f"{share}"
-    )
+    together = f"Root mean square errors: {'; '.join(_errors_by_kind(result, checks))}"
     if not in_statistics:
         percent = 100.0 * checks.probability
         often = f"{percent:.2g}" if percent > 0.1 else "fewer than 0.1"
@@ -170,6 +166,22 @@ def overall_words(result: Result, *, in_statistics: bool = True) -> str:
         f"{together}; chi-square {number(checks.chi2, 1)} with their joint covariance, chance of "
         f"one as large {chance(checks.probability)}."
     )
+
+
+def _errors_by_kind(result: Result, checks: ChecksOverall) -> Iterator[str]:
+    """Sum up the errors of lengths, and those of points across and up, which differ in kind."""
+    units = units_of(result)
+
+    def size(error_m: Floats) -> str:
+        return spread_text(float(np.sqrt(np.mean(np.square(error_m)))), "m", units)
+
+    lengths_m, points_m = result.line_checks.error_m, result.point_checks.error_m
+    if len(lengths_m):
+        percent = number(checks.mean_error_percent, 2)
+        yield f"{counted(len(lengths_m), 'length')} {size(lengths_m)} ({percent} % on average)"
+    if len(points_m):
+        across, up = size(points_m[:, :2]), size(points_m[:, 2])
+        yield f"{counted(len(points_m), 'point')} {across} in east and north, {up} in height"
 
 
 def _amount(value: float, unit: str) -> str:

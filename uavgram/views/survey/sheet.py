@@ -12,8 +12,8 @@ from uavgram.model.naming import Units
 from uavgram.views.style import ABOVE, BELOW, hex_colour
 from uavgram.views.units import column, round_bar
 
-WIDTH = 900.0
-"""Of every drawing, in its own units; letters are 11 of them high."""
+WIDTH = 720.0
+"""Of every drawing, in its own units; letters are 11 of them high: 8 points on paper."""
 MARGIN, MARGIN_SHARE = 60.0, 0.12
 """Around what is drawn; of a low drawing such a share of its height."""
 LEAST_HEIGHT, MOST_HEIGHT = 260.0, 840.0

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import (
     ellipse_outlines,
@@ -140,14 +140,40 @@ class Layout(NamedTuple):
     ellipse_m: float
 
 
-def lay_out(result: Result, most_height: float = MOST_HEIGHT) -> Layout | None:
-    """Lay the points into a drawing, not higher than that; None where there is none."""
+def used_labels(result: Result) -> frozenset[str]:
+    """Find the points that a measurement, a known length or a check rests on."""
+    lines, checks = result.lines, result.point_checks.label
+    return frozenset((*lines.start, *lines.end, *checks)).union(*result.measurements.points)
+
+
+def used_points(result: Result) -> Bools:
+    """(K,) tell those points from the others; all of them where there is none of these."""
+    used = used_labels(result)
+    found = np.array([label in used for label in result.points.label], np.bool_)
+    return found if found.any() else np.ones_like(found)
+
+
+def lay_out(
+    result: Result, most_height: float = MOST_HEIGHT, shown: Bools | None = None
+) -> Layout | None:
+    """Lay the points into a drawing, not higher than that; None where there is none.
+
+    Parameters
+    ----------
+    result
+        Of the run.
+    most_height
+        The drawing is not higher.
+    shown
+        (K,) the points that it has to show; by default all.
+    """
     position = result.points.position_world_m
     if not len(position):
         return None
-    low, high = position[:, :2].min(axis=0), position[:, :2].max(axis=0)
+    rows = slice(None) if shown is None else shown
+    low, high = position[rows, :2].min(axis=0), position[rows, :2].max(axis=0)
     extent_m = max(float((high - low).max()), 1.0)
-    major = result.points.relative.ellipse_95_m[:, 0]
+    major = result.points.relative.ellipse_95_m[rows, 0]
     usual = float(np.median(major))
     factor = nice_factor(usual, ELLIPSE_SHARE * extent_m)
     # room for the ellipses too, unless they would leave none for the points
@@ -155,20 +181,29 @@ def lay_out(result: Result, most_height: float = MOST_HEIGHT) -> Layout | None:
     return Layout(lay_sheet(low - room, high + room, most_height), extent_m, factor, usual)
 
 
-def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None:
-    """Lay out the drawing, not higher than that; None where there is no point to draw."""
-    layout = lay_out(result, most_height)
+def top_view(
+    result: Result, most_height: float = MOST_HEIGHT, shown: Bools | None = None
+) -> TopView | None:
+    """Lay out the drawing; None where there is no point to draw.
+
+    Parameters
+    ----------
+    result, most_height, shown
+        As of `lay_out`; with `shown` names and places of no other points are drawn, and no heights.
+    """
+    layout = lay_out(result, most_height, shown)
     if layout is None:
         return None
     sheet, extent_m, factor, usual = layout
     position = result.points.position_world_m
     units = units_of(result)
     bar_m, bar_text = round_bar(extent_m / 5, units)
-    uneven, grid = departures(result), tuple(grid_lines(sheet, units))
-    dots = sheet(position)
+    uneven = departures(result) if shown is None else None
+    grid, rows = tuple(grid_lines(sheet, units)), slice(None) if shown is None else shown
+    dots = sheet(position[rows])
     taken = [box(dot, HALF_DOT, HALF_DOT) for dot in dots]
     taken += around_drawing(sheet, grid, bar_m * sheet.scale)
-    texts, unnamed = placed_texts(list(_texts(result, sheet, uneven)), sheet.corners, taken)
+    texts, unnamed = placed_texts(list(_texts(result, sheet, uneven, shown)), sheet.corners, taken)
     return TopView(
         width=WIDTH,
         height=sheet.height,
@@ -178,7 +213,7 @@ def top_view(result: Result, most_height: float = MOST_HEIGHT) -> TopView | None
         ellipses=tuple(_ellipses(result, sheet, factor)),
         dots=tuple((float(x), float(y)) for x, y in dots),
         off_plane=tuple(_off_plane(result, sheet, uneven)) if uneven else (),
-        off_ground=tuple(_diamonds(result, sheet)),
+        off_ground=tuple(_diamonds(dots[result.points.is_off_ground[rows]])),
         full_m=uneven.full_m if uneven else 0.0,
         texts=texts,
         unnamed=unnamed,
@@ -245,9 +280,9 @@ def _off_plane(
         yield float(x), float(y), hex_colour(colour)
 
 
-def _diamonds(result: Result, sheet: Sheet) -> Iterator[str]:
+def _diamonds(spots: Floats) -> Iterator[str]:
     corners = DIAMOND * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
-    for spot in sheet(result.points.position_world_m[result.points.is_off_ground]):
+    for spot in spots:
         yield _points(spot + corners)
 
 
@@ -270,7 +305,9 @@ def _off_their_plane(result: Result, spots: Floats, uneven: Departures) -> Itera
         yield Wanted(text, "off_plane", spots[uneven.rows[k]][None], is_needed=False)
 
 
-def _texts(result: Result, sheet: Sheet, uneven: Departures | None) -> Iterator[Wanted]:
+def _texts(
+    result: Result, sheet: Sheet, uneven: Departures | None, named: Bools | None
+) -> Iterator[Wanted]:
     """Names and values of all that is drawn; of many measured values the least certain."""
     rows, units, measured = result.measurements, units_of(result), measured_strips(result)
     shown = [int(i) for i in worst_first(rows) if measured.get(int(i))]
@@ -285,8 +322,11 @@ def _texts(result: Result, sheet: Sheet, uneven: Departures | None) -> Iterator[
         text = f"{result.lines.name[i]} {in_units(f'{length_m:.2f} m', units, exact=[length_m])}"
         yield Wanted(text, "known", sheet(strip))
     spots = sheet(result.points.position_world_m)
-    for label, spot in zip(result.points.label, spots, strict=True):
-        yield Wanted(label, "name", spot[None])
+    for k, label in enumerate(result.points.label):
+        if named is None or named[k]:
+            yield Wanted(label, "name", spots[k : k + 1])
+    if named is not None:
+        return
     yield from _over_ground(result, spots)
     if uneven:
         yield from _off_their_plane(result, spots, uneven)

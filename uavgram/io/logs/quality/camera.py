@@ -12,6 +12,7 @@ from uavgram.io.logs.quality.samples import unit_quaternions
 from uavgram.io.logs.topics import Found, Stated
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import CameraEvents, GimbalSamples
+from uavgram.model.naming import counted
 
 # GIMBAL_DEVICE_FLAGS, https://mavlink.io/en/messages/common.html
 _YAW_LOCK, _YAW_IN_VEHICLE_FRAME, _YAW_IN_EARTH_FRAME = 16, 32, 64
@@ -176,7 +177,8 @@ def _notes(events: CameraEvents) -> tuple[str, ...]:
     notes = []
     if untimed.any() and not untimed.all():
         missed = _listed(events.image_number[untimed].tolist())
-        notes.append(f"{int(untimed.sum())} triggers without feedback (image {missed})")
+        several = counted(int(untimed.sum()), "camera trigger")
+        notes.append(f"{several} without a photo that the camera confirmed (image {missed})")
     if events.repeated:
         notes.append(
             f"{len(events.repeated)} image numbers occur more than once in {events.source}: "
