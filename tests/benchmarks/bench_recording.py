@@ -35,7 +35,7 @@ from large_result import HEIGHT_PX, WIDTH_PX, large_result
 
 from uavgram.imaging.photos.preview import read_preview
 from uavgram.io.digest import photo_files
-from uavgram.pipeline.measure.run import write_review
+from uavgram.pipeline.measure.outputs import write_review
 from uavgram.pipeline.parallel import prefetch
 from uavgram.views.recording import write_recording
 

@@ -16,6 +16,7 @@ from uavgram.pipeline.measure.compute import Computed, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
 run_module = importlib.import_module("uavgram.pipeline.measure.run")
+outputs_module = importlib.import_module("uavgram.pipeline.measure.outputs")
 exports_module = importlib.import_module("uavgram.pipeline.measure.exports")
 
 
@@ -39,7 +40,8 @@ def raise_at(name: str, fault: BaseException, monkeypatch: pytest.MonkeyPatch) -
     def fail(*_args: object, **_kwargs: object) -> Never:
         raise fault
 
-    module = run_module if hasattr(run_module, name) else exports_module
+    modules = run_module, outputs_module, exports_module
+    module = next(one for one in modules if hasattr(one, name))
     monkeypatch.setattr(module, name, fail)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import synthetic_survey as survey
 
-from uavgram.pipeline.measure import pictures, run
+from uavgram.pipeline.measure import outputs, pictures
 
 
 def test_a_recording_of_very_many_photos_carries_some_and_the_ground_is_of_all(
@@ -32,17 +32,17 @@ def test_a_recording_of_very_many_photos_carries_some_and_the_ground_is_of_all(
     def taken(_: object, photos: Iterable[tuple[str, object]], *__: object) -> None:
         written.extend(name for name, _ in photos)
 
-    monkeypatch.setattr(run, "Mosaic", Ground)
-    monkeypatch.setattr(run, "prefetch", prefetched)
-    monkeypatch.setattr(run, "write_recording", taken)
-    run.write_review(made, tmp_path / "r.rrd")
+    monkeypatch.setattr(outputs, "Mosaic", Ground)
+    monkeypatch.setattr(outputs, "prefetch", prefetched)
+    monkeypatch.setattr(outputs, "write_recording", taken)
+    outputs.write_review(made, tmp_path / "r.rrd")
     assert tuple(written) == tuple(grounded) == names
     assert pictures.with_thinning_told(made) is made
 
     monkeypatch.setattr(pictures, "MOST_RECORDED", len(names) // 2)
     written.clear()
     grounded.clear()
-    run.write_review(made, tmp_path / "r.rrd")
+    outputs.write_review(made, tmp_path / "r.rrd")
     told = pictures.with_thinning_told(made).messages[-1]
     assert tuple(grounded) == names
     assert 0 < len(written) <= len(names) // 2

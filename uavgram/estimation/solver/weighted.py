@@ -1,7 +1,8 @@
 """Repeated solution of one linear least-squares problem with different weights of some groups.
 
-In a small system the groups' own normal matrices are added up, N = sum of w N_k: the products whose
-cost grows with the number of observations are computed once.
+The groups' own normal matrices are added up, N = sum of w N_k: the products whose cost grows with
+the number of observations are computed once. The trace of a group's part of the hat matrix is that
+of w N_k N^-1: the sum of the products of their entries, all of which are on the pattern.
 """
 
 from __future__ import annotations
@@ -13,11 +14,12 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import (
     Block,
-    DenseStack,
     Factor,
     NormalEquations,
     Plan,
+    gradient_of,
 )
+from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix, weighted_sum
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats
 
@@ -57,11 +59,28 @@ class Weighted:
     def __init__(
         self, groups: Sequence[Block], rest: Sequence[Block], size: int, structure: Structure
     ) -> None:
-        self._groups, self._rest = list(groups), list(rest)
-        self._size, self._structure = size, structure
-        self._plan: Plan | DenseStack | None = None
-        is_small = NormalEquations([*groups, *rest], size).is_dense
-        self._parts = _Parts(groups, rest, size) if is_small else None
+        self._groups = groups
+        each = [*([one] for one in groups), list(rest)]
+        self._gradient = np.array([gradient_of(blocks, size) for blocks in each])
+        self._rest_cost = NormalEquations(list(rest), size).cost
+        every = [*groups, *rest]
+        self._plan: Plan | None = None
+        self._normal: list[Floats] | list[BlockMatrix]
+        if NormalEquations(every, size).is_dense:
+            dense = [NormalEquations(blocks, size).normal for blocks in each]
+            self._normal = [one for one in dense if isinstance(one, np.ndarray)]
+        else:
+            self._plan = Plan.of([one.columns for one in every], structure)
+            numbers = [*range(len(groups)), *[len(groups)] * len(rest)]
+            self._normal = [
+                self._plan.assembly.normal(
+                    [
+                        one.jacobian if number == group else None
+                        for number, one in zip(numbers, every, strict=True)
+                    ]
+                )
+                for group in range(len(each))
+            ]
 
     def fit(self, weight: Floats) -> Fit:
         """Solve for the minimum with weights (C,).
@@ -71,57 +90,37 @@ class Weighted:
         SingularError
             An unknown is not determined.
         """
-        if self._parts is not None:
-            return self._parts.fit(weight)
-        own = [_scaled(*pair) for pair in zip(self._groups, np.sqrt(weight).tolist(), strict=True)]
-        normal = NormalEquations([*own, *self._rest], self._size, self._structure, self._plan)
-        factor = normal.factor()
-        self._plan = normal.plan
-        # One Gauss-Newton step: exact, as the problem is linear.
-        step = -factor.solve(normal.gradient)
-        covariance = factor.covariance()
-        return Fit(
-            cost=normal.cost + float(normal.gradient @ step),
-            log_determinant=factor.log_determinant(),
-            squares=np.array([np.sum(_after(block, step) ** 2) for block in own]),
-            leverage=np.array([covariance.leverage(block).sum() for block in own]),
-        )
-
-
-class _Parts:
-    """Normal matrix, gradient and sum of squares of each group of a small system; `rest` last."""
-
-    def __init__(self, groups: Sequence[Block], rest: Sequence[Block], size: int) -> None:
-        parts = [NormalEquations([one], size) for one in groups] + [
-            NormalEquations(list(rest), size)
-        ]
-        self._normal = np.array([part.normal for part in parts])
-        self._gradient = np.array([part.gradient for part in parts])
-        self._cost = np.array([part.cost for part in parts])
-
-    def fit(self, weight: Floats) -> Fit:
-        """Solve as `Weighted.fit`."""
         every = np.append(weight, 1.0)
-        normal = np.tensordot(every, self._normal, 1)
         gradient = every @ self._gradient
-        factor = Factor(normal, None, normal.diagonal(), 0.0)
+        normal = _added(every, self._normal)
+        factor = Factor(normal, self._plan, normal.diagonal(), 0.0)
+        # One Gauss-Newton step: exact, as the problem is linear.
         step = -factor.solve(gradient)
         inverse = factor.inverse_on_pattern()
-        assert isinstance(inverse, np.ndarray)  # noqa: S101  (as the normal matrix is)
-        own = self._normal[:-1]
-        # |r + J s|^2 = r^T r + 2 g^T s + s^T N s of each group.
-        squares = self._cost[:-1] + 2.0 * self._gradient[:-1] @ step + (own @ step) @ step
-        # Leverage: trace of N_k N^-1, times the weight.
+        leverage = [_inner(one, inverse) for one in self._normal[:-1]]
+        cost = [float(np.vdot(one.residual, one.residual)) for one in self._groups]
+        squares = [np.sum(_after(one, step) ** 2) for one in self._groups]
         return Fit(
-            cost=float(every @ self._cost + gradient @ step),
+            cost=float(weight @ cost + self._rest_cost + gradient @ step),
             log_determinant=factor.log_determinant(),
             squares=weight * squares,
-            leverage=weight * np.tensordot(own, inverse, 2),
+            leverage=weight * leverage,
         )
 
 
-def _scaled(block: Block, scale: float) -> Block:
-    return Block(block.residual * scale, block.columns, block.jacobian * scale)
+def _added(weight: Floats, parts: Sequence[Floats] | Sequence[BlockMatrix]) -> Floats | BlockMatrix:
+    """Add matrices, each times its weight."""
+    blocks = [one for one in parts if isinstance(one, BlockMatrix)]
+    if blocks:
+        return weighted_sum(weight, blocks)
+    return np.asarray(sum(w * one for w, one in zip(weight, parts, strict=True)))
+
+
+def _inner(one: Floats | BlockMatrix, other: Floats | BlockMatrix) -> float:
+    """Sum of the products of all entries."""
+    if isinstance(one, BlockMatrix) and isinstance(other, BlockMatrix):
+        return one.inner(other)
+    return float(np.vdot(np.asarray(one), np.asarray(other)))
 
 
 def _after(block: Block, step: Floats) -> Floats:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.plane import Basis, correlated_basis, quadratic_basis
+from uavgram.geometry.ground.plane import Basis, correlated_basis, knots_root, quadratic_basis
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Ground, Relief, Survey
 
@@ -102,8 +103,8 @@ class GroundPlanes:
             value = basis.value.reshape(*there.shape[:-1], shape.size)
             gradient = basis.gradient.reshape(*value.shape, 2)
             coefficient = relief[..., None, first : first + shape.size]
-            height[..., rows] += (value * coefficient).sum(axis=-1)
-            slope[..., rows, :] += (gradient * coefficient[..., None]).sum(axis=-2)
+            height[..., rows] += np.einsum("...b,...b->...", value, coefficient)
+            slope[..., rows, :] += np.einsum("...bi,...b->...i", gradient, coefficient)
             by_unknowns[..., rows, own : own + shape.size] = value
         return SurfaceAt(height, slope, by_unknowns)
 
@@ -170,7 +171,13 @@ def relief_basis(relief: Relief, east_north_m: Floats) -> Basis:
     """Compute the basis functions of a relief at places (n, 2)."""
     if relief.kind == "quadratic":
         return quadratic_basis(east_north_m, relief.knots_m[0], relief.scale_m)
-    return correlated_basis(east_north_m, relief.knots_m, relief.scale_m)
+    return correlated_basis(east_north_m, relief.knots_m, relief.scale_m, _root(relief))
+
+
+@lru_cache(maxsize=8)
+def _root(relief: Relief) -> Floats:
+    """The knots of a relief are the same in every state of every adjustment."""
+    return knots_root(relief.knots_m, relief.scale_m)
 
 
 def fixed_planes(survey: Survey) -> int:

@@ -216,7 +216,22 @@ def quadratic_basis(east_north_m: Floats, middle_m: Floats, scale_m: float) -> B
     return Basis(value, np.stack([by_east, by_north], axis=2) / scale_m)
 
 
-def correlated_basis(east_north_m: Floats, knots_m: Floats, range_m: float) -> Basis:
+def knots_root(knots_m: Floats, range_m: float) -> Floats:
+    """Compute L^-1 (B, B), where L L^T is the covariance of the heights at the knots.
+
+    Parameters
+    ----------
+    knots_m, range_m
+        As for `correlated_basis`.
+    """
+    covariance = _kernel(_apart(knots_m, knots_m), range_m) + JITTER * np.eye(len(knots_m))
+    lower = np.linalg.cholesky(covariance)
+    return np.asarray(
+        scipy.linalg.solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False)
+    )
+
+
+def correlated_basis(east_north_m: Floats, knots_m: Floats, range_m: float, root: Floats) -> Basis:
     """Evaluate functions whose independent coefficients give heights correlated within a range.
 
     With coefficients of unit variance the heights at the knots have the covariance exp(-d^2 / (2
@@ -230,22 +245,19 @@ def correlated_basis(east_north_m: Floats, knots_m: Floats, range_m: float) -> B
         (B, 2) places of the knots.
     range_m
         Correlation distance of the heights.
+    root
+        (B, B) from `knots_root`: the same at all places.
 
     References
     ----------
     Quinonero-Candela and Rasmussen 2005, "A unifying view of sparse approximate Gaussian process
     regression", eq. 17: the subset of regressors k(x, Z) k(Z, Z)^-1 k(Z, x).
     """
-    # Whiten the kernel by the Cholesky factor of the knots' covariance; d k / dx = k (z - x) /
-    # range^2.
-    lower = np.linalg.cholesky(_kernel(knots_m, knots_m, range_m) + JITTER * np.eye(len(knots_m)))
-    kernel = _kernel(east_north_m, knots_m, range_m)
-    apart = (knots_m[None] - east_north_m[:, None]) / range_m**2
-    stacked = np.concatenate([kernel[..., None], kernel[..., None] * apart], axis=2)
-    flat = np.moveaxis(stacked, 1, 0).reshape(len(knots_m), -1)
-    solved = scipy.linalg.solve_triangular(lower, flat, lower=True, check_finite=False)
-    basis = np.moveaxis(solved.reshape(len(knots_m), len(east_north_m), 3), 0, 1)
-    return Basis(basis[..., 0], basis[..., 1:])
+    # Whiten the kernel by the root of the knots' covariance; d k / dx = k (z - x) / range^2.
+    apart = _apart(east_north_m, knots_m)
+    kernel = _kernel(apart, range_m)
+    by_place = -(kernel / range_m**2) * apart
+    return Basis(kernel @ root.T, np.moveaxis(by_place @ root.T, 0, -1))
 
 
 def spread_knots(east_north_m: Floats, most: int) -> Floats:
@@ -274,6 +286,11 @@ def spread_knots(east_north_m: Floats, most: int) -> Floats:
     return np.asarray(east_north_m[chosen])
 
 
-def _kernel(a: Floats, b: Floats, range_m: float) -> Floats:
-    square = np.sum((a[:, None] - b[None]) ** 2, axis=2)
-    return np.asarray(np.exp(-0.5 * square / range_m**2))
+def _apart(a: Floats, b: Floats) -> Floats:
+    """(2, n, m) from each of m places to each of n, east and north."""
+    return np.asarray(a.T[:, :, None] - b.T[:, None, :])
+
+
+def _kernel(apart: Floats, range_m: float) -> Floats:
+    east, north = apart
+    return np.asarray(np.exp((east * east + north * north) * (-0.5 / range_m**2)))

@@ -49,6 +49,7 @@ from uavgram.stages.refine.annealing import (
 from uavgram.stages.refine.continued import carried
 from uavgram.stages.refine.left_out import control_left_out, heights_left_out
 from uavgram.stages.refine.minima import (
+    TRIAL,
     Participants,
     best_minima,
     minima_from,
@@ -353,23 +354,28 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
     # First values may depend on a gross error: leave out one known thing, length or photo.
     whole = replace(taking, survey=_softer(taking.survey, 1.0))
     kinds = (_without_a_known_thing, _without_lengths, _without_a_frame)
-    for candidate in _from_each(chain(*(kind(whole) for kind in kinds)), whole, taking):
-        found = _by_cost(taking, [*found, candidate])
-        if found[0] is candidate and candidate.is_agreed():
-            return found[:1]
+    for part in chain(*(kind(whole) for kind in kinds)):
+        for candidate in _from_reduced(part, whole, taking, _most_of_a_rival(taking, found)):
+            found = _by_cost(taking, [*found, candidate])
+            if found[0] is candidate and candidate.is_agreed():
+                return found[:1]
     if not (found and found[0].fits()):
         last = chain(_with_a_loose_frame(whole), _without_a_pick(whole))
-        found += islice((one for one in _from_each(last, whole, taking) if one.fits()), 1)
+        each = (one for part in last for one in _from_reduced(part, whole, taking))
+        found += islice((one for one in each if one.fits()), 1)
     return _by_cost(taking, found)
 
 
-def _from_each(
-    reduced: Iterable[Participants], whole: Participants, taking: Participants
-) -> Iterator[Candidate]:
-    """Adjust all observations robustly from the minima of subsets of them."""
-    for part in reduced:
-        for candidate in _from_reduced(part, whole):
-            yield replace(candidate, taking=taking)
+def _most_of_a_rival(taking: Participants, found: Sequence[Candidate]) -> float:
+    """Bound the sum of squares of a part whose missing observation could be the gross error.
+
+    Where one gross error explains everything, two are no rival: a part of the observations that
+    still contains one is not worth a robust adjustment. Infinite where one does not.
+    """
+    if not found:
+        return np.inf
+    cost = found[0].cost(int(taking.keep.sum()))
+    return cost + RIVAL - GROSS_SIGMAS**2 if cost + RIVAL < 2.0 * GROSS_SIGMAS**2 else np.inf
 
 
 def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Candidate]:
@@ -468,7 +474,9 @@ def _from_softened(taking: Participants) -> Iterator[Candidate]:
         yield Candidate(taking, placed, decide(problem, minimum, weight))
 
 
-def _from_reduced(reduced: Participants, whole: Participants) -> Iterator[Candidate]:
+def _from_reduced(
+    reduced: Participants, whole: Participants, taking: Participants, most: float = np.inf
+) -> Iterator[Candidate]:
     """Adjust robustly from each ordinary minimum of a part of the observations.
 
     Parameters
@@ -477,10 +485,16 @@ def _from_reduced(reduced: Participants, whole: Participants) -> Iterator[Candid
         Participating observations without some of them, or with picks that have nearly no weight.
     whole
         All participating observations; the robust adjustment decides on those that were left out.
+    taking
+        The same with the stated sigmas.
+    most
+        Sum of squares of the part beyond which it is skipped; few iterations show whether it is.
     """
     try:
-        first = best_minima(reduced)
+        first = best_minima(reduced, TRIAL if most < np.inf else None)
     except GeometryError:
+        return
+    if first.adjustment.minimum.cost > most:
         return
     loose = np.flatnonzero(reduced.survey.pick_sigma_px > whole.survey.pick_sigma_px)
     used = np.setdiff1d(first.pick_index, loose)
@@ -490,7 +504,7 @@ def _from_reduced(reduced: Participants, whole: Participants) -> Iterator[Candid
             weight = _weights_without(problem, adjustment, first, reduced)
             weight["pixels"] = np.where(np.isin(placed.pick_index, used), 1.0, NEARLY_NONE)
             minimum = weighted_minimum(problem, carried(adjustment, problem), weight)
-            yield Candidate(whole, placed, decide(problem, minimum, weight))
+            yield Candidate(taking, placed, decide(problem, minimum, weight))
 
 
 def _stated_problem(

@@ -6,6 +6,7 @@ matrices, without an index per number.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -198,6 +199,24 @@ class BlockMatrix:
         corner = self.border * np.outer(border, border) + damping * np.eye(len(border))
         return BlockMatrix(self.pattern, tables, coupling, corner)
 
+    def inner(self, other: BlockMatrix) -> float:
+        """Sum the products of all entries, in both triangles, with those of another matrix.
+
+        Parameters
+        ----------
+        other
+            On the same pattern.
+        """
+        total = float(np.vdot(self.border, other.border))
+        for mine, theirs in zip(self.coupling, other.coupling, strict=True):
+            total += 2.0 * float(np.vdot(mine, theirs))
+        for mine, theirs in zip(self.tables, other.tables, strict=True):
+            total += 2.0 * float(np.vdot(mine, theirs))
+        for kind in (POINT, BLOCK):
+            own = self.pattern.own(kind)
+            total -= float(np.vdot(self.tables[2 * kind][own], other.tables[2 * kind][own]))
+        return total
+
     def gather(self, columns: Ints) -> Floats:
         """Return (n, k, k) dense parts, rows and columns given as (n, k) indices of unknowns.
 
@@ -241,6 +260,20 @@ class BlockMatrix:
         if swapped is not None and swapped.any():
             block[swapped] = np.swapaxes(block[swapped], 1, 2)
         return _chosen(block, one.inside, other.inside)
+
+
+def weighted_sum(weight: Floats, matrices: Sequence[BlockMatrix]) -> BlockMatrix:
+    """Add matrices on one pattern, each times its weight (m,)."""
+
+    def added(parts: Iterable[Floats]) -> Floats:
+        return np.asarray(sum(w * part for w, part in zip(weight, parts, strict=True)))
+
+    return BlockMatrix(
+        matrices[0].pattern,
+        tuple(map(added, zip(*(one.tables for one in matrices), strict=True))),
+        tuple(map(added, zip(*(one.coupling for one in matrices), strict=True))),
+        added(one.border for one in matrices),
+    )
 
 
 def _chosen(block: Floats, rows: Ints | None, columns: Ints | None) -> Floats:
@@ -287,12 +320,14 @@ class Assembly:
             for mine, theirs in zip(self._columns, columns, strict=True)
         )
 
-    def normal(self, jacobians: list[Floats]) -> BlockMatrix:
-        """Compute J^T J of the groups' Jacobians (n, r, k)."""
+    def normal(self, jacobians: Sequence[Floats | None]) -> BlockMatrix:
+        """Compute J^T J of the groups' Jacobians (n, r, k); None for groups that add nothing."""
         matrix = self.pattern.zeros()
         for jacobian, parts, terms, by_node in zip(
             jacobians, self._parts, self._terms, self._coupling, strict=True
         ):
+            if jacobian is None:
+                continue
             for part, products, coupled in zip(parts, terms, by_node, strict=True):
                 rows = jacobian[part.rows]
                 for term in products:
