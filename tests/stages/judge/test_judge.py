@@ -45,8 +45,8 @@ from uavgram.stages.judge import (
     withheld_values,
 )
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.softened import iterate
-from uavgram.stages.refine.continued import carried
+from uavgram.stages.refine.readjustment import convert_state
+from uavgram.stages.refine.staged_sigmas import iterate
 
 ALPHA = 0.001
 
@@ -552,7 +552,7 @@ def continued_with(adjustment: Adjustment, survey: Survey) -> Adjustment:
     """Adjust all lengths of a survey, from where another adjustment ended."""
     every = np.ones(len(survey.line_start), dtype=np.bool_)
     problem = SurveyProblem(survey, adjustment.problem.pivot_m, every)
-    minimum = iterate(problem, carried(adjustment, problem), 30)
+    minimum = iterate(problem, convert_state(adjustment, problem), 30)
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 

@@ -26,7 +26,7 @@ from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked
 from uavgram.stages.judge.verdict import first_sentences
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 REQUESTS = (
     MeasurementRequest(name="near", kind="distance", points=("P0", "P1")),
@@ -229,7 +229,7 @@ def test_a_wrong_length_puts_what_it_moves_in_doubt_without_any_common_label() -
     wrong = replace(right, length_m=right.length_m + 20.0 * right.length_sigma_m * first)
     values = {}
     for out in (False, True):
-        refined = best_minima(
+        refined = find_best_minima(
             Participants(wrong, np.ones(len(right.pick_label), dtype=bool), first & out, {})
         )
         values[out] = propagate(refined.adjustment, REQUESTS[:2], NO_TIMES)

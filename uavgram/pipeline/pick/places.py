@@ -24,7 +24,7 @@ from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import REGION, contradicted, radii, stretches
 from uavgram.stages.products.mission import planned_origin
-from uavgram.stages.refine.more_picks import MorePicks, with_more_picks
+from uavgram.stages.refine.readjustment import MorePicks, add_picks
 
 LAID_SIGMA_M = 0.5
 """Standard deviation of an object laid by paces and sight [m]: half a step."""
@@ -219,4 +219,4 @@ def _up_to_date(survey: LiveSurvey, last: Adjusted, picks: Picks) -> Adjustment:
         picks.pixel_px[rows].reshape(-1, 2),
         sigma[rows],
     )
-    return with_more_picks(adjustment, more, UNEVEN_M)
+    return add_picks(adjustment, more, UNEVEN_M)

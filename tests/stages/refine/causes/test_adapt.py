@@ -130,7 +130,7 @@ def test_a_mended_survey_is_adjusted_as_if_nothing_had_been_wrong(
 def test_mends_without_end_end(monkeypatch: pytest.MonkeyPatch, survey: Survey, most: int) -> None:
     """Each adjustment finds something: one that changes nothing."""
     idle = cause(Mend(length_m={1: float(survey.length_m[1])}))
-    monkeypatch.setattr(whole, "MOST_MENDS", most)
+    monkeypatch.setattr(whole, "MAX_CORRECTIONS", most)
     monkeypatch.setattr(stage, "identify", lambda _: Identified((idle,), (None,)))
     refined, _ = refine(survey, REMOVE)
     assert [removal.kind for removal in refined.removals] == ["mend"] * most

@@ -19,7 +19,7 @@ from uavgram.stages.refine.causes import identify as room
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.identify import MOST_OF_A_KIND, MOST_TRIED, SURE, identify
 from uavgram.stages.refine.causes.trials import Judged
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 TAPE, LABELS = Mend(length_m={0: 3.0}), Mend(label_of_pick={0: 1})
 
@@ -100,7 +100,7 @@ def standing(survey: Survey) -> Standing:
     every = np.ones(len(survey.pick_frame), dtype=np.bool_)
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, every, none, {})
-    return Standing(taking, best_minima(taking))
+    return Standing(taking, find_best_minima(taking))
 
 
 @pytest.mark.parametrize(

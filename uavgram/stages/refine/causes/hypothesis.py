@@ -20,7 +20,7 @@ from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.begin.doubt import LOST
+from uavgram.stages.refine.first_values import LOST_PICK_COST
 from uavgram.stages.refine.minima import Participants
 
 PRICE = 6.0
@@ -69,7 +69,7 @@ class Standing(NamedTuple):
         used = np.zeros(len(self.taking.keep), dtype=np.bool_)
         used[self.refined.pick_index] = True
         lost = int((self.taking.keep & ~used & ~self.spoilt).sum())
-        return self.adjustment.minimum.cost + 2.0 * PRICE * self.left_out + LOST * lost
+        return self.adjustment.minimum.cost + 2.0 * PRICE * self.left_out + LOST_PICK_COST * lost
 
     @property
     def left_out(self) -> int:

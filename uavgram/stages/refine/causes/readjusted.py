@@ -16,10 +16,10 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Floats, Ints
-from uavgram.stages.refine.begin.softened import iterate
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
-from uavgram.stages.refine.continued import carried
-from uavgram.stages.refine.minima import TRIAL, Participants, trial_adjustment
+from uavgram.stages.refine.minima import TRIAL_ITERATIONS, Participants, adjust_on_trial
+from uavgram.stages.refine.readjustment import convert_state
+from uavgram.stages.refine.staged_sigmas import iterate
 
 BENT = 1e-5
 """Probability of the core's squares below which a state is unsuitable as first values."""
@@ -44,13 +44,13 @@ def readjusted(standing: Standing, taking: Participants, hypothesis: Hypothesis)
     survey = without_known(taking.survey, taking.known_removed)
     selection = select_picks(survey, taking.keep)
     if hypothesis.is_of_all:
-        return trial_adjustment(taking, None)
+        return adjust_on_trial(taking, None)
     is_bent = core_fit(present).probability < BENT and hypothesis.begun is None
     if is_bent or not present.minimum.converged or _has_ties(selection):
-        return trial_adjustment(taking)
+        return adjust_on_trial(taking)
     start = _start(standing, selection)
     if start is None:
-        return trial_adjustment(taking)
+        return adjust_on_trial(taking)
     if hypothesis.begun is not None:
         start = hypothesis.begun(start)
     used = ~taking.line_removed[selection.line_index]
@@ -60,7 +60,7 @@ def readjusted(standing: Standing, taking: Participants, hypothesis: Hypothesis)
         lens = np.linalg.pinv(problem.intrinsic_basis) @ present.problem.intrinsic_basis
         start = replace(start, intrinsic=lens @ start.intrinsic)
         present = replace(present, minimum=replace(present.minimum, state=start))
-        minimum = iterate(problem, carried(present, problem), TRIAL)
+        minimum = iterate(problem, convert_state(present, problem), TRIAL_ITERATIONS)
         adjustment = Adjustment(problem, minimum, minimum.factor.covariance())
     except (SingularError, ValueError):
         return None

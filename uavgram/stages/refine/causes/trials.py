@@ -19,8 +19,8 @@ from uavgram.stages.refine.causes.hypothesis import (
     mended,
 )
 from uavgram.stages.refine.causes.readjusted import BENT, readjusted
-from uavgram.stages.refine.minima import trial_adjustment
-from uavgram.stages.refine.noise import with_noise_learnt
+from uavgram.stages.refine.minima import adjust_on_trial
+from uavgram.stages.refine.noise import estimate_noise
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +152,7 @@ def as_noisy_as_it_is(standing: Standing) -> Standing:
     A hypothesis of little gain then is no mistake: uneven ground distorts everything around it, and
     some of many picks and lengths always reduce that misfit.
     """
-    survey, refined = with_noise_learnt(standing.survey, standing.refined)
+    survey, refined = estimate_noise(standing.survey, standing.refined)
     if survey is standing.survey:
         return standing
     return Standing(replace(standing.taking, survey=survey), refined)
@@ -171,7 +171,7 @@ def without_lengths(standing: Standing) -> Standing:
         return standing
     everything = mended(standing, Mend(), _left_out(standing))
     taking = everything.without_lines(range(len(survey.line_start)))
-    refined = trial_adjustment(taking)
+    refined = adjust_on_trial(taking)
     if refined is None or not refined.adjustment.minimum.converged:
         return standing
     without = Standing(taking, refined)

@@ -29,7 +29,7 @@ from uavgram.stages.refine.causes.flight.log import (
     wrong_clock,
 )
 from uavgram.stages.refine.causes.hypothesis import Standing
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 FLIGHT = {"clock-off", "gimbal-off", "heights-off", "log-position-jump"}
 
@@ -210,7 +210,7 @@ def standing(survey: Survey) -> Standing:
     every = np.ones(len(survey.pick_frame), dtype=np.bool_)
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, every, none, {})
-    return Standing(taking, best_minima(taking))
+    return Standing(taking, find_best_minima(taking))
 
 
 def test_the_linear_test_finds_what_an_adjustment_without_the_prior_finds() -> None:

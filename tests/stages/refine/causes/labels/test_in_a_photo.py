@@ -16,7 +16,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Standing, mended_survey
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.labels.heights import off_the_ground
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.robust import adjust_robustly
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
@@ -143,7 +143,7 @@ def test_a_point_off_the_ground_is_no_wrong_pick(scene_factory: Callable[..., Sc
     taking = Participants(
         replace(survey, pixel_px=pixel), np.ones(len(pixel), dtype=np.bool_), none, {}
     )
-    standing = Standing(taking, best_minima(taking))
+    standing = Standing(taking, find_best_minima(taking))
     found = list(off_the_ground(standing))
     tests = explained(standing.adjustment, [one.moved for one in found])
     test, best = max(zip(tests, found, strict=True), key=lambda one: one[0].gain)

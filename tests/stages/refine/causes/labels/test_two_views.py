@@ -14,7 +14,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Standing, mended_survey
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.labels.two_views import _misfit, swapped_beside_another
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 OPTIONS = {"frames": 2, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
 
@@ -23,7 +23,7 @@ def without_the_second_photo(survey: Survey) -> Standing:
     """The survey as it stands where its second photo was left out."""
     first = survey.pick_frame == 0
     taking = Participants(survey, first, np.zeros(len(survey.line_start), dtype=np.bool_), {})
-    return Standing(taking, best_minima(taking))
+    return Standing(taking, find_best_minima(taking))
 
 
 @pytest.mark.parametrize("seed", [11, 12, 13])

@@ -15,7 +15,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Standing
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.lengths.common import CHECKED, _common, common_misfit
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 PAIRS = (*((k, k + 6) for k in range(6)), (0, 1), (2, 3), (4, 5))
 LEVEL = 1e-4
@@ -24,7 +24,7 @@ LEVEL = 1e-4
 def standing(survey: Survey) -> Standing:
     nothing = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), nothing, {})
-    return Standing(taking, best_minima(taking))
+    return Standing(taking, find_best_minima(taking))
 
 
 def off_by(survey: Survey, factor: float, offset_m: float) -> Survey:

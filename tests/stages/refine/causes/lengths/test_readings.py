@@ -19,8 +19,8 @@ from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.lengths.doubted import doubted
 from uavgram.stages.refine.causes.lengths.ends import other_ends
 from uavgram.stages.refine.causes.lengths.readings import slips_of, wrong_readings
-from uavgram.stages.refine.left_out import seen_lengths
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.left_out import predict_readings
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 PAIRS = tuple((k, k + 6) for k in range(6))
 
@@ -36,7 +36,7 @@ def survey(scene_factory: Callable[..., Scene]) -> Survey:
 def standing(survey: Survey, without: tuple[int, ...] = ()) -> Standing:
     removed: Bools = np.isin(np.arange(len(survey.line_start)), without)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), removed, {})
-    refined: Refined = best_minima(taking)
+    refined: Refined = find_best_minima(taking)
     return Standing(taking, refined)
 
 
@@ -148,7 +148,7 @@ def test_what_the_rest_says_of_a_length_is_as_if_adjusted_without_it(survey: Sur
     found = doubted(standing(wrong))
     k, both = found.line.tolist().index(2), [found.line.tolist().index(i) for i in (2, 4)]
     without = standing(wrong, (2,))
-    seen, sigma = seen_lengths(wrong, without.refined, np.array([2]))
+    seen, sigma = predict_readings(wrong, without.refined, np.array([2]))
     assert found.right_m[k] == pytest.approx(seen[0], abs=0.005)
     assert found.right_sigma_m[k] == pytest.approx(sigma[0], rel=0.05)
     fall = standing(wrong).adjustment.minimum.cost - without.adjustment.minimum.cost
@@ -159,7 +159,7 @@ def test_what_the_rest_says_of_a_length_is_as_if_adjusted_without_it(survey: Sur
     assert found.fall_without(both) == pytest.approx(fall, rel=0.05)
     length, spread = found.between((np.array([2]), np.array([9])), k, both)
     moved = replace(wrong, line_end=np.where(np.arange(6) == 2, 9, wrong.line_end))
-    truth, truth_sigma = seen_lengths(moved, neither.refined, np.array([2]))
+    truth, truth_sigma = predict_readings(moved, neither.refined, np.array([2]))
     assert length[0] == pytest.approx(truth[0], abs=0.01)
     assert spread[0] == pytest.approx(truth_sigma[0], rel=0.03)
 

@@ -15,7 +15,7 @@ from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.photos.other_camera import LEAST, photos_of_another_zoom
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.robust import MISPLACED
 
 OPTIONS: dict[str, Any] = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
@@ -40,7 +40,7 @@ def standing(survey: Survey, *, misplaced: bool) -> Standing:
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
     taking = taking.without_frame(2, MISPLACED) if misplaced else taking
-    return Standing(taking, best_minima(taking))
+    return Standing(taking, find_best_minima(taking))
 
 
 def factor_told(hypothesis: Hypothesis) -> tuple[str, float]:

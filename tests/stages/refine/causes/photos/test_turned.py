@@ -17,7 +17,7 @@ from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.hypothesis import Standing, mended_survey
 from uavgram.stages.refine.causes.identify import identify
 from uavgram.stages.refine.causes.photos.turned import turned_photos
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.robust import MISPLACED
 
 OPTIONS = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
@@ -29,7 +29,7 @@ def without_the_photo(survey: Survey) -> Standing:
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
     taking = taking.without_frame(2, MISPLACED)
-    return Standing(taking, best_minima(taking))
+    return Standing(taking, find_best_minima(taking))
 
 
 def cause_of(survey: Survey) -> Cause:

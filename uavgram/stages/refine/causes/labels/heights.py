@@ -15,7 +15,7 @@ from uavgram.model.survey.mend import Cause, Mend
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import STRAYS, labels_of, strays
-from uavgram.stages.refine.off_ground.remarks import off_ground_message
+from uavgram.stages.refine.off_ground import off_ground_message
 from uavgram.stages.refine.robust import OFF_GROUND_M
 
 STEP_M = 0.01

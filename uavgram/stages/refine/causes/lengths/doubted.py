@@ -17,7 +17,7 @@ from uavgram.estimation.survey.observations.lengths import Taped, named_ends, ta
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.stages.refine.causes.hypothesis import PRICE, Standing
-from uavgram.stages.refine.left_out import seen_lengths
+from uavgram.stages.refine.left_out import predict_readings
 
 STRAYS = 9.0
 """Decrease of the sum of squares without a length, above which it is examined."""
@@ -273,7 +273,7 @@ def doubted(standing: Standing) -> Doubted:
     """Collect the lengths that were left out, and those that do not fit, worst first."""
     survey, refined, adjustment = standing.survey, standing.refined, standing.adjustment
     left_out = np.flatnonzero(refined.line_removed)
-    seen, seen_sigma = seen_lengths(survey, refined, left_out)
+    seen, seen_sigma = predict_readings(survey, refined, left_out)
     there = np.isfinite(seen)
     left_out, seen, seen_sigma = left_out[there], seen[there], seen_sigma[there]
     own = survey.length_sigma_m[left_out]

@@ -21,10 +21,10 @@ from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.begin.softened import iterate
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
-from uavgram.stages.refine.continued import lines_used
-from uavgram.stages.refine.minima import TRIAL
+from uavgram.stages.refine.minima import TRIAL_ITERATIONS
+from uavgram.stages.refine.readjustment import find_used_lines
+from uavgram.stages.refine.staged_sigmas import iterate
 
 RARE = float(np.log(200.0))
 """Logarithm of the odds against photos that were all mirrored."""
@@ -66,7 +66,7 @@ def mirrored_solution(adjustment: Adjustment) -> Adjustment | None:
         blocks = problem.evaluate(state)
         if blocks is None or np.mean(blocks["telemetry"].residual ** 2) > HOPELESS:
             return None
-        minimum = iterate(problem, state, TRIAL)
+        minimum = iterate(problem, state, TRIAL_ITERATIONS)
         if minimum.cost > adjustment.minimum.cost + UNDECIDED:
             return None
         return Adjustment(problem, minimum, minimum.factor.covariance())
@@ -124,7 +124,7 @@ def _image(adjustment: Adjustment) -> tuple[SurveyProblem, State] | None:
     if len(survey.control_label):
         return None
     other = replace(survey, pixel_px=_mirrored(survey))
-    image = SurveyProblem(other, problem.pivot_m, lines_used(adjustment))
+    image = SurveyProblem(other, problem.pivot_m, find_used_lines(adjustment))
     return image, reflected(adjustment.state)
 
 

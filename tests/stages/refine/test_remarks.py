@@ -11,7 +11,7 @@ from scenes import make_scene
 from uavgram.estimation.survey.rolling import with_readout
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.learnt import learnt_remarks
+from uavgram.stages.refine.remarks import report_learnt
 
 LEARNT = {"shutter-found", "ground-slopes"}
 
@@ -39,6 +39,6 @@ def test_a_slope_beyond_what_people_call_level_is_told() -> None:
         plane[1:] = np.tan(np.radians([east_deg, north_deg]))
         state = replace(adjustment.state, plane=plane)
         sloping = replace(adjustment, minimum=replace(adjustment.minimum, state=state))
-        texts = [m.text for m in learnt_remarks(sloping) if m.code == "ground-slopes"]
+        texts = [m.text for m in report_learnt(sloping) if m.code == "ground-slopes"]
         assert len(texts) == bool(told)
         assert all(told in text for text in texts)

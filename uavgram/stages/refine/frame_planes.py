@@ -32,7 +32,7 @@ class FramePlanes(NamedTuple):
     planes: dict[int, Floats]
 
 
-def frame_planes(survey: Survey, ray: Floats) -> FramePlanes:
+def find_frame_planes(survey: Survey, ray: Floats) -> FramePlanes:
     """Find the planes of all frames.
 
     Parameters
@@ -79,7 +79,7 @@ def _planes(
     return kept or {f: plane for f, (plane, _, _) in candidates.items()}
 
 
-def too_little(survey: Survey, found: FramePlanes) -> str:
+def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
     """Describe the missing input of a survey with neither log nor a frame with a plane."""
     seen, counts = found.seen, found.counts
     if not seen:

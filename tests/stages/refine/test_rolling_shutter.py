@@ -20,12 +20,12 @@ from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import RollingShutter, Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.photo_motion import (
+from uavgram.stages.refine.rolling_shutter import (
     RATE_RAD_S,
     USUAL_M_S,
-    with_motion_by_photos,
+    add_motion_by_photos,
 )
-from uavgram.stages.refine.begin.tied_frames import with_tied_frames
+from uavgram.stages.refine.tied_frames import add_tied_frames
 
 LABELS = 16
 READOUT_S = 0.03
@@ -128,8 +128,8 @@ def test_rows_that_are_read_at_once_stay_so() -> None:
 def test_the_way_from_photo_to_photo_is_the_motion() -> None:
     survey, _ = strips(0.0, 1)
     flight = tied_flight(Conditions(photos=8, seed=1, density=80.0))
-    begun, _ = with_tied_frames(survey)
-    rolling = with_motion_by_photos(begun).rolling
+    begun, _ = add_tied_frames(survey)
+    rolling = add_motion_by_photos(begun).rolling
     assert rolling is not None
     order = [int(name[1:3]) for name in survey.frame_id]
     way = np.gradient(flight.center[order], axis=0)
@@ -174,7 +174,7 @@ def test_times_of_photos_tell_how_fast_each_of_them_moved(tied: Survey) -> None:
     late = TAKEN_S - TAKEN_S[0]
     center = np.column_stack([3.0 * late + 0.2 * late**2, 0.5 * late, np.full(8, 40.0)])
     order = np.random.default_rng(4).permutation(8)  # names need not follow the times
-    rolling = with_motion_by_photos(flown(tied, center[order], TAKEN_S[order], 0.001)).rolling
+    rolling = add_motion_by_photos(flown(tied, center[order], TAKEN_S[order], 0.001)).rolling
     assert rolling is not None
     found = rolling.motion[np.argsort(order)]
     # A parabola is what it is taken for: exact where there are photos on both sides.
@@ -190,7 +190,7 @@ def test_times_to_whole_seconds_give_one_speed_for_all(tied: Survey) -> None:
     late = TAKEN_S - TAKEN_S[0]
     center = np.column_stack([6.0 * late, 0.0 * late, np.full(8, 40.0)])
     seconds = np.floor(TAKEN_S)  # two of them the same
-    rolling = with_motion_by_photos(flown(tied, center, seconds, 12**-0.5)).rolling
+    rolling = add_motion_by_photos(flown(tied, center, seconds, 12**-0.5)).rolling
     assert rolling is not None
     np.testing.assert_allclose(rolling.motion[:, 0], 6.0, rtol=0.05)
     assert np.ptp(rolling.motion[:, 0]) < 1e-9
@@ -211,7 +211,7 @@ def test_times_that_cannot_be_those_of_the_photos_are_not_believed(
     tied: Survey, time_s: Floats
 ) -> None:
     center = np.column_stack([10.0 * np.arange(8), np.zeros(8), np.full(8, 40.0)])
-    rolling = with_motion_by_photos(flown(tied, center, time_s, 0.001)).rolling
+    rolling = add_motion_by_photos(flown(tied, center, time_s, 0.001)).rolling
     assert rolling is not None
     np.testing.assert_allclose(rolling.motion[:, 0], USUAL_M_S)
     assert rolling.readout.sigma_s > 0.015

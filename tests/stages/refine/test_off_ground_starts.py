@@ -16,7 +16,7 @@ from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.starts import first_values
+from uavgram.stages.refine.first_values import find_first_values
 
 STATED = SolveOptions(noise="stated")
 ENDS = ((0, 2), (4, 6), (2, 4), (0, 4), (6, 8))
@@ -74,8 +74,8 @@ def test_first_poses_are_the_same_with_free_points_as_without() -> None:
     scene = no_log(3, tilt=0.35)
     survey = with_third_coordinates(scene, free=CARS).survey
     on_ground = np.isin(survey.pick_label, list(CARS), invert=True)
-    without = first_values(select_picks(survey, on_ground).survey)
-    free = first_values(survey)
+    without = find_first_values(select_picks(survey, on_ground).survey)
+    free = find_first_values(survey)
     assert len(free) == len(without)
     for one, other in zip(free, without, strict=True):
         np.testing.assert_array_equal(one.center, other.center)
@@ -114,5 +114,5 @@ def test_tall_points_of_known_height_do_not_bend_the_plane_that_places_a_photo()
 def test_control_points_whose_height_is_free_do_not_lift_the_ground() -> None:
     scene = make_scene(11, telemetry=False, control=7, heights={5: 2.5, 6: 6.0}, noise=0.0)
     survey = with_third_coordinates(scene, free=(5, 6)).survey
-    assert first_values(survey)[0].height_m == pytest.approx(scene.truth.plane[0], abs=0.5)
+    assert find_first_values(survey)[0].height_m == pytest.approx(scene.truth.plane[0], abs=0.5)
     assert stands_right(survey, scene)

@@ -12,8 +12,7 @@ from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
-from uavgram.stages.refine.continued import continued
-from uavgram.stages.refine.more_picks import MorePicks, with_more_picks
+from uavgram.stages.refine.readjustment import MorePicks, add_picks, readjust
 
 NEW = "P22"
 SIGMA_PX = np.array([1.0])
@@ -67,7 +66,7 @@ def test_a_new_label_is_expected_where_the_full_adjustment_expects_it(
 ) -> None:
     kept, row = rows
     new = more(survey, base, row)
-    quick = with_more_picks(base.adjustment, new, 0.0)
+    quick = add_picks(base.adjustment, new, 0.0)
     inputs = survey.inputs
     full = survey.adjust(
         Observed(picks=some(inputs.picks, [*kept, row]), lines=inputs.lines, requests=())
@@ -87,7 +86,7 @@ def test_a_pick_that_moved_is_where_it_is_now(
     row = rows[0][0]
     here = more(survey, base, row)
     moved = replace(here, pixel_px=here.pixel_px + 3.0)
-    after = with_more_picks(base.adjustment, moved, 0.0).survey
+    after = add_picks(base.adjustment, moved, 0.0).survey
     before = base.adjustment.survey
     assert len(after.pick_frame) == len(before.pick_frame)
     changed = np.abs(after.pixel_px - before.pixel_px).max(axis=1) > 0
@@ -100,7 +99,7 @@ def test_uneven_ground_widens_the_region(
 ) -> None:
     new = more(survey, base, rows[1])
     even, uneven = (
-        carried(with_more_picks(base.adjustment, new, rough), new, survey) for rough in (0.0, 0.5)
+        carried(add_picks(base.adjustment, new, rough), new, survey) for rough in (0.0, 0.5)
     )
     wider = np.linalg.det(uneven.covariance_px2) / np.linalg.det(even.covariance_px2)
     assert wider.min() > 1.0  # least in a photo that the log alone places
@@ -118,7 +117,7 @@ def test_a_camera_that_looks_at_the_sky_tells_nothing(base: Adjusted) -> None:
     )
     new = MorePicks(("sky",), np.array([0]), np.array([[1500.0, 1100.0]]), SIGMA_PX)
     with pytest.raises(ValueError, match="impossible"):
-        with_more_picks(upward, new, 0.0)
+        add_picks(upward, new, 0.0)
 
 
 def test_what_was_learnt_of_uneven_ground_holds_for_a_new_label(
@@ -126,6 +125,6 @@ def test_what_was_learnt_of_uneven_ground_holds_for_a_new_label(
 ) -> None:
     even, new = base.adjustment, more(survey, base, rows[1])
     departs = np.full(len(even.survey.label), 0.5)
-    learnt = continued(even, replace(even.survey, height_sigma_m=departs))
-    assert with_more_picks(learnt, new, 0.0).survey.height_sigma_m[-1] == 0.5
-    assert with_more_picks(even, new, 0.0).survey.height_sigma_m[-1] == 0.0
+    learnt = readjust(even, replace(even.survey, height_sigma_m=departs))
+    assert add_picks(learnt, new, 0.0).survey.height_sigma_m[-1] == 0.5
+    assert add_picks(even, new, 0.0).survey.height_sigma_m[-1] == 0.0

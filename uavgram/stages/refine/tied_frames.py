@@ -19,7 +19,7 @@ from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.survey.survey import Survey
 
 
-def with_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
+def add_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
     """Add first poses of frames joined by tie points; also return left-out ties by row.
 
     The poses are over the plane of most tie points, in the scale of the known lengths or of the
@@ -42,7 +42,7 @@ def _with_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
     rays, row = tied_rays(survey)
     found = tied_poses(rays)
     level = None if found is None else levelled(found)
-    placed = None if level is None else _placed(survey, level)
+    placed = None if level is None else _scale_to_survey(survey, level)
     if placed is None:
         return survey, frozenset()
     known = {one.frame_id for one in survey.candidate_poses}
@@ -64,14 +64,14 @@ def _with_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
     return begun, frozenset(survey.ties.row[wrong].tolist())
 
 
-def _placed(survey: Survey, level: TiedPoses) -> TiedPoses | None:
+def _scale_to_survey(survey: Survey, level: TiedPoses) -> TiedPoses | None:
     """Transform level poses to the survey's scale and, with control points, to its axes."""
     camera = survey.calibration
     ray = back_project(camera.model, camera.parameters, survey.pixel_px)
     point = _ground_places(survey, ray, level)
     if survey.gauge == "world":
-        return _at_control(survey, level, point)
-    scale = _scale(survey, point)
+        return _move_to_control(survey, level, point)
+    scale = _length_scale(survey, point)
     return None if scale is None else moved(level, np.eye(3), scale, np.zeros(3))
 
 
@@ -92,7 +92,7 @@ def _ground_places(survey: Survey, ray: Floats, poses: TiedPoses) -> Floats:
     return places
 
 
-def _scale(survey: Survey, point: Floats) -> float | None:
+def _length_scale(survey: Survey, point: Floats) -> float | None:
     """Compute the scale of the known lengths against these axes: the median of the ratios."""
     a, b = survey.line_start, survey.line_end
     here = np.linalg.norm(point[a] - point[b], axis=1)
@@ -103,7 +103,7 @@ def _scale(survey: Survey, point: Floats) -> float | None:
     return float(np.median(ratio)) if len(ratio) else None
 
 
-def _at_control(survey: Survey, level: TiedPoses, point: Floats) -> TiedPoses | None:
+def _move_to_control(survey: Survey, level: TiedPoses, point: Floats) -> TiedPoses | None:
     """Rotate poses about up, scale and shift them onto control points (two at least)."""
     label = survey.control_label
     seen = np.isfinite(point[label, 0])

@@ -1,8 +1,8 @@
-"""Add a few picks to an adjustment, from the current estimate: in milliseconds, without a search.
+"""Readjust from the current estimate, after a change of the model or with a few more picks.
 
-Gross errors are not looked for, and the noise stays as it was learnt: both are tasks of the
-adjustment that follows. The purpose is to predict, from the poses and the new picks, where other
-photos show the same points.
+With more picks, gross errors are not looked for, and the noise stays as it was learnt: both are
+tasks of the adjustment that follows. The purpose is to predict, from the poses and the new picks,
+where other photos show the same points.
 """
 
 from __future__ import annotations
@@ -17,12 +17,74 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, sight_lines
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.begin.softened import iterate
-from uavgram.stages.refine.continued import carried, lines_used
+from uavgram.stages.refine.staged_sigmas import iterate, max_iterations
 
-ITERATIONS = 4
+
+def readjust(adjustment: Adjustment, survey: Survey) -> Adjustment:
+    """Readjust from the current estimate with other sigmas or another ground.
+
+    Raises
+    ------
+    SingularError
+        An unknown is not determined.
+    """
+    problem = SurveyProblem(survey, adjustment.problem.pivot_m, find_used_lines(adjustment))
+    start = convert_state(adjustment, problem)
+    minimum = iterate(problem, start, max_iterations(survey.calibration))
+    return Adjustment(problem, minimum, minimum.factor.covariance())
+
+
+def convert_state(adjustment: Adjustment, problem: SurveyProblem) -> State:
+    """Convert the state of an adjustment to the unknowns of another likelihood of the same survey.
+
+    Unknowns that the adjustment does not have begin at zero.
+    """
+    state, before, survey = adjustment.state, adjustment.problem, problem.survey
+    # Coordinates that both have; others, such as heights, begin at zero.
+    point = np.zeros((problem.layout.points, problem.layout.point_size))
+    shared = min(point.shape[1], state.point.shape[1])
+    point[:, :shared] = state.point[:, :shared]
+    picked = np.array(point[survey.identified])
+    _, new, kept = np.intersect1d(survey.identified, before.survey.identified, return_indices=True)
+    picked[new, :shared] = state.picked[kept, :shared]
+    tie = np.zeros((problem.layout.ties, problem.layout.point_size))
+    tie[:, :shared] = state.tie[:, :shared]
+    # Relief of areas with the same kind of surface.
+    relief = np.zeros(problem.layout.relief)
+    for area, ground in enumerate(survey.grounds):
+        old = before.survey.grounds[area].relief
+        if ground.relief is not None and old is not None and old.kind == ground.relief.kind:
+            relief[problem.ground.relief_rows(area)] = state.relief[before.ground.relief_rows(area)]
+    turning = np.zeros((problem.layout.frames, problem.layout.frame_size - 6))
+    if turning.shape == state.turning.shape:
+        turning = state.turning
+    readout = state.readout
+    if len(readout) != problem.layout.readout:
+        readout = np.zeros(0) if survey.rolling is None else survey.rolling.first_value
+    scale = dict(zip(before.tapes, state.tape.tolist(), strict=True))
+    tape = np.array([scale.get(name, 0.0) for name in problem.tapes])
+    return replace(
+        state,
+        point=point,
+        picked=picked,
+        tie=tie,
+        relief=relief,
+        readout=readout,
+        turning=turning,
+        tape=tape,
+    )
+
+
+def find_used_lines(adjustment: Adjustment) -> Bools:
+    """Mark the known lengths (L,) that take part."""
+    used = np.zeros(len(adjustment.survey.line_start), dtype=np.bool_)
+    used[adjustment.problem.line_index] = True
+    return used
+
+
+MAX_ITERATIONS = 4
 """Iterations: a pick of a new label changes only its point; another one of a known label little."""
 
 
@@ -40,7 +102,7 @@ class MorePicks:
     sigma_px: Floats
 
 
-def with_more_picks(adjustment: Adjustment, more: MorePicks, uneven_m: float) -> Adjustment:
+def add_picks(adjustment: Adjustment, more: MorePicks, uneven_m: float) -> Adjustment:
     """Readjust with picks that the adjustment does not have yet, or has elsewhere.
 
     Parameters
@@ -65,28 +127,28 @@ def with_more_picks(adjustment: Adjustment, more: MorePicks, uneven_m: float) ->
     for row, label in enumerate(more.label):
         if label not in known and np.isfinite(ground[row]).all():
             new.setdefault(label, row)
-    survey = _with_picks(_with_labels(adjustment.survey, tuple(new)), more)
+    survey = _add_picks(_add_labels(adjustment.survey, tuple(new)), more)
     rough = tuple(
         replace(one, roughness_sigma_m=max(one.roughness_sigma_m, uneven_m))
         for one in survey.grounds
     )
     survey = replace(survey, grounds=rough)
-    problem = SurveyProblem(survey, adjustment.problem.pivot_m, lines_used(adjustment))
-    start = _start(adjustment, problem, ground[list(new.values()), :2])
-    minimum = iterate(problem, start, ITERATIONS)
+    problem = SurveyProblem(survey, adjustment.problem.pivot_m, find_used_lines(adjustment))
+    start = _initial_state(adjustment, problem, ground[list(new.values()), :2])
+    minimum = iterate(problem, start, MAX_ITERATIONS)
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 
-def _start(adjustment: Adjustment, problem: SurveyProblem, new_m: Floats) -> State:
+def _initial_state(adjustment: Adjustment, problem: SurveyProblem, new_m: Floats) -> State:
     """Return the state of an adjustment, with more labels at the end, at places (n, 2)."""
     count = len(new_m)
     padded = np.pad(adjustment.state.point, ((0, count), (0, 0)))
     padded[len(padded) - count :, :2] = new_m
     minimum = replace(adjustment.minimum, state=replace(adjustment.state, point=padded))
-    return carried(replace(adjustment, minimum=minimum), problem)
+    return convert_state(replace(adjustment, minimum=minimum), problem)
 
 
-def _with_labels(survey: Survey, labels: tuple[str, ...]) -> Survey:
+def _add_labels(survey: Survey, labels: tuple[str, ...]) -> Survey:
     """Append labels on the ground of the first area.
 
     The learnt departure of points from the ground holds for them, too.
@@ -108,7 +170,7 @@ def _with_labels(survey: Survey, labels: tuple[str, ...]) -> Survey:
     )
 
 
-def _with_picks(survey: Survey, more: MorePicks) -> Survey:
+def _add_picks(survey: Survey, more: MorePicks) -> Survey:
     """Append picks, or move those that exist."""
     label = {name: k for k, name in enumerate(survey.label)}
     keys = zip(survey.pick_frame.tolist(), survey.pick_label.tolist(), strict=True)

@@ -9,14 +9,14 @@ from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.observations.observation import Suspicion
 
-STATED = ("lengths", "known")
+READING_GROUPS = ("lengths", "known")
 """Groups of readings that concern several points each."""
 
-MOST = 0.25
+MAX_REMOVED_SHARE = 0.25
 """Share of the observations beyond which removals point to a wrong model, not to blunders."""
 
 
-class Blunders(NamedTuple):
+class BlunderSearch(NamedTuple):
     """Possible removals.
 
     Attributes
@@ -32,7 +32,7 @@ class Blunders(NamedTuple):
     undecided: list[Suspicion]
 
 
-def blunders(refined: Refined, significance: float) -> Blunders:
+def find_blunder(refined: Refined, significance: float) -> BlunderSearch:
     """Choose the pick, length or known thing to remove.
 
     If no test can separate a length from the picks of its ends, the length is removed, since its
@@ -44,15 +44,15 @@ def blunders(refined: Refined, significance: float) -> Blunders:
     groups = observed(refined.adjustment)
     for suspicion in suspicions(refined.adjustment, groups, significance):
         members = (suspicion.accused, *suspicion.group)
-        stated = [m for m in members if m.kind in STATED]
+        stated = [m for m in members if m.kind in READING_GROUPS]
         picks = [m for m in members if m.kind == "pixels"]
         if not stated and not picks:
             continue
         if len(stated or picks) > 1 or len(stated) + len(picks) < len(members):
             undecided.append(suspicion)
             continue
-        return Blunders(_removal(refined, suspicion), undecided)
-    return Blunders(None, undecided)
+        return BlunderSearch(_removal(refined, suspicion), undecided)
+    return BlunderSearch(None, undecided)
 
 
 def _removal(refined: Refined, suspicion: Suspicion) -> Removal:

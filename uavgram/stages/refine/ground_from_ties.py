@@ -26,36 +26,36 @@ from uavgram.model.survey.ties import Beside, Sightings
 NEIGHBOURS = 8
 """Ties around a label from which its ground is predicted: twelve give no better prediction."""
 
-FEWEST = 72
+MIN_TIES = 72
 """Least number of ties on the ground that show its shape."""
 
-UNEVEN_M = 0.05
+MAX_UNEVENNESS_M = 0.05
 """Allowed distance of ground points from their plane while the plane is fitted [m]."""
 
-OFF_M, OFF = 0.25, 4.0
+OTHER_OBJECT_M, OTHER_OBJECT_SIGMAS = 0.25, 4.0
 """Height [m], and multiple of the spread of the ground, above which a tie is off the ground; the
 latter also for prediction errors of ties of another object."""
 
-REACHES = (1.0, 2.0, 4.0, 8.0, 16.0)
+REACH_FACTORS = (1.0, 2.0, 4.0, 8.0, 16.0)
 """Ranges of the correlation that are tried, in units of the median distance to the nearest tie."""
 
-OWN = (0.01, 0.03, 0.1, 0.3, 1.0)
+OWN_VARIANCES = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Variances of each tie by itself, beside the variance that it shares with its neighbours."""
 
-STANDS = 1e3
+OTHER_OBJECT_VARIANCE = 1e3
 """Own variance of a tie of another object: it has no influence."""
 
-USUAL = 8.0
+USUAL_REACH = 8.0
 """Weight of the mean square prediction error of all ties in that at a label, as a number of
 ties."""
 
-LEAST_M = 0.003
+MIN_SIGMA_M = 0.003
 """Lower limit of the sigma of a prediction [m]."""
 
-LEAST_SAID = 0.3
+LEAST_EXPLAINED = 0.3
 """Least share of the variance of a height that a prediction has to explain to be used."""
 
-MEDIAN = 0.6745
+MEDIAN_SIGMAS = 0.6745
 """Median of the absolute value of a normal variable, in sigmas."""
 
 
@@ -68,7 +68,7 @@ class _Ties:
     own: Floats
 
 
-class _Guessed(NamedTuple):
+class _Prediction(NamedTuple):
     """Predicted heights at n places, each from m ties around it.
 
     Attributes
@@ -89,7 +89,7 @@ class _Guessed(NamedTuple):
         return np.asarray((ties.height_m - said) / self.sigma)
 
 
-def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
+def constrain_by_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     """Add predictions of the height and unevenness of the ground at labels from ties around them.
 
     Parameters
@@ -97,7 +97,7 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     survey
         All observations; labels off the ground and the roughness are known.
     adjustment
-        Adjustment with its ties anywhere in space: see `sound_ties`.
+        Adjustment with its ties anywhere in space: see `tie_outliers.py`.
     """
     shown, state, row = adjustment.survey, adjustment.state, survey.row_of_label
     names = [k for k, name in enumerate(shown.label) if not survey.off_ground[row[name]]]
@@ -106,31 +106,33 @@ def with_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
         return survey
     lone = np.flatnonzero(shown.ties.pick < 0)
     on_ground, height = _on_ground(state.tie[lone])
-    if len(height) < FEWEST:
+    if len(height) < MIN_TIES:
         return survey
     place = state.tie[lone[on_ground], :2]
     tree = cKDTree(place)
     around = np.asarray(tree.query(place, NEIGHBOURS + 1)[1])[:, 1:]
     # Correlation of heights, and prediction errors of the ties themselves.
-    ties, reach = _likeliest(_Ties(place, height, np.zeros(len(height))), around)
-    off = np.abs(_guessed(around, place, ties, reach).off(ties))
-    usual = max(float(np.median(off)) / MEDIAN, LEAST_M)
-    square = np.minimum(off, OFF * usual) ** 2
+    ties, reach = _likeliest_reach(_Ties(place, height, np.zeros(len(height))), around)
+    off = np.abs(_predict_heights(around, place, ties, reach).off(ties))
+    usual = max(float(np.median(off)) / MEDIAN_SIGMAS, MIN_SIGMA_M)
+    square = np.minimum(off, OTHER_OBJECT_SIGMAS * usual) ** 2
     # Predict the ground at labels, and scale the sigmas by the errors nearby.
     labels = state.point[names, :2]
-    told = _guessed(np.asarray(tree.query(labels, NEIGHBOURS)[1]), labels, ties, reach)
+    told = _predict_heights(np.asarray(tree.query(labels, NEIGHBOURS)[1]), labels, ties, reach)
     # The roughness varies with the place: use the prediction errors of the neighbours.
-    here = (USUAL * square.mean() + square[told.tie].sum(axis=1)) / (USUAL + NEIGHBOURS)
-    unclear = _unclear_m(labels, state.tie[lone, :2], on_ground, (float(ties.own.min()), reach))
+    here = (USUAL_REACH * square.mean() + square[told.tie].sum(axis=1)) / (USUAL_REACH + NEIGHBOURS)
+    unclear = _unclear_ground_m(
+        labels, state.tie[lone, :2], on_ground, (float(ties.own.min()), reach)
+    )
     own_m = np.hypot(rough_m * np.sqrt(here / square.mean()), unclear)
     told = told._replace(sigma=np.hypot(told.sigma * np.sqrt(here), unclear))
     index = _points(survey.ties, shown.ties, lone[on_ground])
     label = np.array([row[shown.label[k]] for k in names])
-    beside = _beside(label, told._replace(tie=index[told.tie]), own_m, rough_m)
+    beside = _ground_constraints(label, told._replace(tie=index[told.tie]), own_m, rough_m)
     return replace(survey, ties=replace(survey.ties, beside=beside))
 
 
-def _beside(label: Ints, told: _Guessed, own_m: Floats, rough_m: float) -> Beside:
+def _ground_constraints(label: Ints, told: _Prediction, own_m: Floats, rough_m: float) -> Beside:
     """Convert predictions of heights to observations beside the prior of an even ground.
 
     Simple kriging has already used that prior. The additional information is N(g, v) with 1/v =
@@ -150,9 +152,9 @@ def _beside(label: Ints, told: _Guessed, own_m: Floats, rough_m: float) -> Besid
         Roughness of the area.
     """
     share = 1.0 - (told.sigma / own_m) ** 2
-    says = share > LEAST_SAID
+    says = share > LEAST_EXPLAINED
     share = np.where(says, share, 1.0)
-    sigma_m = np.maximum(told.sigma / np.sqrt(share), LEAST_M)
+    sigma_m = np.maximum(told.sigma / np.sqrt(share), MIN_SIGMA_M)
     return Beside(
         label=label,
         tie=told.tie,
@@ -162,7 +164,9 @@ def _beside(label: Ints, told: _Guessed, own_m: Floats, rough_m: float) -> Besid
     )
 
 
-def _unclear_m(place_m: Floats, ties_m: Floats, on_ground: Ints, by: tuple[float, float]) -> Floats:
+def _unclear_ground_m(
+    place_m: Floats, ties_m: Floats, on_ground: Ints, by: tuple[float, float]
+) -> Floats:
     """Compute the uncertainty (n,) that ties off the ground around a place leave [m].
 
     At the foot of a bank, the ground on one side differs from that on the other. Where a tie is off
@@ -180,29 +184,29 @@ def _unclear_m(place_m: Floats, ties_m: Floats, on_ground: Ints, by: tuple[float
     """
     every = _Ties(ties_m, np.zeros(len(ties_m)), np.full(len(ties_m), by[0]))
     around = np.asarray(cKDTree(ties_m).query(place_m, NEIGHBOURS)[1])
-    weight = np.maximum(_guessed(around, place_m, every, by[1]).weight, 0.0)
+    weight = np.maximum(_predict_heights(around, place_m, every, by[1]).weight, 0.0)
     said = np.maximum(weight.sum(axis=1), np.finfo(np.float64).tiny)
     share = np.sum(weight * ~np.isin(around, on_ground), axis=1) / said
-    return np.asarray(share * OFF_M / np.sqrt(3.0))
+    return np.asarray(share * OTHER_OBJECT_M / np.sqrt(3.0))
 
 
 def _on_ground(world_m: Floats) -> tuple[Ints, Floats]:
     """Find ties (T, 3) on the ground, and their heights over its plane."""
     none = np.zeros(0, dtype=np.int64), np.zeros(0)
-    if len(world_m) < FEWEST:
+    if len(world_m) < MIN_TIES:
         return none
-    plane = plane_of_most(world_m[:, :2], world_m[:, 2], np.full(len(world_m), UNEVEN_M))
+    plane = plane_of_most(world_m[:, :2], world_m[:, 2], np.full(len(world_m), MAX_UNEVENNESS_M))
     if plane is None:
         return none
     height = world_m[:, 2] - plane
-    near = np.abs(height) < OFF_M
-    spread = float(np.median(np.abs(height[near])) / MEDIAN) if near.any() else 0.0
-    level = np.abs(height) < np.maximum(OFF_M, OFF * spread)
+    near = np.abs(height) < OTHER_OBJECT_M
+    spread = float(np.median(np.abs(height[near])) / MEDIAN_SIGMAS) if near.any() else 0.0
+    level = np.abs(height) < np.maximum(OTHER_OBJECT_M, OTHER_OBJECT_SIGMAS * spread)
     on_ground = np.flatnonzero(level)
     return on_ground, height[on_ground]
 
 
-def _likeliest(ties: _Ties, around: Ints) -> tuple[_Ties, float]:
+def _likeliest_reach(ties: _Ties, around: Ints) -> tuple[_Ties, float]:
     """Find the correlation under which each tie is predicted best by those around it (T, m).
 
     The likelihood is that of Laplace distributed errors of the fitted size, since some ties are of
@@ -215,20 +219,20 @@ def _likeliest(ties: _Ties, around: Ints) -> tuple[_Ties, float]:
     """
     apart = float(np.median(np.linalg.norm(ties.place_m - ties.place_m[around[:, 0]], axis=1)))
     best = np.inf, ties, 1.0
-    for times, own in product(REACHES, OWN):
+    for times, own in product(REACH_FACTORS, OWN_VARIANCES):
         tried = replace(ties, own=np.full(len(around), own))
-        reach = times * max(apart, LEAST_M)
-        found = _guessed(around, ties.place_m, tried, reach)
+        reach = times * max(apart, MIN_SIGMA_M)
+        found = _predict_heights(around, ties.place_m, tried, reach)
         off = np.abs(found.off(tried))
         # Negative log-likelihood of the Laplace distribution with its size estimated.
         cost = float(np.log(off.mean()) + np.log(found.sigma).mean())
         if cost < best[0]:
-            stands = off > OFF * np.median(off) / MEDIAN
-            best = cost, replace(tried, own=np.where(stands, STANDS, own)), reach
+            stands = off > OTHER_OBJECT_SIGMAS * np.median(off) / MEDIAN_SIGMAS
+            best = cost, replace(tried, own=np.where(stands, OTHER_OBJECT_VARIANCE, own)), reach
     return best[1], best[2]
 
 
-def _guessed(around: Ints, place_m: Floats, ties: _Ties, reach_m: float) -> _Guessed:
+def _predict_heights(around: Ints, place_m: Floats, ties: _Ties, reach_m: float) -> _Prediction:
     """Predict heights at places (n, 2), each from ties (n, m) around it, by simple kriging.
 
     Parameters
@@ -249,7 +253,7 @@ def _guessed(around: Ints, place_m: Floats, ties: _Ties, reach_m: float) -> _Gue
     # Kriging weights C^-1 c and variance 1 + own - c^T C^-1 c.
     weight = np.linalg.solve(among, here[..., None])[..., 0]
     variance = 1.0 + float(ties.own.min()) - np.sum(weight * here, axis=1)
-    return _Guessed(around, np.asarray(weight), np.sqrt(variance))
+    return _Prediction(around, np.asarray(weight), np.sqrt(variance))
 
 
 def _correlation(apart_m: Floats, reach_m: float) -> Floats:

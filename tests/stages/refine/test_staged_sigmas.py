@@ -20,10 +20,9 @@ from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import assemble
 from uavgram.stages.camera import assume_camera
-from uavgram.stages.refine import minima
-from uavgram.stages.refine.begin import softened
-from uavgram.stages.refine.begin.softened import iterations_for, settled
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine import minima, staged_sigmas
+from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.staged_sigmas import approach_minimum, max_iterations
 
 TOO_WIDE = 22.0 / 25.9
 """A camera of 22 mm in the place of an ordinary one; the twins have 26 mm."""
@@ -56,7 +55,7 @@ def strip(data_dir: Path) -> Callable[..., Survey]:
 
 def adjusted(survey: Survey) -> Minimum[State]:
     every, no_line = np.ones(len(survey.pick_frame), bool), np.zeros(len(survey.line_start), bool)
-    return best_minima(Participants(survey, every, no_line, {})).adjustment.minimum
+    return find_best_minima(Participants(survey, every, no_line, {})).adjustment.minimum
 
 
 @pytest.mark.parametrize("share", [TOO_WIDE, 24.0 / 25.9, 1.2])
@@ -75,13 +74,13 @@ def test_without_soft_picks_first_it_would_not(
     strip: Callable[..., Survey], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """From poses as the homographies give them, and once: better ones lie near enough."""
-    monkeypatch.setattr(softened, "SOFTER", ())
+    monkeypatch.setattr(staged_sigmas, "SIGMA_FACTORS", ())
     monkeypatch.setattr(known_frames, "polished", lambda *_: None)
-    monkeypatch.setattr(minima, "MOST_RETRIES", 0)
+    monkeypatch.setattr(minima, "MAX_RETRIES", 0)
     lost = adjusted(strip(TOO_WIDE))
 
     assert not lost.converged
-    assert lost.iterations == iterations_for(strip().calibration) > MAX_ITERATIONS
+    assert lost.iterations == max_iterations(strip().calibration) > MAX_ITERATIONS
 
 
 def test_a_camera_that_is_known_or_a_log_leaves_first_values_and_iterations_as_they_are(
@@ -94,10 +93,10 @@ def test_a_camera_that_is_known_or_a_log_leaves_first_values_and_iterations_as_t
     poor[0, 0] = poor[1, 1] = (0.2 * scene.survey.calibration.parameters[0]) ** 2
     camera = replace(scene.survey.calibration, covariance=poor)
 
-    assert settled(no_log.survey, no_log.truth, no_log.pivot, used) is no_log.truth
+    assert approach_minimum(no_log.survey, no_log.truth, no_log.pivot, used) is no_log.truth
     with_log = replace(scene.survey, calibration=camera)
-    assert settled(with_log, scene.truth, scene.pivot, used) is scene.truth
-    assert iterations_for(scene.survey.calibration) == MAX_ITERATIONS
+    assert approach_minimum(with_log, scene.truth, scene.pivot, used) is scene.truth
+    assert max_iterations(scene.survey.calibration) == MAX_ITERATIONS
     softened = replace(no_log.survey, calibration=camera)
-    assert settled(softened, no_log.truth, no_log.pivot, used) is not no_log.truth
-    assert iterations_for(camera) > MAX_ITERATIONS
+    assert approach_minimum(softened, no_log.truth, no_log.pivot, used) is not no_log.truth
+    assert max_iterations(camera) > MAX_ITERATIONS

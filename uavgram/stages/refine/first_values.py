@@ -1,4 +1,7 @@
-"""First values of the adjustment: from the telemetry, from known lengths, from control points."""
+"""First values of the adjustment: from the telemetry, from known lengths, from control points.
+
+Also frames in doubt, which begin once more: their pose may be the wrong planar solution.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.first_points import with_free_points
@@ -24,25 +28,26 @@ from uavgram.estimation.first_poses.prior_gate import (
     seed_on_plane,
 )
 from uavgram.estimation.first_poses.tied.two_views import with_turned
-from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause
+from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.begin.frame_planes import frame_planes, too_little
+from uavgram.stages.refine.frame_planes import describe_missing_input, find_frame_planes
 
-FAR_RAD, FAR_HEIGHT = 0.1, 0.15
+MAX_TILT_RAD, MAX_HEIGHT_RATIO = 0.1, 0.15
 """Tilt [rad], and share of the height, up to which the iterations reach a pose from the seed
 anyway."""
 
-MOST_BASES = 4
+MAX_BASES = 4
 """Frames whose lengths begin in turn where those of the first led to no result."""
 
 BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the calibration of the lens does not reach there")
 NO_GROUND = LeftOut(
     LeftOutCause.NO_GROUND, "its line of sight does not meet the ground in front of the camera"
 )
-ONE_PLACE = LeftOut(
+NO_HEIGHT = LeftOut(
     LeftOutCause.UNDETERMINED,
     "the height of its point is to be found, which takes photos from two places: pick it in "
     "another photo, from further aside, or state its height",
@@ -55,26 +60,26 @@ NOT_JOINED = LeftOut(
 )
 
 
-def first_values(survey: Survey) -> list[FirstValues]:
+def find_first_values(survey: Survey) -> list[FirstValues]:
     """Compute sets of first values, most likely first; unplaced points and frames are NaN."""
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     if survey.telemetry is not None:
-        found = [from_telemetry(each, ray) for each in _with_seeds(survey)]
+        found = [from_telemetry(each, ray) for each in _seed_surveys(survey)]
         return [with_free_points(survey, ray, values) for values in found]
-    begun = frame_planes(survey, ray)
+    begun = find_frame_planes(survey, ray)
     counts, planes = begun.counts, begun.planes
     if survey.gauge == "world":
-        return _grown(survey, ray, planes, _choices(survey))
-    chosen = [tied for tied in _choices(survey)[:1] if tied]
+        return _extend_choices(survey, ray, planes, _list_choices(survey))
+    chosen = [tied for tied in _list_choices(survey)[:1] if tied]
     if not planes and not chosen:
-        raise GeometryError(too_little(survey, begun))
+        raise GeometryError(describe_missing_input(survey, begun))
     if planes:
         first = max(planes, key=lambda f: (counts[f], -f))
         chosen += [{first: pose_above_plane(p)} for p in planes[first]]
-    return _grown(survey, ray, planes, chosen)
+    return _extend_choices(survey, ray, planes, chosen)
 
 
-def other_values(
+def find_other_first_values(
     survey: Survey, known: Mapping[str, Pose], doubtful: Collection[str]
 ) -> list[FirstValues]:
     """Compute first values that differ from an adjustment with some frames in doubt.
@@ -97,38 +102,40 @@ def other_values(
         There are none.
     """
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    _, counts, planes = frame_planes(survey, ray)
+    _, counts, planes = find_frame_planes(survey, ray)
     named = dict(enumerate(survey.frame_id))
     trusted = {f: known[name] for f, name in named.items() if name in known.keys() - doubtful}
     chosen = [trusted]
     if survey.gauge == "plane":
         chosen = [trusted] if trusted else []
-        likeliest = sorted(planes, key=lambda f: (-counts[f], f))[:MOST_BASES]
+        likeliest = sorted(planes, key=lambda f: (-counts[f], f))[:MAX_BASES]
         chosen += [{f: pose_above_plane(planes[f][0])} for f in likeliest]
     found = [
         values
-        for values in _grown(survey, ray, planes, chosen)
-        if any(_elsewhere(values, f, known.get(name)) for f, name in named.items())
+        for values in _extend_choices(survey, ray, planes, chosen)
+        if any(_has_other_pose(values, f, known.get(name)) for f, name in named.items())
     ]
     if not found:
         raise GeometryError("no first values lead elsewhere")
     return found
 
 
-def _elsewhere(values: FirstValues, frame: int, known: Pose | None) -> bool:
+def _has_other_pose(values: FirstValues, frame: int, known: Pose | None) -> bool:
     """Return whether a frame has a new pose, or one too far away for the iterations."""
     if np.isnan(values.center[frame, 0]):
         return False
-    return known is None or _far(known, (values.center[frame], values.rotation[frame]))
+    return known is None or _is_far(known, (values.center[frame], values.rotation[frame]))
 
 
-def _far(one: Pose, other: Pose) -> bool:
+def _is_far(one: Pose, other: Pose) -> bool:
     """Return whether iterations may not lead from one pose to the other, by tilt and height."""
     tilt = np.arccos(np.clip(one[1][2] @ other[1][2], -1.0, 1.0))
-    return bool(tilt > FAR_RAD or abs(one[0][2] - other[0][2]) > FAR_HEIGHT * abs(one[0][2]))
+    return bool(
+        tilt > MAX_TILT_RAD or abs(one[0][2] - other[0][2]) > MAX_HEIGHT_RATIO * abs(one[0][2])
+    )
 
 
-def _with_seeds(survey: Survey) -> list[Survey]:
+def _seed_surveys(survey: Survey) -> list[Survey]:
     """Return the survey with its seeds and, if lengths contradict these, with seeds that fit them.
 
     Lengths are used in a frame that shows three or more whole and whose pose they determine: of the
@@ -152,7 +159,9 @@ def _with_seeds(survey: Survey) -> list[Survey]:
         # Distance from the seed, and from the likeliest of several.
         height, *tilt = np.concatenate([shift, shift - shift[:1]]).T
         above = center[2] - ground.height_m
-        if (np.hypot(*tilt) > FAR_RAD).any() or (np.abs(height) > FAR_HEIGHT * above).any():
+        if (np.hypot(*tilt) > MAX_TILT_RAD).any() or (
+            np.abs(height) > MAX_HEIGHT_RATIO * above
+        ).any():
             allowed_planes[frame] = inside.plane
     if not allowed_planes:
         return [survey]
@@ -161,11 +170,11 @@ def _with_seeds(survey: Survey) -> list[Survey]:
     best = {frame: planes[0] for frame, planes in allowed_planes.items()}
     return [
         survey,
-        *(_reseeded(survey, best | {first: plane}) for plane in allowed_planes[first]),
+        *(_replace_seeds(survey, best | {first: plane}) for plane in allowed_planes[first]),
     ]
 
 
-def _reseeded(survey: Survey, planes: dict[int, Floats]) -> Survey:
+def _replace_seeds(survey: Survey, planes: dict[int, Floats]) -> Survey:
     """Move the seeds of some frames to the height and tilt of their planes."""
     assert survey.seeds is not None  # noqa: S101  (the caller asked)
     center = np.array(survey.seeds.center_world_m)
@@ -178,14 +187,14 @@ def _reseeded(survey: Survey, planes: dict[int, Floats]) -> Survey:
     return replace(survey, seeds=seeds)
 
 
-Chosen = dict[int, Pose]
+ChosenPoses = dict[int, Pose]
 """Centre and rotation of some frames, world from camera."""
 
-MOST_CHOICES = 8
+MAX_CHOICES = 8
 """Largest number of starts from candidate poses: each takes an adjustment."""
 
 
-def _choices(survey: Survey) -> list[Chosen]:
+def _list_choices(survey: Survey) -> list[ChosenPoses]:
     """List every frame's best pose; then with one frame's next best, nearest rival first."""
     frame_at = {name: k for k, name in enumerate(survey.frame_id)}
     candidates = [
@@ -198,11 +207,11 @@ def _choices(survey: Survey) -> list[Chosen]:
         for k in range(1, len(c.misfit))
     ]
     rivals.sort(key=lambda rival: rival[:2])
-    return [best, *(best | {f: pose} for _, f, pose in rivals[: MOST_CHOICES - 1])]
+    return [best, *(best | {f: pose} for _, f, pose in rivals[: MAX_CHOICES - 1])]
 
 
-def _grown(
-    survey: Survey, ray: Floats, planes: dict[int, Floats], choices: list[Chosen]
+def _extend_choices(
+    survey: Survey, ray: Floats, planes: dict[int, Floats], choices: list[ChosenPoses]
 ) -> list[FirstValues]:
     """Compute first values from every choice of poses: over control points, or at the gauge.
 
@@ -236,7 +245,7 @@ def _grown(
         nothing = np.zeros(len(survey.label))
         poses_found = with_turned(survey, network.center + lift, network.rotation)
         grown = FirstValues(network.point, *poses_found, height, nothing)
-        values.append(with_free_points(survey, ray, grown if control else _at_gauge(grown)))
+        values.append(with_free_points(survey, ray, grown if control else _move_to_gauge(grown)))
     if all(np.isnan(each.center).all() for each in values):
         raise GeometryError(
             "without a flight log a pose needs four control points in one frame, or two and three "
@@ -246,7 +255,7 @@ def _grown(
     return values
 
 
-def _at_gauge(values: FirstValues) -> FirstValues:
+def _move_to_gauge(values: FirstValues) -> FirstValues:
     """Rotate and shift first values so that the first placed frame meets the gauge's conditions."""
     placed = int(np.flatnonzero(np.isfinite(values.center[:, 0]))[0])
     image_up = -values.rotation[placed][:2, 1]
@@ -265,7 +274,7 @@ def _at_gauge(values: FirstValues) -> FirstValues:
     )
 
 
-def unusable(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
+def find_unusable_picks(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
     """Find picks without first values in front of their camera, and the reasons."""
     frame, label = survey.pick_frame, survey.pick_label
     up = values.height_m + (survey.height_above_m + values.departure_m)[label]
@@ -276,12 +285,45 @@ def unusable(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
     usable = placed & (np.nan_to_num(depth, nan=-1.0) > 0) & from_above
     one_place = survey.is_free[label] & np.isnan(values.point_m[label, 0])
     why = np.where(one_place, 2, placed)
-    causes = (NOT_JOINED, NO_GROUND, ONE_PLACE)
+    causes = (NOT_JOINED, NO_GROUND, NO_HEIGHT)
     return {int(i): causes[why[i]] for i in np.flatnonzero(~usable)}
 
 
-def in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
+def find_picks_in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
     """Mark picks (P,) within the lens model, and return why others take no part."""
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     keep: Bools = np.isfinite(ray.sum(axis=1))
     return keep, dict.fromkeys(np.flatnonzero(~keep).tolist(), BEYOND_LENS)
+
+
+MAX_FIT_PROBABILITY = 0.001
+"""Probability below which the residuals of a frame's picks put its pose in doubt."""
+
+LOST_PICK_COST = 400.0
+"""Cost of a pick that an adjustment had to leave out: that of a poor fit."""
+
+
+def find_doubtful_frames(survey: Survey, refined: Refined) -> frozenset[str]:
+    """Find frames that an adjustment fits badly, or at whose picks it sees no ground.
+
+    The sum of squares of a frame's picks is compared with chi-square of their redundancy.
+    """
+    adjustment = refined.adjustment
+    block, names = adjustment.minimum.blocks["pixels"], adjustment.survey.frame_id
+    frame = adjustment.survey.pick_frame
+    # Redundancy of each pick: trace of its cofactor matrix.
+    own = np.einsum("nii->n", cofactors(block, adjustment.covariance))
+    redundancy = np.bincount(frame, own, len(names))
+    square = np.bincount(frame, np.sum(block.residual**2, axis=1), len(names))
+    bad = square > chdtri(np.maximum(redundancy, 1.0), MAX_FIT_PROBABILITY)
+    unseen = {
+        survey.frame_id[survey.pick_frame[pick]]
+        for pick, why in refined.pick_reason.items()
+        if why.cause is LeftOutCause.NO_GROUND
+    }
+    return frozenset(unseen | {names[k] for k in np.flatnonzero(bad)})
+
+
+def cost_with_lost(refined: Refined, picks: int) -> float:
+    """Return the cost of an adjustment of so many picks, including the left-out ones."""
+    return refined.adjustment.minimum.cost + LOST_PICK_COST * (picks - len(refined.pick_index))

@@ -23,46 +23,46 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.survey import Survey
 
-POOR_FOCAL = 0.05
+POOR_FOCAL_SIGMA = 0.05
 """Relative sigma of the focal length above which a camera is poorly known."""
 
-PATIENCE = 3
+ITERATIONS_FACTOR = 3
 """Factor of the usual number of iterations. Two strips of ten photos without a log, each with six
 ordinary drone cameras of 20 to 32 mm in place of its own, took 20 to 72 iterations."""
 
-SOFTER = (30.0, 5.0)
+SIGMA_FACTORS = (30.0, 5.0)
 """Factors of the sigmas of picks, lengths and known things, with which such a survey is adjusted
 first. From first values by a wrong focal length and without distortion, exact picks lead along a
 bent valley (40 to 111 iterations in those strips) or into a wrong one (2 of the 12, before photos
 joined by the pose of either tilt); larger sigmas leave the lens near its prior until the photos are
 about where they belong."""
 
-SOFT_LENGTH = 0.5
+INITIAL_LENGTH_SIGMA = 0.5
 """Relative sigma of a length to a point with a free height, until its rays have led to the correct
 side."""
 
-SOFT_SIGHTINGS = (30.0, 5.0)
+SIGHTING_SIGMA_FACTORS = (30.0, 5.0)
 """Factors of the sigmas of matches and ties with which a survey is adjusted first: they are good to
 a tenth of a pixel, but tens of pixels off where a log begins the photos."""
 
-SLACK = 1e-9
+DAMPING = 1e-9
 """Damping of undetermined unknowns, as a share of the normal matrix's diagonal."""
 
-EACH = 20
+ITERATIONS_EACH = 20
 """Iterations for each factor."""
 
 
-def iterations_for(camera: Calibration) -> int:
+def max_iterations(camera: Calibration) -> int:
     """Return the number of iterations after which a survey is taken as not convergent."""
-    return PATIENCE * MAX_ITERATIONS if is_hardly_known(camera) else MAX_ITERATIONS
+    return ITERATIONS_FACTOR * MAX_ITERATIONS if is_poorly_known(camera) else MAX_ITERATIONS
 
 
-def is_hardly_known(camera: Calibration) -> bool:
+def is_poorly_known(camera: Calibration) -> bool:
     """Return whether the focal length is that uncertain."""
-    return bool(np.sqrt(camera.covariance[0, 0]) > POOR_FOCAL * camera.parameters[0])
+    return bool(np.sqrt(camera.covariance[0, 0]) > POOR_FOCAL_SIGMA * camera.parameters[0])
 
 
-def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> State:
+def approach_minimum(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> State:
     """Move first values nearer to the minimum, where they may be far from it.
 
     A poorly known camera needs that where no telemetry gives the places of the photos. Undetermined
@@ -84,15 +84,17 @@ def settled(survey: Survey, state: State, pivot: Floats, line_used: Bools) -> St
     SingularError
         No observation depends on an unknown.
     """
-    for soft in _softer(survey):
-        state = iterate(SurveyProblem(soft, pivot, line_used), state, EACH, SLACK).state
+    for soft in _with_larger_sigmas(survey):
+        state = iterate(
+            SurveyProblem(soft, pivot, line_used), state, ITERATIONS_EACH, DAMPING
+        ).state
     return state
 
 
-def _softer(survey: Survey) -> Iterator[Survey]:
+def _with_larger_sigmas(survey: Survey) -> Iterator[Survey]:
     """Yield the survey with larger sigmas, largest first; nothing where it needs none."""
-    if survey.telemetry is None and is_hardly_known(survey.calibration):
-        for softer in SOFTER:
+    if survey.telemetry is None and is_poorly_known(survey.calibration):
+        for softer in SIGMA_FACTORS:
             yield replace(
                 survey,
                 pick_sigma_px=softer * survey.pick_sigma_px,
@@ -101,7 +103,7 @@ def _softer(survey: Survey) -> Iterator[Survey]:
             )
     if survey.matches.points + survey.ties.points:
         beside = survey.ties.beside
-        for softer in SOFT_SIGHTINGS:
+        for softer in SIGHTING_SIGMA_FACTORS:
             # These are predicted by ties that are still off.
             told = replace(beside, sigma_m=softer * beside.sigma_m)
             yield replace(
@@ -111,7 +113,7 @@ def _softer(survey: Survey) -> Iterator[Survey]:
             )
     to_free = survey.is_free[survey.line_start] | survey.is_free[survey.line_end]
     if to_free.any():
-        soft = np.maximum(survey.length_sigma_m, SOFT_LENGTH * survey.length_m)
+        soft = np.maximum(survey.length_sigma_m, INITIAL_LENGTH_SIGMA * survey.length_m)
         yield replace(survey, length_sigma_m=np.where(to_free, soft, survey.length_sigma_m))
 
 

@@ -15,7 +15,7 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.ties import NO_SIGHTINGS
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.tied_frames import with_tied_frames
+from uavgram.stages.refine.tied_frames import add_tied_frames
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +42,7 @@ def placed(adjustment: Adjustment, survey: TiedSurvey) -> Floats:
 
 
 def test_ties_and_lengths_measure_a_scene_without_a_log(small: TiedSurvey) -> None:
-    survey, left_out = with_tied_frames(small.survey)
+    survey, left_out = add_tied_frames(small.survey)
     assert len(survey.candidate_poses) == len(survey.frame_id) == 8
     assert not np.isin(wrong_rows(small), survey.ties.row).any()
     assert left_out >= set(wrong_rows(small).tolist())
@@ -55,7 +55,7 @@ def test_ties_and_lengths_measure_a_scene_without_a_log(small: TiedSurvey) -> No
 
 
 def test_first_poses_have_the_scale_of_the_lengths(small: TiedSurvey) -> None:
-    survey, _ = with_tied_frames(small.survey)
+    survey, _ = add_tied_frames(small.survey)
     center = np.array([one.center_world_m[0] for one in survey.candidate_poses])
     frames = [int(name[1:3]) for name in survey.frame_id]
     true = small.flight.center[frames]
@@ -65,7 +65,7 @@ def test_first_poses_have_the_scale_of_the_lengths(small: TiedSurvey) -> None:
 
 def test_without_ties_the_same_survey_cannot_begin(small: TiedSurvey) -> None:
     survey = replace(small.survey, ties=NO_SIGHTINGS)
-    assert with_tied_frames(survey)[0].candidate_poses == ()
+    assert add_tied_frames(survey)[0].candidate_poses == ()
     with pytest.raises(GeometryError, match="without a flight log"):
         refine(survey, SolveOptions())
 
@@ -82,7 +82,7 @@ def test_without_a_length_nothing_tells_the_scale(small: TiedSurvey) -> None:
         length_m=none,
         length_sigma_m=none,
     )
-    assert with_tied_frames(survey)[0].candidate_poses == ()
+    assert add_tied_frames(survey)[0].candidate_poses == ()
 
 
 def test_control_points_tell_the_axes(small: TiedSurvey) -> None:
@@ -93,7 +93,7 @@ def test_control_points_tell_the_axes(small: TiedSurvey) -> None:
         control_world_m=small.world[:4],
         control_sigma_m=np.full((4, 3), 0.02),
     )
-    found, _ = with_tied_frames(survey)
+    found, _ = add_tied_frames(survey)
     center = np.array([one.center_world_m[0] for one in found.candidate_poses])
     frames = [int(one.frame_id[1:3]) for one in found.candidate_poses]
     np.testing.assert_allclose(center, small.flight.center[frames], atol=0.5)

@@ -17,24 +17,24 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
 
-MISFIT = 0.05
+MISFIT_PROBABILITY = 0.05
 """Probability below which picks, lengths and ground fit so badly that the noise is in question."""
 
-FEW = 0.01
+MAX_OUTLIER_SHARE = 0.01
 """Share of the observations, and at least one, that may be outliers and not noise."""
 
-CLEAR = 0.001
+SIGNIFICANCE = 0.001
 """Significance of the test of a possible outlier at the noise of the rest."""
 
-LEAST_REDUNDANCY = 0.05
+MIN_REDUNDANCY = 0.05
 """Least redundancy number with which the size of an error can be estimated."""
 
 
-_Fall = tuple[float, str, int]
+_Decrease = tuple[float, str, int]
 """Decrease of the sum of squares without an observation; its group and row."""
 
 
-class Outstanding(NamedTuple):
+class NoiseOutliers(NamedTuple):
     """Outliers of a group.
 
     Attributes
@@ -49,11 +49,11 @@ class Outstanding(NamedTuple):
     errors: Floats
 
 
-def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
+def find_noise_outliers(adjustment: Adjustment) -> tuple[dict[str, NoiseOutliers], bool]:
     """Find few observations that exceed all noise; also return whether the others fit."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
     squares, degrees, _ = core_fit(adjustment)
-    falls: list[_Fall] = []
+    falls: list[_Decrease] = []
     for name in ("pixels", "lengths", "known"):
         if name in blocks:
             fall = falls_without(blocks[name], covariance)
@@ -62,29 +62,31 @@ def outstanding(adjustment: Adjustment) -> tuple[dict[str, Outstanding], bool]:
     axes = {name: block.residual.shape[1] for name, block in blocks.items()}
     falls.sort(key=lambda one: log_probability(one[0], axes[one[1]], 1))
     # The few candidates, then those among them beyond the noise of the rest.
-    worst = falls[: max(1, int(FEW * len(falls)))]
+    worst = falls[: max(1, int(MAX_OUTLIER_SHARE * len(falls)))]
     rest = squares - sum(fall for fall, *_ in worst)
     gone = sum(axes[name] for _, name, _ in worst)
     # Variance factor of the rest, and the critical decrease at that noise.
     noise = max(rest / max(degrees - gone, 1.0), 1.0)
-    limit = {name: noise * _limit(blocks[name]) for name in blocks}
+    limit = {name: noise * _critical_decrease(blocks[name]) for name in blocks}
     worst = [one for one in worst if one[0] > limit[one[1]]]
     gone = sum(axes[name] for _, name, _ in worst)
     # Chi-square test of the rest.
-    fits = upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT
+    fits = (
+        upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT_PROBABILITY
+    )
     groups = dict.fromkeys(name for _, name, _ in worst)
-    return {name: _of_group(adjustment, name, worst) for name in groups}, fits
+    return {name: _outliers_of_group(adjustment, name, worst) for name in groups}, fits
 
 
-def _limit(block: Block) -> float:
+def _critical_decrease(block: Block) -> float:
     """Return the critical decrease of the sum of squares without one of n observations."""
     n, axes = block.residual.shape
-    return float(chdtri(axes, level_of_each(CLEAR, n)))
+    return float(chdtri(axes, level_of_each(SIGNIFICANCE, n)))
 
 
-def _of_group(adjustment: Adjustment, name: str, worst: list[_Fall]) -> Outstanding:
+def _outliers_of_group(adjustment: Adjustment, name: str, worst: list[_Decrease]) -> NoiseOutliers:
     own = [(fall, row) for fall, group, row in worst if group == name]
     fall, rows = np.array([one[0] for one in own]), np.array([one[1] for one in own])
     leverage = adjustment.covariance.leverage(adjustment.minimum.blocks[name])
-    redundancy = np.clip(1.0 - leverage[rows].mean(axis=1), LEAST_REDUNDANCY, 1.0)
-    return Outstanding(rows, np.sqrt(np.maximum(fall / redundancy, 1.0)))
+    redundancy = np.clip(1.0 - leverage[rows].mean(axis=1), MIN_REDUNDANCY, 1.0)
+    return NoiseOutliers(rows, np.sqrt(np.maximum(fall / redundancy, 1.0)))

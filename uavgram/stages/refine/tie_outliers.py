@@ -24,45 +24,49 @@ from uavgram.model.message import Message, Several
 from uavgram.model.result.reliability import Noise, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
-from uavgram.stages.refine.begin.photo_motion import ask_for_shutter, is_in_question
-from uavgram.stages.refine.begin.softened import iterate, iterations_for
-from uavgram.stages.refine.begin.starts import in_lens
-from uavgram.stages.refine.continued import lines_used
-from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.near_ties import with_near_ties
-from uavgram.stages.refine.off_ground.shown import Shown, shown_by_sightings, with_shown
+from uavgram.stages.refine.first_values import find_picks_in_lens
+from uavgram.stages.refine.ground_from_ties import constrain_by_near_ties
+from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.off_ground import (
+    GroundEvidence,
+    apply_ground_evidence,
+    find_off_ground_labels,
+)
+from uavgram.stages.refine.readjustment import find_used_lines
+from uavgram.stages.refine.rolling_shutter import is_shutter_needed, is_shutter_unknown
+from uavgram.stages.refine.staged_sigmas import iterate, max_iterations
 
-SOFTER = 10.0
+SIGMA_FACTOR = 10.0
 """Factor of the sigmas of picks and lengths while matches and ties are tested."""
 
-WRONG = 20.0
+WRONG_DECREASE = 20.0
 """Decrease of the sum of squares above which a sighting is wrong: chi-square with two degrees of
 freedom exceeds it with a probability of 1 in 20,000."""
 
-WORST = 3.0
+MAX_NOISE_FACTOR = 3.0
 """Largest factor by which the sigmas of sightings may be too small: a wrong one among very few must
 not count as scatter of all."""
 
-MEDIAN = 2.0 * float(np.log(2.0))
+MEDIAN_CHI_SQUARE = 2.0 * float(np.log(2.0))
 """Median of the chi-square distribution with two degrees of freedom."""
 
-ROUNDS = 12
+MAX_ROUNDS = 12
 """Largest number of rounds; each leaves out the worst sighting of every point that has a wrong
 one."""
 
-BENT = 0.2
+MASKED_SHARE = 0.2
 """Share of the largest decrease below which a sighting may only seem wrong, distorted by worse
 ones."""
 
 STATED_WEIGHT = 20.0
 """Weight of the stated sigmas, as a number of residuals."""
 
-SMALLEST = 0.5
+MIN_NOISE_FACTOR = 0.5
 """Lower limit of the factor of the stated sigmas."""
 
 
 @dataclass(frozen=True, eq=False)
-class SoundTies:
+class CheckedTies:
     """Survey whose matches and ties fit each other.
 
     Attributes
@@ -79,59 +83,59 @@ class SoundTies:
     """
 
     survey: Survey
-    shown: Shown = field(default_factory=Shown)
+    shown: GroundEvidence = field(default_factory=GroundEvidence)
     noise: tuple[PickNoise, ...] = ()
     matches_left_out: frozenset[int] = frozenset()
     ties_left_out: frozenset[int] = frozenset()
 
 
-def with_sound_ties(survey: Survey, *, learn: bool = True) -> SoundTies:
+def remove_wrong_ties(survey: Survey, *, learn: bool = True) -> CheckedTies:
     """Leave out matches and ties that do not fit the others; `learn`: estimate their sigmas.
 
     Matches are tested as ties are, each chain a point of its own anywhere in space: the test
     whether it is on the ground comes later.
     """
     if not survey.matches.points + survey.ties.points:
-        return SoundTies(survey)
+        return CheckedTies(survey)
     try:
         every = np.zeros(len(survey.line_start), dtype=np.bool_)
-        keep, _ = in_lens(survey)
-        begun = Participants(_softened(survey), keep, every, {})
-        adjustment = best_minima(begun).adjustment
+        keep, _ = find_picks_in_lens(survey)
+        begun = Participants(_with_larger_sigmas(survey), keep, every, {})
+        adjustment = find_best_minima(begun).adjustment
         # Keep the rolling shutter only if ties fit much better with it.
-        if is_in_question(survey):
+        if is_shutter_unknown(survey):
             still = replace(begun.survey, rolling=None)
-            plain = best_minima(replace(begun, survey=still)).adjustment
-            if not ask_for_shutter(plain, adjustment):
+            plain = find_best_minima(replace(begun, survey=still)).adjustment
+            if not is_shutter_needed(plain, adjustment):
                 survey, adjustment = replace(survey, rolling=None), plain
     except GeometryError:  # the main adjustment reports what is missing
-        return SoundTies(replace(survey, rolling=None) if is_in_question(survey) else survey)
+        return CheckedTies(replace(survey, rolling=None) if is_shutter_unknown(survey) else survey)
     wrong: list[tuple[bool, int]] = []
     # Remove the worst sighting of each point and readjust, until none is wrong.
-    for left in reversed(range(ROUNDS)):
-        out = _wrong(adjustment)
+    for left in reversed(range(MAX_ROUNDS)):
+        out = _find_wrong(adjustment)
         if not out.any():
             break
         ties = adjustment.survey.ties
         wrong += zip(_is_match(ties)[out].tolist(), ties.row[out].tolist(), strict=True)
         try:
-            adjustment = _without(adjustment, out) if left else adjustment
+            adjustment = _readjust_without(adjustment, out) if left else adjustment
         except SingularError:
             break
     matches = frozenset(row for is_match, row in wrong if is_match)
     ties_ = frozenset(row for is_match, row in wrong if not is_match)
-    shown, noise = shown_by_sightings(adjustment), tuple(_noise(adjustment))
+    shown, noise = find_off_ground_labels(adjustment), tuple(_estimate_noise(adjustment))
     factor = {one.source: one.factor for one in noise if learn}
-    sound = with_near_ties(with_shown(survey, shown), adjustment)
+    sound = constrain_by_near_ties(apply_ground_evidence(survey, shown), adjustment)
     sound = replace(
         sound,
-        matches=_sound(survey.matches, matches, factor.get("match", 1.0)),
-        ties=_sound(sound.ties, ties_, factor.get("tie", 1.0)),
+        matches=_keep_sound(survey.matches, matches, factor.get("match", 1.0)),
+        ties=_keep_sound(sound.ties, ties_, factor.get("tie", 1.0)),
     )
-    return SoundTies(sound, shown, noise, matches, ties_)
+    return CheckedTies(sound, shown, noise, matches, ties_)
 
 
-def _softened(survey: Survey) -> Survey:
+def _with_larger_sigmas(survey: Survey) -> Survey:
     """Give observations by people little weight, and treat chains of matches as ties."""
     matches, ties = survey.matches, survey.ties
     joined = Sightings(
@@ -146,9 +150,9 @@ def _softened(survey: Survey) -> Survey:
         survey,
         matches=NO_SIGHTINGS,
         ties=joined,
-        pick_sigma_px=SOFTER * survey.pick_sigma_px,
-        length_sigma_m=SOFTER * survey.length_sigma_m,
-        known=tuple(replace(one, sigma=SOFTER * one.sigma) for one in survey.known),
+        pick_sigma_px=SIGMA_FACTOR * survey.pick_sigma_px,
+        length_sigma_m=SIGMA_FACTOR * survey.length_sigma_m,
+        known=tuple(replace(one, sigma=SIGMA_FACTOR * one.sigma) for one in survey.known),
     )
 
 
@@ -157,7 +161,7 @@ def _is_match(ties: Sightings) -> Bools:
     return np.asarray(ties.pick[ties.point] >= 0)
 
 
-def _is_picked(survey: Survey) -> Bools:
+def _is_pick(survey: Survey) -> Bools:
     """Mark sightings (N,) that are the picked pixels of chains."""
     ties = survey.ties
     pick = ties.pick[ties.point]
@@ -165,7 +169,7 @@ def _is_picked(survey: Survey) -> Bools:
     return np.asarray(same & (survey.pixel_px[pick] == ties.pixel_px).all(axis=1))
 
 
-def _wrong(adjustment: Adjustment) -> Bools:
+def _find_wrong(adjustment: Adjustment) -> Bools:
     """Mark the worst sighting (N,) of each point that has a wrong one.
 
     The test is relative to the scatter of all sightings, since all their sigmas may be too small.
@@ -175,26 +179,30 @@ def _wrong(adjustment: Adjustment) -> Bools:
     if not ties.points:
         return np.zeros(0, dtype=np.bool_)
     fall = falls_without(adjustment.minimum.blocks["ties"], adjustment.covariance)
-    fall = np.where(_is_picked(adjustment.survey), 0.0, fall)
+    fall = np.where(_is_pick(adjustment.survey), 0.0, fall)
     order = np.lexsort((-fall, ties.point))
     worst = order[np.unique(ties.point[order], return_index=True)[1]]
     limit = np.zeros(len(fall))
     for own in (_is_match(ties), ~_is_match(ties)):
         # Robust variance factor of each kind: median of the decreases over that of chi-square.
-        scatter = np.median(fall[own & (fall > 0)]) / MEDIAN if (own & (fall > 0)).any() else 1.0
-        limit[own] = WRONG * float(np.clip(scatter, 1.0, WORST**2))
-    limit = np.maximum(limit, BENT * float(fall.max()))
+        scatter = (
+            np.median(fall[own & (fall > 0)]) / MEDIAN_CHI_SQUARE
+            if (own & (fall > 0)).any()
+            else 1.0
+        )
+        limit[own] = WRONG_DECREASE * float(np.clip(scatter, 1.0, MAX_NOISE_FACTOR**2))
+    limit = np.maximum(limit, MASKED_SHARE * float(fall.max()))
     wrong = np.zeros(len(fall), dtype=np.bool_)
     wrong[worst] = fall[worst] > limit[worst]
     return wrong
 
 
-def _without(adjustment: Adjustment, out: Bools) -> Adjustment:
+def _readjust_without(adjustment: Adjustment, out: Bools) -> Adjustment:
     """Readjust from the current estimate without some sightings."""
     survey = adjustment.survey
     ties, points = survey.ties.without(out)
     less = replace(survey, ties=ties)
-    problem = SurveyProblem(less, adjustment.problem.pivot_m, lines_used(adjustment))
+    problem = SurveyProblem(less, adjustment.problem.pivot_m, find_used_lines(adjustment))
     size, rates = problem.layout.point_size, problem.layout.frame_size - 6
     state: State = adjustment.state
     start = replace(
@@ -204,21 +212,21 @@ def _without(adjustment: Adjustment, out: Bools) -> Adjustment:
         tie=state.tie[points, :size],
         turning=state.turning[:, :rates],
     )
-    minimum = iterate(problem, start, iterations_for(survey.calibration))
+    minimum = iterate(problem, start, max_iterations(survey.calibration))
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 
-def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
+def _estimate_noise(adjustment: Adjustment) -> Iterator[PickNoise]:
     """Estimate the noise of matches and ties from their residuals."""
     ties, block = adjustment.survey.ties, adjustment.minimum.blocks.get("ties")
     if block is None:
         return
-    leverage, picked = adjustment.covariance.leverage(block), _is_picked(adjustment.survey)
+    leverage, picked = adjustment.covariance.leverage(block), _is_pick(adjustment.survey)
     for source, own in (("match", _is_match(ties)), ("tie", ~_is_match(ties))):
         if own.any():
             squares = float(np.sum(block.residual[own] ** 2))
             redundancy = float(np.sum(1.0 - leverage[own]))
-            prior = Component("ties", None, STATED_WEIGHT, SMALLEST)
+            prior = Component("ties", None, STATED_WEIGHT, MIN_NOISE_FACTOR)
             found = of_one_group(squares, redundancy, prior)
             factor = float(found.factor[0])
             yield PickNoise(
@@ -229,7 +237,7 @@ def _noise(adjustment: Adjustment) -> Iterator[PickNoise]:
             )
 
 
-def _sound(sightings: Sightings, wrong: frozenset[int], factor: float) -> Sightings:
+def _keep_sound(sightings: Sightings, wrong: frozenset[int], factor: float) -> Sightings:
     """Leave out sightings of some rows, and scale the sigmas of the others.
 
     Parameters
@@ -245,7 +253,7 @@ def _sound(sightings: Sightings, wrong: frozenset[int], factor: float) -> Sighti
     return replace(some, sigma_px=factor * some.sigma_px)
 
 
-def with_noise_of_ties(noise: Noise | None, stated: Survey, sound: SoundTies) -> Noise | None:
+def add_noise_of_ties(noise: Noise | None, stated: Survey, sound: CheckedTies) -> Noise | None:
     """Add the noise of matches and ties to the learnt noise of picks and ground.
 
     Parameters
@@ -270,7 +278,7 @@ def with_noise_of_ties(noise: Noise | None, stated: Survey, sound: SoundTies) ->
     return replace(noise, picks=(*noise.picks, *sound.noise), roughness=tuple(areas))
 
 
-def remarks_on_ties(survey: Survey, sound: SoundTies) -> Iterator[Message]:
+def report_ties(survey: Survey, sound: CheckedTies) -> Iterator[Message]:
     """Report left-out sightings, by name where they were found from a pick.
 
     Parameters

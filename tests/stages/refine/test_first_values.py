@@ -18,7 +18,7 @@ from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.starts import first_values
+from uavgram.stages.refine.first_values import find_first_values
 
 REPORT = SolveOptions()
 NO_LOG = {"telemetry": False, "gauge": "plane"}
@@ -82,7 +82,7 @@ def test_seeds_20_degrees_and_40_percent_wrong_lead_to_the_minimum_nearest_the_t
     for seed in range(number):
         scene = scene_factory(seed, frames=frames, ends=PAIRS, noise=0.0, tilt=tilt)
         survey = with_log(scene, rng, 20.0, 0.4)
-        if len(first_values(survey)) == 0 or len(scene.survey.line_start) < 3:
+        if len(find_first_values(survey)) == 0 or len(scene.survey.line_start) < 3:
             continue
         refined, _ = refine(survey, REPORT)
         best, _ = refine(started_at_truth(survey, scene.truth), REPORT)
@@ -171,7 +171,7 @@ def test_lengths_that_leave_the_plane_open_leave_it_to_the_log(
 ) -> None:
     ends = ((0, 1), (1, 0), (0, 1), (2, 3))
     scene = scene_factory(4, frames=2, labels=6, ends=ends)
-    assert len(first_values(scene.survey)) == 1
+    assert len(find_first_values(scene.survey)) == 1
     refined, _ = refine(scene.survey, REPORT)
     assert refined.adjustment.minimum.converged
 

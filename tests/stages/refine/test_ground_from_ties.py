@@ -18,9 +18,14 @@ from uavgram.estimation.survey.unknowns import move
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Beside
-from uavgram.stages.refine.begin.tied_frames import with_tied_frames
-from uavgram.stages.refine.near_ties import OFF_M, _beside, _Guessed, _unclear_m
-from uavgram.stages.refine.sound_ties import with_sound_ties
+from uavgram.stages.refine.ground_from_ties import (
+    OTHER_OBJECT_M,
+    _ground_constraints,
+    _Prediction,
+    _unclear_ground_m,
+)
+from uavgram.stages.refine.tie_outliers import remove_wrong_ties
+from uavgram.stages.refine.tied_frames import add_tied_frames
 
 SWELL_M = 0.2
 
@@ -33,7 +38,7 @@ def over(swell_m: float, rough_m: float) -> TiedSurvey:
 
 def sound(survey: TiedSurvey) -> Survey:
     """With ties that fit each other, and what they show of the ground."""
-    return with_sound_ties(with_tied_frames(survey.survey)[0]).survey
+    return remove_wrong_ties(add_tied_frames(survey.survey)[0]).survey
 
 
 def guessed(survey: TiedSurvey, found: Survey) -> tuple[Floats, Floats]:
@@ -76,8 +81,8 @@ def test_ties_that_disagree_know_no_more_than_they_show() -> None:
 
 def test_prior_and_ties_together_are_the_guess_of_which_the_prior_was_a_part() -> None:
     height, sigma, prior = np.array([0.1, -0.2]), np.array([0.03, 0.05]), np.array([0.06, 0.09])
-    told = _Guessed(np.zeros((2, 1), np.int64), height[:, None], sigma)
-    made = _beside(np.arange(2), told, prior, 0.06)
+    told = _Prediction(np.zeros((2, 1), np.int64), height[:, None], sigma)
+    made = _ground_constraints(np.arange(2), told, prior, 0.06)
 
     weight = 1.0 / np.stack([prior, made.sigma_m]) ** 2
     both = weight[1] * made.weight[:, 0] / weight.sum(axis=0)
@@ -90,11 +95,11 @@ def test_ties_off_the_ground_leave_unclear_what_they_would_have_told() -> None:
     ties = np.column_stack([across.ravel(), along.ravel()])
     road = np.flatnonzero(ties[:, 0] < 20.0)  # a bank beyond
     place = np.array([[9.0, 9.0], [19.0, 9.0], [31.0, 9.0]])
-    on_road, at_foot, on_bank = _unclear_m(place, ties, road, (0.01, 8.0))
+    on_road, at_foot, on_bank = _unclear_ground_m(place, ties, road, (0.01, 8.0))
 
     assert on_road == 0.0
-    assert at_foot == pytest.approx(OFF_M / np.sqrt(12.0))  # half of them are off
-    assert on_bank == pytest.approx(OFF_M / np.sqrt(3.0))
+    assert at_foot == pytest.approx(OTHER_OBJECT_M / np.sqrt(12.0))  # half of them are off
+    assert on_bank == pytest.approx(OTHER_OBJECT_M / np.sqrt(3.0))
 
 
 def test_labels_left_out_take_no_tie_with_them(waves: tuple[TiedSurvey, Survey]) -> None:
