@@ -15,9 +15,9 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.causes.hypothesis import Standing
-from uavgram.stages.refine.causes.identify import Identified, identify
-from uavgram.stages.refine.causes.labels.heights import freed_heights
+from uavgram.stages.refine.causes.hypothesis import Diagnosis
+from uavgram.stages.refine.causes.identification import IdentifiedCauses, identify_causes
+from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
 from uavgram.stages.refine.first_values import find_picks_in_lens
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
@@ -77,7 +77,7 @@ def adjust_at_stated_noise(
     left_out = list(robust.messages(given))
     survey, refined, unseen = free_unchecked_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
-    found = identify(Standing(find_participants(survey, refined), refined))
+    found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
     causes = found.causes
     if found.right or found.lines:
         # A height that was found from a wrong pick is removed together with it.
@@ -85,7 +85,7 @@ def adjust_at_stated_noise(
         before, off_ground = off_ground, [name for name in off_ground if name not in wrong]
         survey = set_free_heights(survey, off_ground, before)
         refined = replace(_exchange_wrong_picks(survey, refined, found), pick_removed=removed)
-    if up := freed_heights(survey, causes):
+    if up := find_freed_heights(survey, causes):
         before, off_ground = off_ground, sorted({*off_ground, *up})
         survey = set_free_heights(survey, off_ground, before)
         refined = replace(
@@ -102,7 +102,7 @@ WRONG_LABEL = LeftOut(LeftOutCause.GROSS, "it fits under another label of its ph
 """Reason why picks of a photo are wrong: all of them (`TURNED`), or some."""
 
 
-def _exchange_wrong_picks(survey: Survey, refined: Refined, found: Identified) -> Refined:
+def _exchange_wrong_picks(survey: Survey, refined: Refined, found: IdentifiedCauses) -> Refined:
     """Readjust without wrong picks, and with those that were left out because of them."""
     taking = find_participants(survey, refined)
     keep = taking.keep.copy()
@@ -124,7 +124,11 @@ def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:
 
 
 def _without_wrong_priors(
-    survey: Survey, refined: Refined, found: Identified, keep: Bools, reason: dict[int, LeftOut]
+    survey: Survey,
+    refined: Refined,
+    found: IdentifiedCauses,
+    keep: Bools,
+    reason: dict[int, LeftOut],
 ) -> tuple[Survey, Refined, tuple[Cause, ...]]:
     """Readjust without wrong prior knowledge; return the input where that has no result.
 

@@ -23,9 +23,9 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.at_stated_noise import adjust_at_stated_noise, find_participants
-from uavgram.stages.refine.causes.adapt import adapted
-from uavgram.stages.refine.causes.lengths.common import open_questions
-from uavgram.stages.refine.causes.photos.mirrored import mirrored_solution, undecided
+from uavgram.stages.refine.causes.common_length_errors import report_possible_errors
+from uavgram.stages.refine.causes.correction import apply_corrections
+from uavgram.stages.refine.causes.mirrored_photos import find_mirrored_solution, report_undecided
 from uavgram.stages.refine.data_snooping import MAX_REMOVED_SHARE, find_blunder
 from uavgram.stages.refine.left_out import add_records
 from uavgram.stages.refine.minima import find_best_minima
@@ -80,7 +80,7 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
     begun = adjust_at_stated_noise(sound.survey, removed, options, shown)
     mends: tuple[Removal, ...] = ()
     while options.outliers == "remove" and len(mends) < MAX_CORRECTIONS:
-        mended = adapted(begun.given, begun.causes, begun.refined)
+        mended = apply_corrections(begun.given, begun.causes, begun.refined)
         if not mended.removals:
             break
         mends += mended.removals
@@ -113,17 +113,17 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         matches_left_out=sound.matches_left_out,
         pick_removed=refined.pick_removed | taken_out,
     )
-    mirrored = mirrored_solution(refined.adjustment)
+    mirrored = find_mirrored_solution(refined.adjustment)
     if mirrored is not None:
         refined = replace(refined, mirrored=mirrored)
-        search.append(undecided())
+        search.append(report_undecided())
     # Report a point off the ground once, with its adjusted height.
     causes = (one.message for one in begun.causes if not _is_adjusted_so(one.message, refined))
     told = (*causes, *begun.messages)
     told = (*told, *tied, *report_off_ground(refined), *readout, *report_noise(refined.noise))
     told = (*told, *report_learnt(refined.adjustment))
     if not any("lengths" in one.message.code for one in begun.causes):
-        search += open_questions(refined.adjustment)
+        search += report_possible_errors(refined.adjustment)
     return refined, (*told, *report_refinement(survey, refined), *search)
 
 
