@@ -126,7 +126,9 @@ def _from_truth(monkeypatch: pytest.MonkeyPatch, truth: Truth) -> None:
     """Adjustments of the one frame start at the truth, once: no search, no second beginning."""
     search = find_first_values
     monkeypatch.setattr(
-        minima, "first_values", lambda s: [begun(truth, s)] if s.telemetry is None else search(s)
+        minima,
+        "find_first_values",
+        lambda s: [begun(truth, s)] if s.telemetry is None else search(s),
     )
     monkeypatch.setattr(minima, "MAX_RETRIES", 0)
 
@@ -298,7 +300,7 @@ def test_a_length_is_named_where_its_error_leads_to_another_pose(
         [[-5.8, 7.3], [-7.9, 22.5]], [[-1.3, 6.0], [14.8, 13.0]], [[4.9, 24.8], [-12.6, 21.5]],
     ])  # fmt: skip
     other = survey, _ = seen(truth, np.vstack([ends.reshape(-1, 2), CHECKS]))
-    monkeypatch.setattr(minima, "first_values", lambda s: [begun(other, s)])
+    monkeypatch.setattr(minima, "find_first_values", lambda s: [begun(other, s)])
     length = np.array(survey.length_m)
     length[0] -= 0.76
     wrong = replace(survey, length_m=length)

@@ -44,7 +44,7 @@ def begun_falsely(survey: Survey, false: tuple[int, ...]) -> FirstValues:
 
 def begin_falsely(monkeypatch: pytest.MonkeyPatch, false: tuple[int, ...]) -> None:
     """Frames begin in the pose of the other tilt."""
-    monkeypatch.setattr(minima, "first_values", lambda survey: [begun_falsely(survey, false)])
+    monkeypatch.setattr(minima, "find_first_values", lambda survey: [begun_falsely(survey, false)])
 
 
 @pytest.mark.parametrize("false", [(0,), (1, 4), (1, 2, 3, 4, 5)])
@@ -75,7 +75,9 @@ def test_a_round_that_begins_with_other_values_than_the_last_is_made(
     right = adjusted(survey)
     rounds = iter([(4,), ()])
     begin_falsely(monkeypatch, (1, 4))
-    monkeypatch.setattr(minima, "other_values", lambda s, *_: [begun_falsely(s, next(rounds))])
+    monkeypatch.setattr(
+        minima, "find_other_first_values", lambda s, *_: [begun_falsely(s, next(rounds))]
+    )
     found = adjusted(survey)
     assert next(rounds, None) is None
     assert found.adjustment.minimum.cost == pytest.approx(right.adjustment.minimum.cost, rel=1e-4)
@@ -94,7 +96,7 @@ def test_picks_that_meet_no_ground_in_a_false_pose_come_back(
         rotation[survey.frame_id.index("f2")] @= UPSIDE_DOWN
         return [true._replace(rotation=rotation)]
 
-    monkeypatch.setattr(minima, "first_values", values)
+    monkeypatch.setattr(minima, "find_first_values", values)
     found = adjusted(survey)
     assert len(found.pick_index) == len(survey.pick_frame)
     assert not found.pick_reason

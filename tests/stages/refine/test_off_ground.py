@@ -24,7 +24,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 from uavgram.stages.refine import refine, robust
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
@@ -227,7 +227,7 @@ def test_a_point_in_two_photos_may_be_a_wrong_pick_and_the_message_says_so() -> 
 
 def test_the_message_carries_each_label_with_height_and_sigma() -> None:
     refined, messages = with_cars_refined(0, "report")
-    (told,) = in_order(*messages)
+    (told,) = order_messages(*messages)
     height, sigma = heights_above_ground(refined.adjustment)
     row = refined.adjustment.label_rows(told.labels)
 

@@ -182,7 +182,7 @@ class Counted:
             self.weighted += 1
             return weigh(problem, state, weight, softness)
 
-        monkeypatch.setattr(robust, "best_minima", best)
+        monkeypatch.setattr(robust, "find_best_minima", best)
         monkeypatch.setattr(robust, "weighted_minimum", weighted)
         monkeypatch.setattr(annealing, "weighted_minimum", weighted)
 

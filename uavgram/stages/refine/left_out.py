@@ -17,7 +17,7 @@ from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.remedies import freed
+from uavgram.stages.remedies import make_height_remedy
 
 
 def predict_readings(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
@@ -171,7 +171,7 @@ def report_heights_left_out(
             text,
             labels=(label,),
             several=several,
-            mend=freed([label]),
+            mend=make_height_remedy([label]),
         )
 
 

@@ -27,7 +27,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several, unpicked
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.readjustment import readjust
-from uavgram.stages.remedies import freed
+from uavgram.stages.remedies import make_height_remedy
 
 MAX_UNEVENNESS_M = 0.05
 """Allowed distance of ground points from their plane while the plane is fitted [m]."""
@@ -343,5 +343,5 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
         heights_sigma_m=(sigma_m,),
         several=several,
         plain=f"{label} stands {size_m:.{rough}f} m {where}{other}.",
-        mend=freed([label]),
+        mend=make_height_remedy([label]),
     )

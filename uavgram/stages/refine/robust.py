@@ -48,7 +48,7 @@ from uavgram.stages.refine.annealing import (
 )
 from uavgram.stages.refine.left_out import report_control_left_out, report_heights_left_out
 from uavgram.stages.refine.minima import (
-    TRIAL,
+    TRIAL_ITERATIONS,
     Participants,
     adjust_on_trial,
     find_best_minima,
@@ -491,7 +491,7 @@ def _from_reduced(
         Sum of squares of the part beyond which it is skipped; few iterations show whether it is.
     """
     try:
-        first = find_best_minima(reduced, TRIAL if most < np.inf else None)
+        first = find_best_minima(reduced, TRIAL_ITERATIONS if most < np.inf else None)
     except GeometryError:
         return
     if first.adjustment.minimum.cost > most:

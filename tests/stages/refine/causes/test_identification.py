@@ -131,8 +131,8 @@ def test_trials_end_where_the_rest_promises_less(
     stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
     kinds = [lambda _, one=one: [one] for one in reversed(every)]
     monkeypatch.setattr(room, "HYPOTHESES", kinds)
-    monkeypatch.setattr(room, "as_noisy_as_it_is", lambda one: one)
-    monkeypatch.setattr(room, "tried", try_one)
+    monkeypatch.setattr(room, "explain_by_noise", lambda one: one)
+    monkeypatch.setattr(room, "try_hypothesis", try_one)
     room._find_likeliest(stands)
     assert tried == promised[:trials]
 
@@ -148,8 +148,8 @@ def test_of_a_kind_only_the_most_promising_are_tried(monkeypatch: pytest.MonkeyP
 
     stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
     monkeypatch.setattr(room, "HYPOTHESES", (lambda _: crowd, lambda _: [other]))
-    monkeypatch.setattr(room, "as_noisy_as_it_is", lambda one: one)
-    monkeypatch.setattr(room, "tried", try_one)
+    monkeypatch.setattr(room, "explain_by_noise", lambda one: one)
+    monkeypatch.setattr(room, "try_hypothesis", try_one)
     room._find_likeliest(stands)
     assert tried == [*reversed(crowd[-MAX_TRIED_OF_A_KIND:]), other]
 

@@ -61,7 +61,7 @@ from uavgram.stages.refine.causes.wrong_picks import (
     propose_swapped_in_photo,
     propose_wrong_picks,
 )
-from uavgram.stages.remedies import with_remedies
+from uavgram.stages.remedies import add_remedies
 
 MAX_CAUSES, MAX_TRIED, MAX_TRIED_OF_A_KIND, MAX_TRIED_WITH_NOISE = 6, 9, 3, 2
 """Largest numbers of reported causes; of hypotheses that are tested by an adjustment each time, and
@@ -217,7 +217,7 @@ def _with_remedies(
     if not one.is_clear:
         lines = (k for k, name in enumerate(written.line_name) if name in one.settles)
         mends.append(Mend(without_lines=frozenset(lines)))
-    return replace(cause, message=with_remedies(message, written, mends))
+    return replace(cause, message=add_remedies(message, written, mends))
 
 
 def _of_both(message: Message, written: Survey, swapped: Mend) -> Message:

@@ -25,7 +25,7 @@ from uavgram.estimation.calibration.validation import (
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions, parameter_count
 from uavgram.model.camera.calibration import LensModel
 from uavgram.model.camera.calibration_result import ModelScore
-from uavgram.stages.calibrate.assessed import AssessedCalibration, judge
+from uavgram.stages.calibrate.assessment import AssessedCalibration, judge
 
 MODELS: dict[LensModel, tuple[int, ...]] = {"brown": (3, 5, 8), "fisheye": (4,)}
 """Numbers of coefficients, the simplest first."""

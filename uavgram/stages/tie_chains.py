@@ -12,11 +12,11 @@ from uavgram.model.message import Message, Several
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings, TiePicks
 
-SAME_PX = 0.01
+SAME_PICK_PX = 0.01
 """Largest distance between a pick and the place from which a match was found."""
 
 
-def matches_of(
+def find_matches(
     picks: Picks, sigma_px: Floats, pick_index: Ints, frame_at: Mapping[str, int]
 ) -> tuple[Sightings, list[Message]]:
     """Build the chains of matches of a survey.
@@ -48,7 +48,7 @@ def matches_of(
     stale: list[int] = []
     for i in found.tolist():
         clicks = at.get((picks.from_image[i] if picks.from_image else "", picks.label[i]), [])
-        near = np.abs(picks.pixel_px[clicks] - picks.from_px[i]).max(axis=1) <= SAME_PX
+        near = np.abs(picks.pixel_px[clicks] - picks.from_px[i]).max(axis=1) <= SAME_PICK_PX
         origin = clicks[int(near.argmax())] if near.any() else -1
         if origin < 0:
             stale.append(i)
@@ -88,7 +88,7 @@ def _stale(picks: Picks, i: int) -> Message:
     )
 
 
-def ties_of(ties: TiePicks, frame_at: Mapping[str, int]) -> Sightings:
+def find_ties(ties: TiePicks, frame_at: Mapping[str, int]) -> Sightings:
     """Return the tie points in two frames or more.
 
     Parameters

@@ -21,18 +21,18 @@ from uavgram.model.options import TimeOptions
 from uavgram.model.survey.ties import TiePicks
 from uavgram.stages.synchronise.boots import ClockedBoot
 from uavgram.stages.synchronise.event_times import HOW, Timing, file_sigma_s
-from uavgram.stages.tied import ties_of
+from uavgram.stages.tie_chains import find_ties
 
-FEWEST = 6
+MIN_PHOTOS = 6
 """Least number of photos with a time that ties must join: four already have more observations than
 unknowns, but with hardly any redundancy."""
 
-MOST_MISFIT = 4.0
+MAX_MISFIT = 4.0
 """Largest misfit of photos to a log at the best offset, in sigmas: above, the log is of another
 flight."""
 
 
-def by_ties(
+def synchronise_by_ties(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions, tied: TiedPoses | None
 ) -> tuple[ClockedBoot, Timing]:
     """Estimate the offset of the camera's clock from the relative poses of photos by ties.
@@ -56,14 +56,14 @@ def by_ties(
     level = None if tied is None else levelled(tied)
     placed = np.zeros(len(photos.frame_id), np.bool_) if level is None else level.placed
     rows = np.flatnonzero(np.isfinite(photos.file_time_s) & placed)
-    if level is None or len(rows) < FEWEST:
+    if level is None or len(rows) < MIN_PHOTOS:
         raise UavgramError(
             f"time.offset_s is auto, the log has no camera events, and tie points join only "
-            f"{len(rows)} photos with a time ({FEWEST} tell how the flight went): {HOW}"
+            f"{len(rows)} photos with a time ({MIN_PHOTOS} tell how the flight went): {HOW}"
         )
     # Fit the offset of the camera's clock to each boot.
     found = [(clocked, _clock(photos, clocked, level, rows)) for clocked in usable]
-    fitting = [(c, clock) for c, clock in found if clock and clock.misfit <= MOST_MISFIT]
+    fitting = [(c, clock) for c, clock in found if clock and clock.misfit <= MAX_MISFIT]
     if not fitting:
         raise UavgramError(
             "time.offset_s is auto, the log has no camera events, and under no offset of the "
@@ -108,7 +108,7 @@ def poses_of(ties: TiePicks, frame_id: tuple[str, ...], camera: Calibration) -> 
     camera
         Camera of all photos.
     """
-    seen = ties_of(ties, {name: k for k, name in enumerate(frame_id)})
+    seen = find_ties(ties, {name: k for k, name in enumerate(frame_id)})
     at, sizes = (seen.frame, seen.point), (len(frame_id), seen.points)
     return tied_poses(rays_of(camera, at, seen.pixel_px, seen.sigma_px, sizes)[0])
 

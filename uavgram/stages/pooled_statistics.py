@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from uavgram.model.batch import Drift, Fit, Pooled, SeenParameter, SurveyRow
 
-LEAST_FREEDOM = 1.0
+MIN_FREEDOM = 1.0
 _YEAR_S = 365.25 * 86400.0
 _SHARED_CHANCE = 0.01
 """Probability of one false alarm among all tests on drift of a batch, by Bonferroni's bound."""
@@ -22,7 +22,7 @@ _DRIFT_SURVEYS = 3
 """Least number of surveys for a drift, as two are always on a line."""
 
 
-def pooled_fits(rows: Sequence[SurveyRow]) -> tuple[Pooled, ...]:
+def pool_fits(rows: Sequence[SurveyRow]) -> tuple[Pooled, ...]:
     """Pool errors over sigmas of all surveys, then by camera and by drone.
 
     A sum of squared errors over their covariance is a chi-square of as many degrees of freedom as
@@ -33,22 +33,22 @@ def pooled_fits(rows: Sequence[SurveyRow]) -> tuple[Pooled, ...]:
     rows
         The surveys; those without results have no effect.
     """
-    found = [*_pooled("all", "", rows)]
+    found = [*_pool("all", "", rows)]
     for of in ("camera", "drone"):
         named = sorted((getattr(row, of), k) for k, row in enumerate(rows) if getattr(row, of))
         for name, members in groupby(named, key=lambda one: one[0]):
-            found += _pooled(of, name, [rows[k] for _, k in members])
+            found += _pool(of, name, [rows[k] for _, k in members])
     return tuple(found)
 
 
-def _pooled(of: str, name: str, rows: Sequence[SurveyRow]) -> Iterable[Pooled]:
+def _pool(of: str, name: str, rows: Sequence[SurveyRow]) -> Iterable[Pooled]:
     by_kind: dict[str, list[Fit]] = {}
     for row in rows:
         for fit in row.fits:
             by_kind.setdefault(fit.kind, []).append(fit)
     for kind, fits in by_kind.items():
         freedom = math.fsum(fit.freedom for fit in fits)
-        if freedom < LEAST_FREEDOM:
+        if freedom < MIN_FREEDOM:
             continue
         squares = math.fsum(fit.squares for fit in fits)
         # (squares / factor^2) is a chi-square: the range of factors that it leaves open.
@@ -66,7 +66,7 @@ def _pooled(of: str, name: str, rows: Sequence[SurveyRow]) -> Iterable[Pooled]:
         )
 
 
-def camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
+def find_camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
     """Compare the parameters of each camera from its surveys with the file, and over time.
 
     Parameters
@@ -77,7 +77,7 @@ def camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
     cameras: dict[tuple[str, str, float, float], list[tuple[float, SeenParameter]]] = {}
     for row in rows:
         for seen in row.seen:
-            if _tells(seen):
+            if _is_significant(seen):
                 # another file is another calibration, even with the same name
                 key = (row.camera, seen.name, seen.stated, seen.stated_sigma)
                 cameras.setdefault(key, []).append((_seconds(row.taken_utc), seen))
@@ -87,7 +87,7 @@ def camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
     return tuple(_drift(key[0], key[1], found, limit) for key, found in several.items())
 
 
-def _tells(seen: SeenParameter) -> bool:
+def _is_significant(seen: SeenParameter) -> bool:
     """Return whether a survey determines a parameter that its file leaves free."""
     return 0.0 < seen.sigma < _LEARNT * seen.stated_sigma
 
