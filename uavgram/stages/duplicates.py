@@ -162,7 +162,7 @@ def _may_be_same(picks: Picks, one: list[int], other: list[int]) -> bool:
         for k in other
         if picks.label[i] == picks.label[k]
     ]
-    return not apart_px or float(np.median(apart_px)) <= SAME_PX
+    return not apart_px or float(np.median(apart_px)) <= MAX_SAME_POINT_PX
 
 
 def _same_lines(lines: KnownLines) -> dict[int, int]:
