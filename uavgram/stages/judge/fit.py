@@ -1,4 +1,4 @@
-"""Test whether picks, lengths, ground and camera fit together.
+"""Tests of the fit: picks, lengths, ground and camera; variance factors; majority of known things.
 
 Priors of the telemetry are meant to be generous: they are left out, as they would weaken the test.
 """

@@ -1,4 +1,4 @@
-"""Adjusted value, residual, test statistic and status of all known things."""
+"""Residual, test statistic and status of known things and lines of known position."""
 
 from __future__ import annotations
 

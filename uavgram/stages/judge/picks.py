@@ -1,4 +1,4 @@
-"""Residual, test statistic and status of every pick."""
+"""Residual, test statistic and status of every pick, and who made the picks."""
 
 from __future__ import annotations
 

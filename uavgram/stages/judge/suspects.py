@@ -1,4 +1,4 @@
-"""Messages on misfits: each blunder once, with all observations inseparable from it.
+"""Messages on suspected blunders, and the record of those that were removed.
 
 Observations that a reported cause explains are not suspected.
 """
