@@ -7,8 +7,8 @@ The steps of `refine`:
    for their causes (`causes/`).
 3. With ``outliers: remove``: correct the causes, such as swapped labels, and adjust again.
 4. With ``noise: estimate``: learn the noise from the residuals (`noise.py`).
-5. Remove further outliers at the learnt noise: with ``remove`` by data snooping (`snooping.py`),
-   with ``report`` by a second robust adjustment.
+5. Remove further outliers at the learnt noise: with ``remove`` by data snooping
+   (`data_snooping.py`), with ``report`` by a second robust adjustment.
 """
 
 from __future__ import annotations
