@@ -40,7 +40,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 PAIRS = 5
 KNOWN = 1e-9
@@ -128,7 +128,7 @@ def ours(frames: int, asked: np.ndarray, found_path: Path) -> None:
     survey = survey_of(frames)
     picks, lines = np.ones(len(survey.pick_frame), bool), np.zeros(len(survey.line_start), bool)
     started = time.process_time()
-    minimum = best_minima(Participants(survey, picks, lines, {}))
+    minimum = find_best_minima(Participants(survey, picks, lines, {}))
     bare = time.process_time() - started
     clock = [time.process_time()]
     adjustment = refine(survey, SolveOptions())[0].adjustment

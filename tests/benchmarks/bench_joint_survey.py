@@ -32,7 +32,7 @@ def side_by_side(frames: int, threads: int) -> None:
     from uavgram.estimation.survey.adjustment import Adjustment
     from uavgram.model.options import SolveOptions
     from uavgram.stages.refine import refine
-    from uavgram.stages.refine.minima import Participants, best_minima
+    from uavgram.stages.refine.minima import Participants, find_best_minima
 
     survey = large_survey(frames)
     picks, lines = np.ones(len(survey.pick_frame), bool), np.zeros(len(survey.line_start), bool)
@@ -42,7 +42,7 @@ def side_by_side(frames: int, threads: int) -> None:
         spent, without = [], []
         for _ in range(3):
             started = time.perf_counter()
-            best_minima(Participants(survey, picks, lines, {}))
+            find_best_minima(Participants(survey, picks, lines, {}))
             without.append(time.perf_counter() - started)
             started = time.perf_counter()
             adjustment = refine(survey, SolveOptions())[0].adjustment

@@ -10,7 +10,7 @@ from scenes import Scene, make_scene
 
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.assemble import with_own_heights
+from uavgram.stages.assemble import free_control_heights
 from uavgram.stages.refine import refine
 
 OFF_M = {0: 0.9, 1: 0.1, 2: 1.4, 3: 0.6, 4: -0.4, 5: 0.3}
@@ -31,7 +31,7 @@ def worst_m(survey: Survey, scene: Scene) -> float:
 
 def test_control_points_off_the_plane_keep_their_own_heights() -> None:
     scene = on_a_facade()
-    survey = with_own_heights(scene.survey)
+    survey = free_control_heights(scene.survey)
 
     assert survey.is_free.all()
     assert worst_m(survey, scene) < 0.1
@@ -46,12 +46,12 @@ def test_control_points_on_a_plane_say_where_it_is(slope: float) -> None:
     )
     survey = replace(scene.survey, control_world_m=world)
 
-    assert not with_own_heights(survey).is_free.any()
+    assert not free_control_heights(survey).is_free.any()
 
 
 def test_a_height_above_the_ground_that_is_stated_holds() -> None:
     scene = on_a_facade()
     above = np.array([0.9, 0.0, 0.0, 0.0, 0.0, 0.0])
-    found = with_own_heights(replace(scene.survey, height_above_m=above)).is_free
+    found = free_control_heights(replace(scene.survey, height_above_m=above)).is_free
 
     np.testing.assert_array_equal(found, above == 0.0)

@@ -9,7 +9,7 @@ import pytest
 from uavgram.model.catalogue.catalogue import CATALOGUE
 from uavgram.model.message import Correction, Message, Remedy, Several
 from uavgram.model.survey.mend import Cause
-from uavgram.stages.messages import MOST_LISTED, in_order, without_the_innocent
+from uavgram.stages.messages import MAX_LISTED, downgrade_explained, order_messages
 
 OUT = "{count} frames were left out"
 
@@ -25,11 +25,13 @@ def left_out(name: str, why: str = "too few picks") -> Message:
 
 
 def test_one_of_a_kind_keeps_its_own_sentence() -> None:
-    assert in_order(left_out("a.jpg")) == (left_out("a.jpg"),)
+    assert order_messages(left_out("a.jpg")) == (left_out("a.jpg"),)
 
 
 def test_several_of_a_kind_are_one_message_with_a_list_by_reason() -> None:
-    (message,) = in_order(left_out("a.jpg"), left_out("b.jpg", "it shows sky"), left_out("c.jpg"))
+    (message,) = order_messages(
+        left_out("a.jpg"), left_out("b.jpg", "it shows sky"), left_out("c.jpg")
+    )
     assert message.text == (
         "3 frames were left out: 'a.jpg', 'c.jpg' (too few picks); 'b.jpg' (it shows sky). "
         "Look at them."
@@ -48,13 +50,13 @@ def test_several_lengths_are_read_again_together_and_removed_together() -> None:
         message = Message("warning", "line-suspect", "off", several=several, lengths=(name,))
         return replace(message, mend=read, instead=(out,))
 
-    (told,) = in_order(off("L1"), off("L2"))
+    (told,) = order_messages(off("L1"), off("L2"))
 
     assert told.mend is not None
     assert told.mend.words == "Read these 2 lengths again"
     assert [one.words for one in told.instead] == ["Remove these 2 lengths"]
     rival = replace(off("L3"), instead=(*off("L3").instead, *off("P1").instead))
-    (unclear,) = in_order(off("L1"), rival)  # it may be another thing than the length
+    (unclear,) = order_messages(off("L1"), rival)  # it may be another thing than the length
     assert unclear.mend is None
     assert unclear.instead == ()
 
@@ -74,7 +76,7 @@ def test_heights_stay_with_their_labels() -> None:
         for label, height in (("A", 1.5), ("B", 1.5))
     )
 
-    (told,) = in_order(one, other)
+    (told,) = order_messages(one, other)
 
     assert (told.labels, told.heights_m) == (("A", "B"), (1.5, 1.5))
     assert told.record()["heights_sigma_m"] == [0.015, 0.015]
@@ -83,17 +85,17 @@ def test_heights_stay_with_their_labels() -> None:
 
 def test_a_long_list_is_cut_in_the_sentence_and_whole_in_the_data() -> None:
     names = tuple(f"{k}.jpg" for k in range(29))
-    (message,) = in_order(*map(left_out, names))
+    (message,) = order_messages(*map(left_out, names))
     assert message.frames == names
     assert message.text.startswith("29 frames were left out: '0.jpg', ")
-    assert f"'{MOST_LISTED - 1}.jpg' (too few picks); and {29 - MOST_LISTED} more." in message.text
-    assert f"'{MOST_LISTED}.jpg'" not in message.text
+    assert f"'{MAX_LISTED - 1}.jpg' (too few picks); and {29 - MAX_LISTED} more." in message.text
+    assert f"'{MAX_LISTED}.jpg'" not in message.text
 
 
 def test_a_cause_that_was_found_comes_first_then_errors_and_consequences_last() -> None:
     codes = ("frame-left-out", "group-misfit", "log-note", "pick-suspect", "labels-swapped")
     given = [Message("warning", code, code) for code in codes]
-    messages = in_order(
+    messages = order_messages(
         Message("info", "own-columns", "x"), *given, Message("error", "not-converged", "x")
     )
     assert [m.code for m in messages] == [
@@ -113,16 +115,16 @@ def test_identified_causes_come_before_what_they_explain() -> None:
         *("lengths-wrong-unit", "label-elsewhere", "log-position-jump", "line-left-out"),
         *("pick-suspect", "misfit", "ground-not-plane", "nothing-checks", "line-unseen"),
     )
-    messages = in_order(*(Message("warning", code, code) for code in reversed(codes)))
+    messages = order_messages(*(Message("warning", code, code) for code in reversed(codes)))
 
     assert tuple(m.code for m in messages) == codes
-    assert in_order(*messages) == messages
+    assert order_messages(*messages) == messages
 
 
 def test_the_same_message_is_told_once_and_telling_twice_changes_nothing() -> None:
-    messages = in_order(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
+    messages = order_messages(left_out("a.jpg"), left_out("a.jpg"), left_out("b.jpg"))
     assert len(messages) == 1
-    assert in_order(*messages) == messages
+    assert order_messages(*messages) == messages
 
 
 def accused(code: str, **subjects: tuple[str, ...]) -> Message:
@@ -154,15 +156,15 @@ SWAPPED = cause_of(accused("labels-swapped", frames=("a.jpg",), labels=("P1", "P
     ],
 )
 def test_what_a_cause_explains_is_accused_no_longer(message: Message, innocent: bool) -> None:  # noqa: FBT001
-    (told,) = without_the_innocent([message], [FEET, SWAPPED])
+    (told,) = downgrade_explained([message], [FEET, SWAPPED])
     assert told == (replace(message, level="info") if innocent else message)
-    assert list(without_the_innocent([message], [])) == [message]
+    assert list(downgrade_explained([message], [])) == [message]
 
 
 def test_a_photo_that_a_cause_settles_is_innocent_and_the_cause_itself_is_told() -> None:
     found = cause_of(accused("frame-left-out", frames=("c.jpg",)), "c.jpg")
     again = accused("frame-left-out", frames=("c.jpg",))
-    messages = list(without_the_innocent([found.message, again], [found]))
+    messages = list(downgrade_explained([found.message, again], [found]))
     assert [one.level for one in messages] == ["warning", "info"]
 
 
@@ -172,6 +174,6 @@ def test_no_error_comes_before_a_cause_that_was_found() -> None:
     assert len(causes) == 22
     for code in causes:
         found = Message("warning", code, "y")
-        assert in_order(error, found) == (found, error)
-    assert in_order(accused("pick-suspect"), error)[0] == error
-    assert in_order(Message("info", "labels-swapped", "y"), error)[0] == error
+        assert order_messages(error, found) == (found, error)
+    assert order_messages(accused("pick-suspect"), error)[0] == error
+    assert order_messages(Message("info", "labels-swapped", "y"), error)[0] == error

@@ -14,7 +14,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.measure import measure
-from uavgram.stages.monte_carlo import sample
+from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine
 
 COUNT = 400
@@ -45,7 +45,7 @@ def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(
     survey = scene_factory(4, **options).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
     first, _ = measure(adjustment, REQUESTS, frames_of(survey))
-    sampled, _ = sample(adjustment, REQUESTS, frames_of(survey), COUNT, 1)
+    sampled, _ = sample_observations(adjustment, REQUESTS, frames_of(survey), COUNT, 1)
 
     assert (sampled.samples, sampled.failed) == (COUNT, 0)
     low, high = np.sqrt(chi2.ppf([1e-6, 1 - 1e-6], COUNT - 1) / (COUNT - 1))
@@ -60,6 +60,8 @@ def test_sampled_sigmas_equal_first_order_ones_within_their_own_chance(
 def test_the_same_seed_gives_the_same_samples(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(4).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
-    one, other = (sample(adjustment, REQUESTS, frames_of(survey), 5, 7)[0] for _ in range(2))
+    one, other = (
+        sample_observations(adjustment, REQUESTS, frames_of(survey), 5, 7)[0] for _ in range(2)
+    )
 
     np.testing.assert_array_equal(one.interval_95, other.interval_95)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.stages.measure import with_alternatives
+from uavgram.stages.measure import add_alternatives
 
 
 def measured(values: list[float], sigmas: list[float]) -> MeasurementResults:
@@ -27,7 +27,7 @@ def measured(values: list[float], sigmas: list[float]) -> MeasurementResults:
 
 
 def test_a_value_within_its_interval_in_every_solution_is_the_only_one() -> None:
-    rows = with_alternatives(measured([20.0, 30.0], [0.1, 0.1]), [(20.19, 30.0), (19.81, 30.21)])
+    rows = add_alternatives(measured([20.0, 30.0], [0.1, 0.1]), [(20.19, 30.0), (19.81, 30.21)])
 
     assert rows.alternative_values == ((), (30.21,))
     assert rows.is_ambiguous.tolist() == [False, True]
@@ -35,19 +35,19 @@ def test_a_value_within_its_interval_in_every_solution_is_the_only_one() -> None
 
 def test_other_values_are_in_order_and_those_of_one_value_stand_once() -> None:
     others = [(31.2,), (44.9,), (12.0,), (44.95,), (31.35,)]
-    rows = with_alternatives(measured([20.0], [0.1]), others)
+    rows = add_alternatives(measured([20.0], [0.1]), others)
 
     assert rows.alternative_values == ((12.0, 31.2, 31.35, 44.9),)
 
 
 def test_what_has_no_value_here_or_there_is_not_marked() -> None:
-    rows = with_alternatives(measured([np.nan, 20.0], [np.nan, 0.1]), [(5.0, np.nan)])
+    rows = add_alternatives(measured([np.nan, 20.0], [np.nan, 0.1]), [(5.0, np.nan)])
 
     assert rows.alternative_values == ((), ())
 
 
 def test_one_solution_leaves_all_as_it_was() -> None:
-    rows = with_alternatives(measured([20.0, 30.0], [0.1, 0.1]), ())
+    rows = add_alternatives(measured([20.0, 30.0], [0.1, 0.1]), ())
 
     assert rows.alternative_values == ((), ())
     assert not rows.is_ambiguous.any()

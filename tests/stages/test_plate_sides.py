@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.survey.observations import KnownLines, Picks
-from uavgram.stages.plate_sides import SQUARE, TAPE, own_scale, with_plate_sides
+from uavgram.stages.plate_sides import PLATE_TAPE, SQUARE, add_plate_sides, own_scale_sigma
 
 NO_LINES = KnownLines(
     name=(), start=(), end=(), length_m=np.empty(0), sigma_m=np.empty(0), adjust=np.empty(0, bool)
@@ -26,16 +26,16 @@ def _picks(*labels: str, source: str = "target") -> Picks:
 
 
 def test_four_corners_are_four_sides_and_two_diagonals() -> None:
-    lines = with_plate_sides(NO_LINES, _picks("T7-1", "T7-2", "T7-3", "T7-4"), 0.6 * SQUARE, 0.001)
+    lines = add_plate_sides(NO_LINES, _picks("T7-1", "T7-2", "T7-3", "T7-4"), 0.6 * SQUARE, 0.001)
     lengths = {
         frozenset({a, b}): m for a, b, m in zip(lines.start, lines.end, lines.length_m, strict=True)
     }
     assert len(lengths) == 6
     assert lengths[frozenset({"T7-1", "T7-4"})] == pytest.approx(0.6)
     assert lengths[frozenset({"T7-2", "T7-4"})] == pytest.approx(0.6 * 2**0.5)
-    assert set(lines.tape) == {TAPE}
-    ((tape, sigma),) = own_scale(0.6 * SQUARE, 0.0012)
-    assert tape == TAPE
+    assert set(lines.tape) == {PLATE_TAPE}
+    ((tape, sigma),) = own_scale_sigma(0.6 * SQUARE, 0.0012)
+    assert tape == PLATE_TAPE
     assert sigma == pytest.approx(0.002)
 
 
@@ -48,7 +48,7 @@ def test_what_a_person_measured_stands_and_what_a_person_picked_is_no_plate() ->
         sigma_m=np.array([0.002]),
         adjust=np.array([True]),
     )
-    lines = with_plate_sides(own, _picks("T7-1", "T7-2"), 0.6 * SQUARE, 0.001)
+    lines = add_plate_sides(own, _picks("T7-1", "T7-2"), 0.6 * SQUARE, 0.001)
     assert lines.name == ("mine",)
     by_hand = _picks("T7-1", "T7-2", source="hand")
-    assert with_plate_sides(NO_LINES, by_hand, 0.6 * SQUARE, 0.001) is NO_LINES
+    assert add_plate_sides(NO_LINES, by_hand, 0.6 * SQUARE, 0.001) is NO_LINES

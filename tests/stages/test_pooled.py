@@ -5,7 +5,7 @@ import pytest
 from scipy.stats import binom
 
 from uavgram.model.batch import Drift, Fit, SeenParameter, SurveyRow
-from uavgram.stages.pooled import camera_drifts, pooled_fits
+from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
 
 
 def surveys(fits: list[Fit], camera: str = "c") -> list[SurveyRow]:
@@ -25,7 +25,7 @@ def test_the_range_holds_the_true_factor(factor: float) -> None:
             Fit(kind="checks", squares=s, freedom=float(n))
             for s, n in zip(squares, sizes, strict=True)
         ]
-        (one, of_camera) = pooled_fits(surveys(fits))
+        (one, of_camera) = pool_fits(surveys(fits))
         assert (of_camera.of, of_camera.ratio) == ("camera", one.ratio)
         hits += one.low < factor < one.high
 
@@ -35,7 +35,7 @@ def test_the_range_holds_the_true_factor(factor: float) -> None:
 
 def test_many_surveys_tell_that_sigmas_are_too_small() -> None:
     rows = surveys([Fit(kind="checks", squares=4.0 * 10, freedom=10.0)] * 5)
-    (one, _) = pooled_fits(rows)
+    (one, _) = pool_fits(rows)
 
     assert one.ratio == pytest.approx(2.0)
     assert one.is_small
@@ -76,7 +76,7 @@ def drifts(random: np.random.Generator, per_year: float, draws: int) -> list[Dri
                 (4, 2)
             )
             rows.append(adjusted(random, truth + np.array([per_year * day, 0.0]), design, day))
-        found += [one for one in camera_drifts(rows) if one.parameter == "a"]
+        found += [one for one in find_camera_drifts(rows) if one.parameter == "a"]
     return found
 
 
@@ -105,5 +105,5 @@ def test_another_file_is_another_calibration() -> None:
         seen = SeenParameter(name="fx", stated=stated, stated_sigma=3.0, value=stated, sigma=1.0)
         return SurveyRow(name="x", project="x", status="done", camera="c", seen=(seen,))
 
-    assert camera_drifts([row(2000.0), row(2010.0)]) == ()
-    assert len(camera_drifts([row(2000.0), row(2000.0)])) == 1
+    assert find_camera_drifts([row(2000.0), row(2010.0)]) == ()
+    assert len(find_camera_drifts([row(2000.0), row(2000.0)])) == 1

@@ -11,7 +11,7 @@ from scenes import make_scene
 from uavgram.model.message import Correction, Message, Remedy, together, unpicked, without_lengths
 from uavgram.model.survey.mend import Ends, Mend
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.remedies import freed, remedy_of, with_remedies
+from uavgram.stages.remedies import add_remedies, make_height_remedy, make_remedy
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def pick(survey: Survey, frame: int, label: int) -> int:
 
 
 def named(survey: Survey, mend: Mend) -> Remedy:
-    found = remedy_of(survey, mend)
+    found = make_remedy(survey, mend)
     assert found is not None
     return found
 
@@ -119,14 +119,14 @@ def test_what_was_never_written_is_not_mended(survey: Survey) -> None:
     """A height that the program freed, and a length without a name."""
     nameless = replace(survey, line_name=())
 
-    assert remedy_of(survey, Mend(free={0: False})) is None
-    assert remedy_of(nameless, Mend(without_lines=frozenset([0]))) is None
-    assert remedy_of(nameless, Mend(length_m={0: 2.0})) is None
+    assert make_remedy(survey, Mend(free={0: False})) is None
+    assert make_remedy(nameless, Mend(without_lines=frozenset([0]))) is None
+    assert make_remedy(nameless, Mend(length_m={0: 2.0})) is None
 
 
 def test_what_was_measured_is_read_again_before_it_is_removed(survey: Survey) -> None:
     mends = [Mend(without_lines=frozenset([1, 2])), Mend(free={1: True})]
-    message = with_remedies(Message("warning", "a", "It is wrong."), survey, mends)
+    message = add_remedies(Message("warning", "a", "It is wrong."), survey, mends)
     told = [message.mend, *message.instead]
 
     assert [one.action for one in told if one is not None] == ["read", "remove-length", "free"]
@@ -137,7 +137,7 @@ def test_what_was_measured_is_read_again_before_it_is_removed(survey: Survey) ->
 
 def test_rivals_are_told_beside_the_likeliest(survey: Survey) -> None:
     mends = [Mend(length_m={0: 3.0}), None, Mend(free={1: True})]
-    message = with_remedies(Message("warning", "a", "It is wrong."), survey, mends)
+    message = add_remedies(Message("warning", "a", "It is wrong."), survey, mends)
 
     assert message.mend is not None
     assert message.mend.words == "Correct L1 to 3.00 m"
@@ -145,11 +145,13 @@ def test_rivals_are_told_beside_the_likeliest(survey: Survey) -> None:
 
 
 def test_several_are_done_together_only_where_that_is_safe() -> None:
-    heights = together([freed(["A"]), freed(["B"]), freed(["B"])])
+    heights = together(
+        [make_height_remedy(["A"]), make_height_remedy(["B"]), make_height_remedy(["B"])]
+    )
     assert heights is not None
 
     assert heights.words == "Free these 2 heights"
     assert [one.label for one in heights.corrections] == ["A", "B"]
-    assert together([freed(["A"]), None]) is None
-    assert together([freed(["A"]), without_lengths(["L1"])]) is None
+    assert together([make_height_remedy(["A"]), None]) is None
+    assert together([make_height_remedy(["A"]), without_lengths(["L1"])]) is None
     assert together([unpicked([("1.jpg", "A")]), unpicked([("2.jpg", "A")])]) is None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.model.survey.observations import LeftOut, Picks, SeenPlate
-from uavgram.stages.target_rows import with_targets
+from uavgram.stages.target_rows import add_targets
 
 NO_PICKS = Picks(
     image=(), label=(), pixel_px=np.empty((0, 2)), sigma_px=np.empty(0), height_m=np.empty(0)
@@ -29,7 +29,7 @@ def test_a_doubtful_plate_is_told_only_where_another_photo_shows_it() -> None:
         "a.jpg": (_seen(1), _seen(2, LeftOut.COVERED)),
         "b.jpg": (_seen(1, LeftOut.DOUBTFUL), _seen(9, LeftOut.DOUBTFUL)),
     }
-    rows = with_targets(NO_PICKS, seen, {})
+    rows = add_targets(NO_PICKS, seen, {})
     assert set(rows.picks.image) == {"a.jpg"}
     assert rows.picks.label == ("T1-1", "T1-2", "T1-3", "T1-4")
     assert rows.plates == 1

@@ -46,8 +46,8 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine import minima, refine
-from uavgram.stages.refine.begin.starts import first_values
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.first_values import find_first_values
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 pytestmark = pytest.mark.statistical
 
@@ -124,11 +124,13 @@ def truth() -> Truth:
 @pytest.fixture(autouse=True)
 def _from_truth(monkeypatch: pytest.MonkeyPatch, truth: Truth) -> None:
     """Adjustments of the one frame start at the truth, once: no search, no second beginning."""
-    search = first_values
+    search = find_first_values
     monkeypatch.setattr(
-        minima, "first_values", lambda s: [begun(truth, s)] if s.telemetry is None else search(s)
+        minima,
+        "find_first_values",
+        lambda s: [begun(truth, s)] if s.telemetry is None else search(s),
     )
-    monkeypatch.setattr(minima, "MOST_RETRIES", 0)
+    monkeypatch.setattr(minima, "MAX_RETRIES", 0)
 
 
 def begun(truth: Truth, survey: Survey) -> FirstValues:
@@ -188,7 +190,7 @@ def statistics(
     found = []
     for _ in range(repetitions):
         given = noisy(survey, rng, wrong, by)
-        adjustment = best_minima(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
+        adjustment = find_best_minima(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
         found.append(observed(adjustment)["lengths"].w[:, 0])
     return np.array(found)
 
@@ -247,7 +249,7 @@ def test_a_wrong_length_is_flagged_and_its_group_named(
     flagged, expected, named = [], [], []
     for _ in range(NAMED):
         given, wrong, by = blundered(survey, rng)
-        adjustment = best_minima(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
+        adjustment = find_best_minima(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
         first = next(suspicions(adjustment, observed(adjustment), ALPHA), None)
         flagged.append(first is not None)
         expected.append(chance_of(wrong, by) >= 0.95)
@@ -280,7 +282,7 @@ def test_a_wrong_length_is_taken_out_without_harm(
         right += removed[:1] == [("line", wrong)] or put_right
         after.append(check_errors(refined))
         if removed != [("line", wrong)]:
-            refined = best_minima(Participants(given, EVERY_PICK, np.arange(6) == wrong, {}))
+            refined = find_best_minima(Participants(given, EVERY_PICK, np.arange(6) == wrong, {}))
         without.append(check_errors(refined))
     record_property("taken out first", float(right / TAKEN_OUT))
     record_property("RMSE over that without the line", float(rms(after) / rms(without)))
@@ -298,11 +300,11 @@ def test_a_length_is_named_where_its_error_leads_to_another_pose(
         [[-5.8, 7.3], [-7.9, 22.5]], [[-1.3, 6.0], [14.8, 13.0]], [[4.9, 24.8], [-12.6, 21.5]],
     ])  # fmt: skip
     other = survey, _ = seen(truth, np.vstack([ends.reshape(-1, 2), CHECKS]))
-    monkeypatch.setattr(minima, "first_values", lambda s: [begun(other, s)])
+    monkeypatch.setattr(minima, "find_first_values", lambda s: [begun(other, s)])
     length = np.array(survey.length_m)
     length[0] -= 0.76
     wrong = replace(survey, length_m=length)
-    every = best_minima(Participants(wrong, EVERY_PICK, NO_LINE, {})).adjustment
+    every = find_best_minima(Participants(wrong, EVERY_PICK, NO_LINE, {})).adjustment
     w = np.abs(observed(every)["lengths"].w[:, 0])
     assert w.argmax() == 2
     for outliers in ("report", "remove"):

@@ -47,8 +47,8 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.measure import BIAS_OFF, SIGMA_OFF
-from uavgram.stages.monte_carlo import sample
+from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
+from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine
 
 Plant = Callable[[pytest.MonkeyPatch], None]
@@ -143,8 +143,8 @@ def curved(adjustment: Adjustment) -> bool:
     """Whether the program would say that the distance needs more than first order."""
     measured = propagate(adjustment, DISTANCE, NO_TIMES)
     terms = curvature(adjustment, measured, NO_TIMES)
-    within = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= SIGMA_OFF
-    return not (within and abs(terms.bias[0] / measured.sigma[0]) <= BIAS_OFF)
+    within = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= MAX_SIGMA_DIFFERENCE
+    return not (within and abs(terms.bias[0] / measured.sigma[0]) <= MAX_BIAS_SIGMAS)
 
 
 def squared_distances(world: Floats, covariance: Floats, truth: Floats) -> Floats:
@@ -229,7 +229,7 @@ def test_errors_are_as_large_as_the_covariances_say(row: str) -> None:
 def judged_by_sampling(adjustments: Iterable[Adjustment], truth: float, seed: int) -> bool:
     """Whether a true distance lies in the sampled 95 % interval of one of some adjustments."""
     for adjustment in adjustments:
-        sampled, _ = sample(adjustment, DISTANCE, NO_TIMES, 80, seed)
+        sampled, _ = sample_observations(adjustment, DISTANCE, NO_TIMES, 80, seed)
         low, high = sampled.interval_95[0]
         if low <= truth <= high:
             return True

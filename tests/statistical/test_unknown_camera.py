@@ -37,7 +37,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.camera import assume_camera
-from uavgram.stages.measure import BIAS_OFF, SIGMA_OFF
+from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
 from uavgram.stages.refine import refine
 
 pytestmark = pytest.mark.statistical
@@ -126,8 +126,8 @@ def error_of(scene: Scene, refined: Refined) -> tuple[float, bool]:
     adjustment = refined.adjustment
     measured = propagate(adjustment, DISTANCE, NO_TIMES)
     terms = curvature(adjustment, measured, NO_TIMES)
-    enough = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= SIGMA_OFF
-    enough &= abs(terms.bias[0] / measured.sigma[0]) <= BIAS_OFF
+    enough = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= MAX_SIGMA_DIFFERENCE
+    enough &= abs(terms.bias[0] / measured.sigma[0]) <= MAX_BIAS_SIGMAS
     world, _ = adjustment.joint_points(np.array(MEASURED))
     value, _ = shapes.distance(world)
     true = np.linalg.norm(np.subtract(*scene.world[list(MEASURED)]))

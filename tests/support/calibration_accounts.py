@@ -13,7 +13,7 @@ from uavgram.model.camera.calibration import CameraProvenance, LensModel
 from uavgram.model.camera.calibration_result import CalibrationAccount
 from uavgram.model.message import Message
 from uavgram.model.provenance import InputDigest
-from uavgram.stages.calibrate.account import lens_effects
+from uavgram.stages.calibrate.assessment import describe_lens_effects
 from uavgram.stages.calibrate.calibrate import calibrate
 
 
@@ -57,7 +57,7 @@ def make_account(
         packages=(("numpy", "2"),),
         without_board=(("wall.jpg", "no board was found"),),
         common_error_px=0.0,
-        effects=lens_effects(result),
+        effects=describe_lens_effects(result),
         messages=(Message("warning", "photo-without-board", "wall.jpg"), *result.messages),
     )
 

@@ -16,7 +16,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure import compute as computing
 from uavgram.pipeline.measure import pose as posing
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 UNTREATED: Mapping[str, object] = {
     "solve.noise": "stated",
@@ -37,7 +37,7 @@ def nothing_treated() -> Iterator[None]:
         ray = back_project(camera.model, camera.parameters, survey.pixel_px)
         keep = np.isfinite(ray.sum(axis=1))
         no_line = np.zeros(len(survey.line_start), dtype=bool)
-        refined = best_minima(Participants(survey, keep, no_line, {}))
+        refined = find_best_minima(Participants(survey, keep, no_line, {}))
         return replace(refined, pick_removed=np.zeros(len(keep), dtype=bool)), ()
 
     with (

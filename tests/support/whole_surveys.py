@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 
 def all_of(survey: Survey) -> Participants:
@@ -17,4 +17,4 @@ def all_of(survey: Survey) -> Participants:
 
 def with_all(survey: Survey) -> Refined:
     """The ordinary adjustment of them."""
-    return best_minima(all_of(survey))
+    return find_best_minima(all_of(survey))

@@ -12,7 +12,7 @@ from pyproj import Geod
 
 from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
 from uavgram.model.batch import Batch, Fit, SeenParameter, SurveyRow
-from uavgram.stages.pooled import camera_drifts, pooled_fits
+from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
 from uavgram.views.batch_map import batch_map
 from uavgram.views.batch_page import render_batch_page
 from uavgram.views.batch_words import headline
@@ -51,8 +51,8 @@ ROWS = (
 def batch() -> Batch:
     return Batch(
         rows=ROWS,
-        pooled=pooled_fits(ROWS),
-        drifts=camera_drifts(ROWS),
+        pooled=pool_fits(ROWS),
+        drifts=find_camera_drifts(ROWS),
         version="1",
         created_utc="2026-01-01T00:00:00+00:00",
         seconds=1.0,

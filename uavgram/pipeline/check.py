@@ -15,7 +15,7 @@ from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.measure.observations import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 
 _MOST_COMPARED = 1_000_000
 """Largest number of pairs of names that are compared for typing errors, 2 microseconds each."""
@@ -42,7 +42,7 @@ def check(project: str | os.PathLike[str]) -> Checked:
     inputs = read_inputs(Path(project), unpicked=True)
     posed = pose_frames(inputs)
     twice = duplicates_of(inputs).messages
-    messages = in_order(
+    messages = order_messages(
         *inputs.messages, *twice, *posed.messages, *missing(inputs), *_unseen(inputs)
     )
     return Checked(inputs=inputs, posed=posed, messages=messages)

@@ -20,7 +20,7 @@ from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 from uavgram.stages.products.geotags import geotag as make_tags
 
 FOLDER = "geotag"
@@ -107,7 +107,7 @@ def _seeds(inputs: Inputs) -> tuple[GeoTags, tuple[Message, ...]]:
     paths = tuple(path[name] for name in poses.frame_id)
     seed: PoseChoice = "seed"
     tags = make_tags(poses, paths, (seed,) * len(paths), posed.world)
-    return tags, in_order(*inputs.messages, *posed.messages)
+    return tags, order_messages(*inputs.messages, *posed.messages)
 
 
 def _left_out(inputs: Inputs, tags: GeoTags, choice: PoseChoice) -> Iterator[Message]:

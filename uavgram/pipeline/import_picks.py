@@ -16,7 +16,7 @@ from uavgram.io.tables.new_picks import new_control, new_picks
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.survey.observations import ImportedPicks, KnownPoints
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ def import_picks(
         label=tuple(name for one in read for name in one.label),
         pixel_px=np.concatenate([one.pixel_px for one in read]),
         known=next((one.known for one in read if one.known is not None), None),
-        messages=in_order(*(message for one in read for message in one.messages)),
+        messages=order_messages(*(message for one in read for message in one.messages)),
     )
     tables = {} if control is None else _tables(files[0], together.known, control)
     contents = {output: new_picks(together, output)}

@@ -35,8 +35,8 @@ from uavgram.pipeline.check import missing
 from uavgram.pipeline.measure.ground_below import ABOVE_GROUND_SIGMA_M, ground_below, has_place
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.stages.messages import in_order
-from uavgram.stages.seed.photo_exposures import ABOVE_GROUND_M
+from uavgram.stages.messages import order_messages
+from uavgram.stages.seed.photo_exposures import DEFAULT_HEIGHT_M
 
 PROJECT = "project.yaml"
 PICKED = {"picks": PICKS_HEADER, "lines": LINES_HEADER, "measure": MEASURE_HEADER}
@@ -388,7 +388,9 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
         for path in made:
             path.unlink(missing_ok=True)
         raise
-    return NewProject(path=project, found=tuple(notes.found), messages=in_order(*notes.messages))
+    return NewProject(
+        path=project, found=tuple(notes.found), messages=order_messages(*notes.messages)
+    )
 
 
 def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, Photos]:
@@ -500,7 +502,7 @@ def _above_ground(text: ProjectText, photos: Photos, also: str) -> list[Attempt]
     if origin is None:
         return []
     why = (
-        f"{also}They do not say how high that is above the ground: {ABOVE_GROUND_M:.0f} m ± "
+        f"{also}They do not say how high that is above the ground: {DEFAULT_HEIGHT_M:.0f} m ± "
         f"{ABOVE_GROUND_SIGMA_M:.0f} m was assumed. Write the height of the ground (from a map, or "
         "the place of take-off) into world.origin, and how well you know it into "
         "ground.height_sigma_m."

@@ -18,7 +18,7 @@ from uavgram.pipeline.measure.tie_points import pose_before_ties, tied
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,7 +90,7 @@ def write_ties(
         ties=found.ties,
         taken_back=earlier,
         written=not dry_run,
-        messages=in_order(*messages),
+        messages=order_messages(*messages),
     )
 
 

@@ -31,7 +31,7 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import round_bar, units_of
@@ -122,7 +122,7 @@ def rectify(
         frames=view.frame_id,
         covered=float((picture[..., 3] > 0).mean()),
         sigma_m=_usual_and_large(sigma),
-        messages=in_order(
+        messages=order_messages(
             *computed.result.messages, *_other_planes(view), *_brightened_messages(tone)
         ),
     )

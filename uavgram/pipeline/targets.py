@@ -37,15 +37,15 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import Pair, Record
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 from uavgram.stages.target_rows import (
     TargetRow,
+    add_targets,
     asked_centers,
     chosen,
+    remove_targets,
     target_row,
     with_rows,
-    with_targets,
-    without_targets,
 )
 
 CLICK_PX = 2.5
@@ -338,7 +338,7 @@ def find_targets(
         numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
         named, known = named_points(inputs)
         centers = asked_centers(numbers, named, known, inputs.picks)
-        rows = with_targets(inputs.picks, seen, centers)
+        rows = add_targets(inputs.picks, seen, centers)
         uncoded = uncoded_targets(replace(inputs, picks=rows.picks), progress)
         if inputs.project.targets is None and not uncoded.kinds:
             raise _no_targets(inputs)
@@ -349,7 +349,9 @@ def find_targets(
         removed=int(inputs.picks.of_source("target").sum()),
         plates={number: tuple(_photos_of(number, seen)) for number in sorted(numbers)},
         photos=len(inputs.photos.path),
-        messages=in_order(*rows.messages, *_nothing_found(rows.plates, inputs), *uncoded.messages),
+        messages=order_messages(
+            *rows.messages, *_nothing_found(rows.plates, inputs), *uncoded.messages
+        ),
         uncoded=uncoded,
     )
 
@@ -369,7 +371,7 @@ def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> F
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
     path = Path(inputs.project.picks)
-    after = without_targets(inputs.picks)
+    after = remove_targets(inputs.picks)
     if not dry_run:
         with sole_writer(inputs.project, inputs.project_path):
             path = save_picks(inputs, after)

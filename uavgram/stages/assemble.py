@@ -23,13 +23,13 @@ from uavgram.model.options import GroundOptions
 from uavgram.model.survey.known import KnownThing, KnownThings, lines_place
 from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
-from uavgram.stages.tied import matches_of, ties_of
+from uavgram.stages.tie_chains import find_matches, find_ties
 
 SIGNIFICANCE = 1e-4
 """Probability below which the heights of an area's control points are not in a plane."""
 
 
-def with_own_heights(survey: Survey) -> Survey:
+def free_control_heights(survey: Survey) -> Survey:
     """Free the heights of an area's control points where they are not in one plane.
 
     Where they are, they determine the plane. A stated height above the ground is kept.
@@ -105,7 +105,9 @@ def assemble(observed: Observations) -> Assembled:
     telemetry = observed.telemetry
     chosen = _usable_picks(observed)
     copies = observed.copies
-    picked = {copies.get(picks.image[i], picks.image[i]) for i in chosen} | _tied(observed)
+    picked = {copies.get(picks.image[i], picks.image[i]) for i in chosen} | _photos_with_ties(
+        observed
+    )
     order = (
         (*observed.photos, *picks.image, *observed.ties.image)
         if telemetry is None
@@ -122,7 +124,7 @@ def assemble(observed: Observations) -> Assembled:
         if lines.adjust[i] and lines.start[i] in label_at and lines.end[i] in label_at
     ]
     known = [i for i, name in enumerate(control.label) if name in label_at]
-    things = _known(observed.known, label_at)
+    things = _usable_known(observed.known, label_at)
     is_placed = telemetry is not None or len(known) >= 2 or lines_place(things)
     gauge: Literal["world", "plane"] = "world" if is_placed else "plane"
     if gauge == "plane":
@@ -131,7 +133,7 @@ def assemble(observed: Observations) -> Assembled:
     # The default area comes first where it has any label: with a free gauge it is z = 0.
     area_at = _rows(sorted(areas, key=lambda name: name != DEFAULT_AREA))
     sigma = np.where(np.isnan(picks.sigma_px), observed.picks_sigma_px, picks.sigma_px)
-    matches, stale = matches_of(picks, sigma, _index(chosen, len(picks.image)), shown_at)
+    matches, stale = find_matches(picks, sigma, _index(chosen, len(picks.image)), shown_at)
     time_s, time_sigma_s = _times(observed.exposures, frame_at)
     survey = Survey(
         frame_id=tuple(frame_at),
@@ -152,7 +154,7 @@ def assemble(observed: Observations) -> Assembled:
         pick_sigma_px=sigma[chosen],
         target_pick=np.flatnonzero(picks.of_source("target")[chosen]),
         matches=matches,
-        ties=ties_of(observed.ties, frame_at),
+        ties=find_ties(observed.ties, frame_at),
         line_start=np.array([label_at[lines.start[i]] for i in seen], dtype=np.int64),
         line_end=np.array([label_at[lines.end[i]] for i in seen], dtype=np.int64),
         length_m=lines.length_m[seen],
@@ -170,7 +172,7 @@ def assemble(observed: Observations) -> Assembled:
         area=np.array([area_at[name] for name in areas]),
         gauge=gauge,
     )
-    survey = with_own_heights(survey)
+    survey = free_control_heights(survey)
     if survey.telemetry is not None:
         nominal = np.zeros(SHARED_SIZE)
         nominal[LEVER_ARM] = survey.telemetry.lever_arm_m
@@ -193,7 +195,7 @@ def assemble(observed: Observations) -> Assembled:
 
 def _usable_picks(observed: Observations) -> Ints:
     """Return indices of the picks, without matches, in photos that take part."""
-    picks, posed = observed.picks, _posed(observed)
+    picks, posed = observed.picks, _usable_photos(observed)
     used = np.flatnonzero([image in posed for image in picks.image])
     used = used[~(picks.of_source("match") | picks.is_copy)[used]]
     if observed.copies:  # a second click counts, a pick that was copied with the photo does not
@@ -209,7 +211,7 @@ def _usable_picks(observed: Observations) -> Ints:
     return used
 
 
-def _posed(observed: Observations) -> set[str]:
+def _usable_photos(observed: Observations) -> set[str]:
     """Return photos that may take part, and others of the same exposures."""
     telemetry, copies = observed.telemetry, observed.copies
     seen = {*observed.picks.image, *observed.ties.image}
@@ -218,10 +220,10 @@ def _posed(observed: Observations) -> set[str]:
     return counted | {copy for copy, kept in copies.items() if kept in counted}
 
 
-def _tied(observed: Observations) -> set[str]:
+def _photos_with_ties(observed: Observations) -> set[str]:
     """Return photos that take part because of matches or ties."""
     found = {observed.picks.image[i] for i in np.flatnonzero(observed.picks.of_source("match"))}
-    return (found | set(observed.ties.image)) & _posed(observed) - set(observed.copies)
+    return (found | set(observed.ties.image)) & _usable_photos(observed) - set(observed.copies)
 
 
 def _rows(names: Iterable[str]) -> dict[str, int]:
@@ -246,7 +248,7 @@ def _index(chosen: Ints | list[int], count: int) -> Ints:
     return index
 
 
-def _known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ...]:
+def _usable_known(known: KnownThings, label_at: dict[str, int]) -> tuple[KnownThing, ...]:
     """Return known things of picked points, without withheld ones."""
     things = (known.seen_thing(i, label_at) for i in np.flatnonzero(known.adjust).tolist())
     return tuple(thing for thing in things if thing is not None)

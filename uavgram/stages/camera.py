@@ -34,7 +34,7 @@ from uavgram.model.message import Message
 from uavgram.model.naming import figures
 from uavgram.model.result.shared import LEARNT_BELOW, LearntCamera
 
-WAY_OUT = (
+REMEDY = (
     "calibrate the camera (uavgram calibrate) and name its camera.yaml, or write a camera.yaml by "
     "hand"
 )
@@ -95,7 +95,7 @@ def assume_camera(
     why = _why_unknown(tags, table)
     if is_fisheye or not may_be_unknown:
         or_not = "" if is_fisheye else f"; {WITHOUT}"
-        raise InputError(tags.path, f"{why}: {WAY_OUT}{or_not}")
+        raise InputError(tags.path, f"{why}: {REMEDY}{or_not}")
     source = _ordinary(tags)
     return _calibration(tags, source), (_nothing_known(tags, source, why),)
 
@@ -302,13 +302,13 @@ def _why_unknown(tags: CameraTags, table: tuple[DroneCamera, ...]) -> str:
     )
 
 
-FAR = 3.0
+CONTRADICTION_SIGMAS = 3.0
 """Prior sigmas above which a parameter's shift contradicts the calibration."""
 
 _PIXELS = {"fx", "fy", "cx", "cy"}
 
 
-def what_was_learnt(camera: LearntCamera, *, is_assumed: bool = False) -> tuple[Message, ...]:
+def report_learnt_camera(camera: LearntCamera, *, is_assumed: bool = False) -> tuple[Message, ...]:
     """Report which parameters the survey determines better than the calibration, and which not.
 
     Parameters
@@ -340,7 +340,7 @@ def what_was_learnt(camera: LearntCamera, *, is_assumed: bool = False) -> tuple[
         f"; {unknown}." if rest else "."
     )
     messages = [Message("info", "camera-learnt", text)]
-    far = [int(i) for i in learnt if abs(camera.shift[i]) > FAR]
+    far = [int(i) for i in learnt if abs(camera.shift[i]) > CONTRADICTION_SIGMAS]
     if far:
         moved = ", ".join(f"{camera.names[i]} by {camera.shift[i]:+.1f}" for i in far)
         text = _contradicted(moved, is_assumed=is_assumed)

@@ -21,13 +21,13 @@ from uavgram.model.naming import listed, photo_name
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, Picks
 
-_MOST_NAMED = 10
+_MAX_NAMED = 10
 
-MOST_AT_ONCE = 8
+MAX_AT_ONCE = 8
 """Largest number of photos with one capture time that are searched for copies: more are from a
 stopped clock."""
 
-SAME_PX = 5.0
+MAX_SAME_POINT_PX = 5.0
 """Largest distance of two clicks of a person on the same point of one exposure."""
 
 
@@ -121,12 +121,16 @@ def _same_exposures(
     for name in sorted(time_s, key=lambda name: (math.isnan(time_s[name]), photo_name(name))):
         content, own = sha256.get(name, name), rows.get(name, [])
         near = at_time.get(time_s[name], [])
-        near = near if len(near) < MOST_AT_ONCE else []
+        near = near if len(near) < MAX_AT_ONCE else []
         if math.isnan(time_s[name]):
             pairs = [(i, k) for i in own for k in of_label.get(picks.label[i], ())]
             apart = [np.abs(picks.pixel_px[i] - picks.pixel_px[k]).max() for i, k in pairs]
             near = [
-                *(picks.image[k] for (_, k), px in zip(pairs, apart, strict=True) if px <= SAME_PX),
+                *(
+                    picks.image[k]
+                    for (_, k), px in zip(pairs, apart, strict=True)
+                    if px <= MAX_SAME_POINT_PX
+                ),
                 *([before] if before and photo_name(name).startswith(photo_name(before)) else []),
             ]
         near = [one for one in dict.fromkeys(near) if _may_be_same(picks, rows.get(one, []), own)]
@@ -158,7 +162,7 @@ def _may_be_same(picks: Picks, one: list[int], other: list[int]) -> bool:
         for k in other
         if picks.label[i] == picks.label[k]
     ]
-    return not apart_px or float(np.median(apart_px)) <= SAME_PX
+    return not apart_px or float(np.median(apart_px)) <= MAX_SAME_POINT_PX
 
 
 def _same_lines(lines: KnownLines) -> dict[int, int]:
@@ -202,7 +206,7 @@ def _known_messages(known: KnownThings, same: Mapping[int, str]) -> tuple[Messag
     parts = [f"{known.name[i]!r} is {kept} again" for i, kept in same.items()]
     text = (
         "What is known of the same points, with the same value, was counted once: "
-        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Remove the copies."
+        f"{'; '.join(parts[:_MAX_NAMED])}{_rest(parts)}. Remove the copies."
     )
     labels = dict.fromkeys(label for i in same for label in known.points[i])
     return (Message("warning", "known-duplicate", text, labels=tuple(labels)),)
@@ -215,7 +219,7 @@ def _photo_message(code: str, what: str, copies: Mapping[str, str]) -> tuple[Mes
     count = f"{len(copies)} photo{'s are' if len(copies) > 1 else ' is'}"
     text = (
         f"{count} there twice and counted once, as a copy says nothing new: "
-        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Picks in both are repeats of one "
+        f"{'; '.join(parts[:_MAX_NAMED])}{_rest(parts)}. Picks in both are repeats of one "
         "observation. Take the copies out of `images`."
     )
     return (Message("warning", code, text, frames=tuple(copies)),)
@@ -229,7 +233,7 @@ def _pick_message(picks: Picks) -> tuple[Message, ...]:
     parts = list(dict.fromkeys(f"{picks.label[i]!r} in {picks.image[i]}" for i in copies))
     text = (
         "The same click with the same pixel, to the last digit, was counted once: "
-        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. Remove the copies; a second click checks "
+        f"{'; '.join(parts[:_MAX_NAMED])}{_rest(parts)}. Remove the copies; a second click checks "
         "the first only where it was made anew."
     )
     return (Message("warning", "pick-duplicate", text),)
@@ -241,9 +245,7 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
         return ()
     parts = []
     for kept in dict.fromkeys(same.values()):
-        others = listed(
-            [repr(lines.name[i]) for i, one in same.items() if one == kept], _MOST_NAMED
-        )
+        others = listed([repr(lines.name[i]) for i, one in same.items() if one == kept], _MAX_NAMED)
         ends = f"{lines.start[kept]!r} to {lines.end[kept]!r}"
         parts.append(
             f"{lines.length_m[kept]:.10g} m from {ends} (counted: {lines.name[kept]!r}; not "
@@ -251,7 +253,7 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
         )
     text = (
         "The same length with the same reading, to the last digit, was counted once: "
-        f"{'; '.join(parts[:_MOST_NAMED])}{_rest(parts)}. If it was copied, remove the copies. If "
+        f"{'; '.join(parts[:_MAX_NAMED])}{_rest(parts)}. If it was copied, remove the copies. If "
         "it was taped again with this very reading, write down one more digit of each reading."
     )
     lengths = tuple(lines.name[i] for i in same)
@@ -275,5 +277,5 @@ def _alike_messages(picks: Picks) -> Iterator[Message]:
 
 
 def _rest(parts: list[str]) -> str:
-    more = len(parts) - _MOST_NAMED
+    more = len(parts) - _MAX_NAMED
     return f" and {more} more" if more > 0 else ""

@@ -29,7 +29,7 @@ class LinearUpdate(NamedTuple):
     world_m: Floats
 
 
-def linear_update(adjustment: Adjustment, pixel_px: Floats, length_m: Floats) -> LinearUpdate:
+def update_linearly(adjustment: Adjustment, pixel_px: Floats, length_m: Floats) -> LinearUpdate:
     """Update an adjustment to other readings, by its factorised normal equations.
 
     Parameters

@@ -188,28 +188,28 @@ class Matches:
         return count
 
 
-REGION = float(chdtri(2, 0.001))
+REGION_SQUARED = float(chdtri(2, 0.001))
 """Squared sigmas from the middle of a 99.9 % region to its edge."""
 
-FINE_PX = 25.0
+MAX_RADIUS_PX = 25.0
 """Radius of a region that is searched without waiting for better poses."""
 
-BEST = 0.2
+MIN_ROUND_SHARE = 0.2
 """Least share of the remaining places that a round takes."""
 
-ALIKE = 1.5
+SIMILAR_RADIUS = 1.5
 """Factor of the radius up to which other places are taken too."""
 
-NARROWED = 0.5
+NARROWED_SHARE = 0.5
 """Share of its radius to which a region must have shrunk to be searched again."""
 
 
-def radii(covariance_px2: Floats) -> Floats:
+def compute_radii(covariance_px2: Floats) -> Floats:
     """Return half lengths (n,) of the 99.9 % regions of covariances (n, 2, 2) [px]."""
-    return np.asarray(np.sqrt(REGION * np.linalg.eigvalsh(covariance_px2)[:, 1]))
+    return np.asarray(np.sqrt(REGION_SQUARED * np.linalg.eigvalsh(covariance_px2)[:, 1]))
 
 
-def stretches(affine: Floats) -> Floats:
+def compute_stretches(affine: Floats) -> Floats:
     """Compute the change of size (n,), as a logarithm: 0 for equal size without foreshortening."""
     size = np.linalg.svd(affine, compute_uv=False)
     return np.asarray(np.abs(np.log(np.maximum(size, 1e-9))).max(axis=1))
@@ -241,7 +241,7 @@ class Candidates:
     is_alone: Bools
 
 
-def next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
+def choose_next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
     """Choose the places of the next round; none where all were tried.
 
     Parameters
@@ -254,25 +254,25 @@ def next_places(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
         The search so far.
     """
     places, pairs, picks = candidates.places, candidates.pair, candidates.pick
-    radius, stretch = radii(places.covariance_px2), stretches(places.affine)
+    radius, stretch = compute_radii(places.covariance_px2), compute_stretches(places.affine)
     best: dict[Pair, int] = {}
     for row in np.argsort(stretch, kind="stable").tolist():
         pair = pairs[row]
         open_ = wanted[row] and pair not in record.found and pair not in best
         if open_ and not candidates.is_alone[row]:
             tried = [m.radius_px for m in record.missed.get(pair, ()) if m.pick == picks[row]]
-            if not tried or radius[row] < NARROWED * min(tried):
+            if not tried or radius[row] < NARROWED_SHARE * min(tried):
                 best[pair] = row
     rows = np.array(sorted(best.values()), dtype=np.int64)
     if not candidates.is_raised[rows].all():
         rows = rows[~candidates.is_raised[rows]]
     if not rows.size:
         return rows
-    limit = max(FINE_PX, ALIKE * float(np.quantile(radius[rows], BEST)))
+    limit = max(MAX_RADIUS_PX, SIMILAR_RADIUS * float(np.quantile(radius[rows], MIN_ROUND_SHARE)))
     return rows[radius[rows] <= limit]
 
 
-def lines_left(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
+def choose_lines(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
     """Choose places of labels of unknown height to search along their lines of sight, once a pick.
 
     Parameters
@@ -292,7 +292,7 @@ def lines_left(candidates: Candidates, wanted: Bools, record: Record) -> Ints:
 CONTRADICTED_SQUARED = float(chdtri(2, 1e-5))
 """Squared sigmas of the difference from the expectation by the others."""
 
-AS_BAD = 0.7
+NEARLY_WORST_SHARE = 0.7
 """Share of the worst one's squared sigmas above which another one may be the wrong one as well."""
 
 TURNED = float(chdtri(3, 1e-4))
@@ -303,7 +303,7 @@ CURVED = 0.03
 places by other amounts at its edges."""
 
 
-def contradicted(off_px: Floats, covariance_px2: Floats, sigma_px: Floats) -> Bools:
+def find_contradicted(off_px: Floats, covariance_px2: Floats, sigma_px: Floats) -> Bools:
     """Mark finds (n,) that do not agree with the others.
 
     Parameters
@@ -327,14 +327,14 @@ def contradicted(off_px: Floats, covariance_px2: Floats, sigma_px: Floats) -> Bo
         fall = np.einsum("ni,ni->n", pull, np.linalg.solve(own, pull[..., None])[..., 0])
         if fall.max() <= CONTRADICTED_SQUARED:
             break
-        out = both[fall >= AS_BAD * fall.max()].ravel()
-        left = left[fall < AS_BAD * fall.max()]
+        out = both[fall >= NEARLY_WORST_SHARE * fall.max()].ravel()
+        left = left[fall < NEARLY_WORST_SHARE * fall.max()]
         # Remove the worst finds from the joint distribution (Schur complement).
         weight = weight - weight[:, out] @ np.linalg.solve(weight[np.ix_(out, out)], weight[out])
     return ~np.isin(np.arange(n), left)
 
 
-def turned_rad(boresight_rad: Floats, sigma_rad: float) -> float:
+def measure_rotation_rad(boresight_rad: Floats, sigma_rad: float) -> float:
     """Return the angle of the camera from mount and log, 0 within their errors.
 
     The log's direction draws the adjusted one towards it: the angle is rather larger.

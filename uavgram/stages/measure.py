@@ -91,7 +91,9 @@ def measurement_results(
     return results, messages
 
 
-def profiles(adjustment: Adjustment, requests: tuple[MeasurementRequest, ...]) -> ProfileResults:
+def compute_profiles(
+    adjustment: Adjustment, requests: tuple[MeasurementRequest, ...]
+) -> ProfileResults:
     """Compute all requested profiles, except those without a direction or with a point unseen."""
     names: list[str] = []
     labels: list[str] = []
@@ -147,15 +149,15 @@ def _dense(jacobian: Floats, columns: Ints, unknowns: Ints) -> Floats:
     return dense
 
 
-SIGMA_OFF = 0.05
+MAX_SIGMA_DIFFERENCE = 0.05
 """Relative difference of second- and first-order sigma above which first order is insufficient."""
 
-BIAS_OFF = 0.2
+MAX_BIAS_SIGMAS = 0.2
 """Second-order bias, in sigmas, above which first order is insufficient: a 95 % interval about the
 value then holds the truth in 94.5 % of cases, but misses it twice as often on one side."""
 
 
-def second_order(
+def check_second_order(
     adjustment: Adjustment,
     measured: MeasuredValues,
     results: MeasurementResults,
@@ -179,7 +181,7 @@ def second_order(
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = terms.sigma / results.sigma
         shift = terms.bias / results.sigma
-    within = (np.abs(ratio - 1.0) <= SIGMA_OFF) & (np.abs(shift) <= BIAS_OFF)
+    within = (np.abs(ratio - 1.0) <= MAX_SIGMA_DIFFERENCE) & (np.abs(shift) <= MAX_BIAS_SIGMAS)
     off = computed & ~within
     found = SecondOrder(bias=terms.bias, sigma=terms.sigma, curvature=terms.curvature, off=off)
     where = np.flatnonzero(off).tolist()
@@ -219,7 +221,7 @@ SAME_SIGMAS = 1.0
 """Difference, in sigmas, up to which values of two other solutions count as one value."""
 
 
-def with_alternatives(
+def add_alternatives(
     measurements: MeasurementResults, values: Sequence[Sequence[float]]
 ) -> MeasurementResults:
     """Mark every measurement that the observations do not decide.
@@ -262,7 +264,7 @@ def _distinct(ascending: Floats, reach: float) -> tuple[float, ...]:
     return tuple(kept)
 
 
-def scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
+def describe_scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
     """Report the source of the scale, and its confirmation by other observations."""
     found = scale_sigmas(adjustment)
     witnesses = _witnesses(adjustment)

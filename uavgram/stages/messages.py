@@ -12,13 +12,13 @@ from uavgram.model.message import NUMBERS, SUBJECTS, Message, Remedy, Several
 from uavgram.model.message import together as mended_together
 from uavgram.model.survey.mend import Cause
 
-MOST_LISTED = 5
+MAX_LISTED = 5
 """Number of things that a sentence lists; the message names all of them as data."""
 
 LEVELS = ("error", "warning", "info")
 
 
-def without_the_innocent(messages: Iterable[Message], causes: Sequence[Cause]) -> Iterator[Message]:
+def downgrade_explained(messages: Iterable[Message], causes: Sequence[Cause]) -> Iterator[Message]:
     """Reduce messages to information where a cause explains the misfit that they report.
 
     Parameters
@@ -47,7 +47,7 @@ def without_the_innocent(messages: Iterable[Message], causes: Sequence[Cause]) -
             yield message
 
 
-def in_order(*messages: Message) -> tuple[Message, ...]:
+def order_messages(*messages: Message) -> tuple[Message, ...]:
     """Sort messages for people, each once, and join those of one kind.
 
     Parameters
@@ -117,12 +117,12 @@ def _mended_together(remedies: Sequence[tuple[Remedy | None, ...]]) -> list[Reme
 def _listed(several: Sequence[Several]) -> str:
     """Return ``'a', 'b' (too few picks); 'c' (in the sky); and 4 more``."""
     by_reason: dict[str, list[str]] = {}
-    for one in several[:MOST_LISTED]:
+    for one in several[:MAX_LISTED]:
         by_reason.setdefault(one.why, []).append(one.item)
     separator = "; " if any(", " in one.item for one in several) else ", "
     parts = [
         separator.join(items) + (f" ({why})" if why else "") for why, items in by_reason.items()
     ]
-    if (more := len(several) - MOST_LISTED) > 0:
+    if (more := len(several) - MAX_LISTED) > 0:
         parts.append(f"and {more} more")
     return "; ".join(parts)

@@ -23,7 +23,7 @@ from uavgram.model.naming import figures
 from uavgram.model.result.tables import MeasurementResults, MonteCarloResults
 from uavgram.model.survey.observations import MeasurementRequest
 
-NOTICED = 0.05
+REPORTED_DIFFERENCE = 0.05
 """Relative difference between sampled and first-order sigma, or of an end of the interval as a
 share of its width, above which it is reported."""
 
@@ -34,7 +34,7 @@ QUANTILE_SIGMA = float(np.sqrt(0.025 * 0.975 * 2.0 * np.pi) * np.exp(0.5 * ndtri
 """Standard deviation of a sampled 2.5 % quantile, in sigmas over the root of the sample's size."""
 
 
-def sample(
+def sample_observations(
     adjustment: Adjustment,
     requests: tuple[MeasurementRequest, ...],
     frames: Frames,
@@ -148,7 +148,7 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[M
         sigma_off = abs(sampled.sigma[i] / first.sigma[i] - 1.0) - chance / np.sqrt(2.0)
         ends = np.abs(sampled.interval_95[i] - first.interval_95[i]) / first.sigma[i]
         end_off = ends.max() / WIDTH - chance * QUANTILE_SIGMA / WIDTH
-        if max(sigma_off, end_off) > NOTICED:
+        if max(sigma_off, end_off) > REPORTED_DIFFERENCE:
             low, high = sampled.interval_95[i]
             unit = first.unit[i]
             sigmas = (

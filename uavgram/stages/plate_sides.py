@@ -8,10 +8,10 @@ from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.target_families import corner_label, plate_of
 
-TAPE = "targets"
+PLATE_TAPE = "targets"
 """Name of the tape of all plates, as one printer made them: they share its scale."""
 
-OWN_SHARE = 0.5
+OWN_SIGMA_SHARE = 0.5
 """Share of the sigma of a plate's side that differs from side to side."""
 
 SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
@@ -20,7 +20,7 @@ SIDES = ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2), (1, 3))
 SQUARE = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
 
 
-def own_scale(outline_m: Floats, sigma_m: float) -> tuple[tuple[str, float], ...]:
+def own_scale_sigma(outline_m: Floats, sigma_m: float) -> tuple[tuple[str, float], ...]:
     """Return the prior of the common scale of all plates.
 
     Parameters
@@ -30,10 +30,10 @@ def own_scale(outline_m: Floats, sigma_m: float) -> tuple[tuple[str, float], ...
     sigma_m
         Standard deviation of its longest side.
     """
-    return ((TAPE, sigma_m / _longest(outline_m)),)
+    return ((PLATE_TAPE, sigma_m / _longest(outline_m)),)
 
 
-def with_plate_sides(
+def add_plate_sides(
     lines: KnownLines, picks: Picks, outline_m: Floats, sigma_m: float
 ) -> KnownLines:
     """Add lengths between the corners of every plate that was found.
@@ -61,7 +61,7 @@ def with_plate_sides(
             corner_label(plate, b),
             float(np.linalg.norm(outline_m[b] - outline_m[a])),
         )
-        for plate, corners in sorted(_found(picks).items())
+        for plate, corners in sorted(_find_plates(picks).items())
         for a, b in SIDES
         if {a, b} <= set(corners)
     ]
@@ -73,14 +73,14 @@ def with_plate_sides(
         start=tuple(a for a, _, _ in new),
         end=tuple(b for _, b, _ in new),
         length_m=np.array([length for _, _, length in new]),
-        sigma_m=np.full(len(new), OWN_SHARE * sigma_m),
+        sigma_m=np.full(len(new), OWN_SIGMA_SHARE * sigma_m),
         adjust=np.ones(len(new), dtype=np.bool_),
-        tape=(TAPE,) * len(new),
+        tape=(PLATE_TAPE,) * len(new),
     )
     return lines.with_more(sides)
 
 
-def _found(picks: Picks) -> dict[int, set[int]]:
+def _find_plates(picks: Picks) -> dict[int, set[int]]:
     """Return the plates that the program found, with the numbers of all picked corners."""
     found: dict[int, set[int]] = {}
     made = picks.of_source("target")

@@ -27,7 +27,7 @@ ROUNDING_M = 1e-6
 """Largest difference of a number from a multiple of a step [m]."""
 
 
-def reading_step(length_m: Floats) -> float:
+def find_reading_step(length_m: Floats) -> float:
     """Find the step to which lengths were rounded.
 
     Parameters
@@ -54,7 +54,7 @@ def reading_step(length_m: Floats) -> float:
     return 0.0
 
 
-def with_reading_step(lines: KnownLines) -> tuple[KnownLines, tuple[Message, ...]]:
+def apply_reading_step(lines: KnownLines) -> tuple[KnownLines, tuple[Message, ...]]:
     """Enlarge the sigmas of lengths that were rounded more coarsely than their sigmas state.
 
     Parameters
@@ -68,7 +68,7 @@ def with_reading_step(lines: KnownLines) -> tuple[KnownLines, tuple[Message, ...
         Lengths with the standard deviation of a rounding, step / sqrt(12), where it exceeds the
         stated one; and a remark if it does.
     """
-    rounding_m = reading_step(lines.length_m) / np.sqrt(12.0)
+    rounding_m = find_reading_step(lines.length_m) / np.sqrt(12.0)
     is_finer = lines.sigma_m < rounding_m
     if not is_finer.any():
         return lines, ()

@@ -13,7 +13,7 @@ from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.survey import Survey
 
 
-def with_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]) -> Message:
+def add_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]) -> Message:
     """Add possible corrections to a message.
 
     Parameters
@@ -25,7 +25,7 @@ def with_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]
     mends
         Corrections of the cause, and of its alternatives; None where only a person can correct it.
     """
-    found = read_first([None if one is None else remedy_of(survey, one) for one in mends])
+    found = read_first([None if one is None else make_remedy(survey, one) for one in mends])
     rivals = tuple(one for one in found[1:] if one is not None)
     return replace(message, mend=found[0] if found else None, instead=rivals)
 
@@ -47,7 +47,7 @@ def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
     return found
 
 
-def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
+def make_remedy(survey: Survey, mend: Mend) -> Remedy | None:
     """Describe a correction by name; None where it changes no stated value.
 
     Parameters
@@ -76,7 +76,7 @@ def remedy_of(survey: Survey, mend: Mend) -> Remedy | None:
     return replace(known[0], words=" and ".join(words), corrections=tuple(every))
 
 
-def freed(labels: Sequence[str]) -> Remedy | None:
+def make_height_remedy(labels: Sequence[str]) -> Remedy | None:
     """Return a correction that frees heights of points; None without any."""
     if not labels:
         return None
@@ -88,7 +88,7 @@ def freed(labels: Sequence[str]) -> Remedy | None:
     )
 
 
-def to_tape(start: str, end: str, length_m: float) -> Remedy:
+def make_tape_remedy(start: str, end: str, length_m: float) -> Remedy:
     """Return a length to be taped as a check.
 
     Parameters
@@ -225,7 +225,7 @@ def _ends(survey: Survey, mend: Mend) -> Remedy | None:
 
 def _heights(survey: Survey, mend: Mend) -> Remedy | None:
     """Return heights to be freed, and free heights to be put back on the ground."""
-    up = freed([survey.label[k] for k, free in mend.free.items() if free])
+    up = make_height_remedy([survey.label[k] for k, free in mend.free.items() if free])
     down = [survey.label[k] for k, free in mend.free.items() if not free and survey.is_free[k]]
     if not down:
         return up

@@ -13,7 +13,7 @@ STEP_PX = 8.0
 """Pixel step for the scale between two photos."""
 
 
-def same_ground(
+def find_same_ground(
     calibration: Calibration,
     poses: RowPoses,
     plane: tuple[Floats, Floats],

@@ -27,12 +27,12 @@ class Rows:
     messages: tuple[Message, ...]
 
 
-def without_targets(picks: Picks) -> Picks:
+def remove_targets(picks: Picks) -> Picks:
     """Return the picks that the program did not make from targets."""
     return chosen(picks, ~picks.of_source("target"))
 
 
-def with_targets(
+def add_targets(
     picks: Picks, seen: Mapping[str, Sequence[SeenPlate]], centers: Mapping[int, str]
 ) -> Rows:
     """Replace the picks of targets by those of newly found plates.
@@ -46,7 +46,7 @@ def with_targets(
     centers
         Label of the centre of each plate whose centre is requested.
     """
-    kept = without_targets(picks)
+    kept = remove_targets(picks)
     taken = set(zip(kept.image, kept.label, strict=True))
     rows: list[TargetRow] = []
     by_hand: list[TargetRow] = []
@@ -75,7 +75,7 @@ def asked_centers(
     picks
         Picks; a number that a person picked does not mean a plate.
     """
-    hand = set(without_targets(picks).label)
+    hand = set(remove_targets(picks).label)
     found = {}
     for plate in plates:
         own = plate_label(plate)

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.geometry.ground.polygons import squares_on_plane
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.stages.plate_sides import OWN_SHARE
+from uavgram.stages.plate_sides import OWN_SIGMA_SHARE
 from uavgram.synthetic.scenario import GroundSpec, Scenario
 
 
@@ -138,5 +138,5 @@ def _plate_corners(scenario: Scenario, surface: Surface, rng: np.random.Generato
     turn = east + np.deg2rad(placed[:, 2])
     side = plates.side_m + plates.sigma_m * float(rng.standard_normal())
     corners = squares_on_plane(middle, slope / (2 * PLATE_STEP_M), turn, side)[:, ::-1]
-    own = OWN_SHARE * plates.sigma_m / np.sqrt(2.0)
+    own = OWN_SIGMA_SHARE * plates.sigma_m / np.sqrt(2.0)
     return np.asarray((corners + own * rng.standard_normal(corners.shape)).reshape(-1, 3))

@@ -20,8 +20,8 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.model.survey.survey import Relief, Survey
-from uavgram.stages.measure import profiles
-from uavgram.stages.monte_carlo import sample
+from uavgram.stages.measure import compute_profiles
+from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine
 
 HEIGHTS = {0: 1.5, 4: 0.6, 7: 2.5, 8: 1.1}
@@ -180,7 +180,7 @@ def test_two_heights_from_one_rough_place_share_its_error() -> None:
 def test_sampling_gives_the_sigmas_of_first_and_second_order() -> None:
     adjustment = adjusted(scene_of(5, rough=True).survey)
     found = measured(adjustment)
-    sampled, messages = sample(adjustment, REQUESTS, NO_TIMES, 60, 1)
+    sampled, messages = sample_observations(adjustment, REQUESTS, NO_TIMES, 60, 1)
     assert messages == ()
     # Relative standard deviation of a sampled sigma: sqrt(1 / 2n), and up to four of them.
     np.testing.assert_allclose(sampled.sigma, found.sigma, rtol=4 / np.sqrt(2 * 60))
@@ -237,7 +237,7 @@ def test_without_a_log_nothing_tells_the_height_between_ground_points() -> None:
 def test_a_profile_has_the_sigmas_of_its_measurements() -> None:
     adjustment = adjusted(scene_of(5, rough=True).survey)
     line = ask("profile", "1 0 4 2 7")
-    table = profiles(adjustment, (line, ask("profile", "1 99")))
+    table = compute_profiles(adjustment, (line, ask("profile", "1 99")))
     assert table.label == line.points
     single = propagate(
         adjustment,

@@ -14,7 +14,7 @@ from taped_scenes import read_on_tapes
 from uavgram.estimation.measuring.scale import scale_sigmas
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.options import SolveOptions
-from uavgram.stages.measure import scale_basis
+from uavgram.stages.measure import describe_scale_basis
 from uavgram.stages.refine import refine
 
 Make = Callable[..., Scene]
@@ -55,18 +55,20 @@ def test_nothing_else_bears_on_it_without_a_log(scene_factory: Make, roughness_m
     adjustment = adjusted(scene)
 
     assert np.isinf(scale_sigmas(adjustment).others)
-    (said,) = scale_basis(adjustment)
+    (said,) = describe_scale_basis(adjustment)
     assert said.text.startswith("The scale rests on your lengths (± 0.1")
     assert "nothing else confirms it" in said.text
 
 
 def test_the_sentence_names_what_bears_it(scene_factory: Make) -> None:
-    log = scale_basis(adjusted(scene_factory(4, frames=6, lines=8)))[0]
+    log = describe_scale_basis(adjusted(scene_factory(4, frames=6, lines=8)))[0]
     assert "; the log confirms it to ± " in log.text
-    alone = scale_basis(adjusted(scene_factory(4, frames=6, lines=0)))[0]
+    alone = describe_scale_basis(adjusted(scene_factory(4, frames=6, lines=0)))[0]
     assert alone.text.startswith("The scale rests on the log alone: ± ")
     control = scene_factory(4, frames=6, lines=0, control=4, telemetry=False)
-    assert "rests on the control points alone: ± " in scale_basis(adjusted(control))[0].text
+    assert (
+        "rests on the control points alone: ± " in describe_scale_basis(adjusted(control))[0].text
+    )
     both = replace(control, survey=scene_factory(4, frames=6, lines=8, control=4).survey)
-    assert "the log and the control points" in scale_basis(adjusted(both))[0].text
+    assert "the log and the control points" in describe_scale_basis(adjusted(both))[0].text
     assert {log.level, log.code} == {"info", "scale-basis"}

@@ -18,8 +18,8 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.measure import SIGMA_OFF, measurement_results, second_order
-from uavgram.stages.monte_carlo import sample
+from uavgram.stages.measure import MAX_SIGMA_DIFFERENCE, check_second_order, measurement_results
+from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine
 
 ALONE: dict[str, Any] = {"frames": 1, "telemetry": False, "gauge": "plane"}
@@ -42,8 +42,8 @@ def compared(
     frames = frames_of(survey)
     measured = propagate(adjustment, requests, frames)
     first, _ = measurement_results(measured)
-    second, messages = second_order(adjustment, measured, first, frames)
-    drawn = sample(adjustment, requests, frames, count, 1)[0] if count else None
+    second, messages = check_second_order(adjustment, measured, first, frames)
+    drawn = sample_observations(adjustment, requests, frames, count, 1)[0] if count else None
     return SimpleNamespace(first=first, second=second, messages=messages, sampled=drawn)
 
 
@@ -81,7 +81,7 @@ def test_heights_over_the_ground_are_as_uncertain_as_to_first_order() -> None:
     survey = with_third_coordinates(scene, free=(0, 7), stated={3: 0.1}).survey
     heights = [MeasurementRequest(name=p, kind="height", points=(p,)) for p in ("P0", "P3", "P7")]
     found = compared(survey, tuple(heights))
-    np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=SIGMA_OFF)
+    np.testing.assert_allclose(found.second.sigma, found.first.sigma, rtol=MAX_SIGMA_DIFFERENCE)
 
 
 def test_two_points_that_nearly_coincide_are_further_apart_than_first_order_says() -> None:

@@ -12,7 +12,7 @@ from uavgram.estimation.survey.unknowns import State, move
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.model.arrays import Floats
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.seed.headings import find_headings
 
 
@@ -22,7 +22,7 @@ def adjustment() -> Adjustment:
     survey, _ = find_headings(place_only(7).survey)
     keep = np.arange(len(survey.pick_frame)) % 3 > 0
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
-    return best_minima(Participants(survey, keep, none, {})).adjustment
+    return find_best_minima(Participants(survey, keep, none, {})).adjustment
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from uavgram.estimation.reliability.hypotheses import Moved, explained, log_prob
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 
 @pytest.fixture(scope="module")
@@ -19,7 +19,7 @@ def adjustment() -> Adjustment:
     survey = make_scene(5, frames=4, labels=12, lines=6).survey
     every = np.ones(len(survey.pick_frame), dtype=np.bool_)
     taking = Participants(survey, every, np.zeros(len(survey.line_start), dtype=np.bool_), {})
-    return best_minima(taking).adjustment
+    return find_best_minima(taking).adjustment
 
 
 def dense(adjustment: Adjustment, extra: dict[str, Floats]) -> tuple[Floats, Floats]:

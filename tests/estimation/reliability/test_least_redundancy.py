@@ -11,7 +11,7 @@ from scenes import make_scene
 from uavgram.estimation.reliability.data_snooping import suspicions
 from uavgram.estimation.reliability.test_statistics import observed
 from uavgram.estimation.survey.observations.kinds import READINGS
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 
 @pytest.mark.parametrize("seed", [5, 16, 24])
@@ -23,7 +23,7 @@ def test_lengths_that_nothing_checks_are_not_blamed_for_relief(seed: int) -> Non
     survey = replace(scene.survey, pixel_px=pixel + off)
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(pixel), dtype=np.bool_), none, {})
-    adjustment = best_minima(taking).adjustment
+    adjustment = find_best_minima(taking).adjustment
     groups = observed(adjustment)
     found = list(suspicions(adjustment, groups, 0.001))
     assert found

@@ -21,7 +21,7 @@ from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.stages.judge.priors import stated_residuals
+from uavgram.stages.judge.priors import compute_prior_residuals
 from uavgram.stages.refine import refine
 
 ALPHA = 0.001
@@ -82,7 +82,7 @@ def test_calibration_is_one_correlated_observation_in_its_own_parameters() -> No
     bias = delta0 / np.sqrt(variance)
     np.testing.assert_allclose(group.bias(ALPHA)[0], bias, rtol=1e-5)
     expected = residual / np.sqrt(np.diag(prior))
-    np.testing.assert_allclose(stated_residuals(group)[0], expected, rtol=1e-6, atol=1e-9)
+    np.testing.assert_allclose(compute_prior_residuals(group)[0], expected, rtol=1e-6, atol=1e-9)
 
 
 def test_a_parameter_known_exactly_cannot_err() -> None:
@@ -93,7 +93,7 @@ def test_a_parameter_known_exactly_cannot_err() -> None:
         calibration = replace(survey.calibration, covariance=known)
         adjustment = refine(replace(survey, calibration=calibration), SolveOptions())[0].adjustment
         group = observed(adjustment)["calibration"]
-        assert group.w[0, 8] == group.redundancy[0, 8] == stated_residuals(group)[0, 8] == 0
+        assert group.w[0, 8] == group.redundancy[0, 8] == compute_prior_residuals(group)[0, 8] == 0
         assert np.isnan(group.bias(ALPHA)[0, 8])
 
 

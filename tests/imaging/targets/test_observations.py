@@ -16,7 +16,7 @@ from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.model.camera.board import Board, BoardObservations, LensSetting, flat_board
 from uavgram.model.message import Message
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 
 SIZE_PX = (640, 480)
 
@@ -93,7 +93,7 @@ def test_cut_and_foreign_boards_are_said() -> None:
 def test_several_cut_boards_are_one_message_that_names_them_all() -> None:
     cut = [sighting(k, columns=7, rows=6) for k in (3, 4)]
     _, messages = collect([sighting(0), sighting(1), sighting(2), *cut])
-    (message,) = in_order(*messages)
+    (message,) = order_messages(*messages)
     assert message.text.startswith("2 photos show a part of the board")
     assert message.files == ("3.jpg", "4.jpg")
 

@@ -11,7 +11,7 @@ from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.match.raised import HEIGHTS_M, line_of_sight
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.seed.headings import find_headings
 
 
@@ -20,7 +20,7 @@ def adjustment() -> Adjustment:
     survey, _ = find_headings(place_only(7).survey)
     keep = np.ones(len(survey.pick_frame), dtype=np.bool_)
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
-    return best_minima(Participants(survey, keep, none, {})).adjustment
+    return find_best_minima(Participants(survey, keep, none, {})).adjustment
 
 
 def at_level(

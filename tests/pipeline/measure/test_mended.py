@@ -22,8 +22,8 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.observations import with_mends
 from uavgram.stages.assemble import Assembled
-from uavgram.stages.refine.causes.hypothesis import Standing
-from uavgram.stages.refine.causes.identify import Identified
+from uavgram.stages.refine.causes.hypothesis import Diagnosis
+from uavgram.stages.refine.causes.identification import IdentifiedCauses
 
 SMALL = Condition(labels=9, photos=5, picked_share=1.0, radius_m=12.0)
 
@@ -103,7 +103,7 @@ def test_labels_are_as_mended_picks_taken_out_are_removed_and_the_record_says_so
     wrong, rows = swapped(small)
     out = rows[1] + 1
 
-    def found(standing: Standing) -> Identified:
+    def found(standing: Diagnosis) -> IdentifiedCauses:
         survey = standing.survey
         one, other, third = (
             int(np.flatnonzero((survey.pixel_px == small.picks.pixel_px[k]).all(axis=1))[0])
@@ -111,15 +111,15 @@ def test_labels_are_as_mended_picks_taken_out_are_removed_and_the_record_says_so
         )
         at = survey.pick_label
         if survey.label[at[one]] == small.picks.label[rows[0]]:
-            return Identified((), ())
+            return IdentifiedCauses((), ())
         mend = Mend(
             label_of_pick={one: int(at[other]), other: int(at[one])},
             without_picks=frozenset([third]),
         )
-        return Identified((cause(mend),), (None,))
+        return IdentifiedCauses((cause(mend),), (None,))
 
     stage = importlib.import_module("uavgram.stages.refine.at_stated_noise")
-    monkeypatch.setattr(stage, "identify", found)
+    monkeypatch.setattr(stage, "identify_causes", found)
     result = result_of(wrong)
 
     (record,) = result.removals

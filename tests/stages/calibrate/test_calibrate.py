@@ -26,7 +26,7 @@ from uavgram.model.camera.board import (
     flat_board,
 )
 from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.stages.calibrate import choice
+from uavgram.stages.calibrate import model_choice as choice
 from uavgram.stages.calibrate.calibrate import calibrate
 
 Phantom = tuple[BoardObservations, dict[str, Any], CalibrationResult]

@@ -18,7 +18,7 @@ from uavgram.estimation.calibration.validation import HeldOut
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
 from uavgram.stages.calibrate import two_cameras
-from uavgram.stages.calibrate.assessed import AssessedCalibration
+from uavgram.stages.calibrate.assessment import AssessedCalibration
 from uavgram.stages.calibrate.calibrate import calibrate
 from uavgram.stages.calibrate.two_cameras import refuse_two_cameras
 

@@ -31,6 +31,7 @@ from uavgram.model.survey.observations import (
 )
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.judge import (
+    compare_withheld,
     judge_groups,
     judge_lines,
     judge_overall,
@@ -42,11 +43,10 @@ from uavgram.stages.judge import (
     judge_weakest,
     run_tests,
     tested_survey,  # its class itself would be taken for tests
-    withheld_values,
 )
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.softened import iterate
-from uavgram.stages.refine.continued import carried
+from uavgram.stages.refine.readjustment import convert_state
+from uavgram.stages.refine.staged_sigmas import iterate
 
 ALPHA = 0.001
 
@@ -446,7 +446,7 @@ def test_the_weakest_link_is_named_with_its_size(scene_factory: Callable[..., Sc
 def judged_together(
     adjustment: Adjustment, lines: KnownLines, known: KnownWorldPoints
 ) -> tuple[ChecksOverall, tuple[Message, ...]]:
-    overall, messages = judge_overall(adjustment, withheld_values(adjustment, lines, known), ALPHA)
+    overall, messages = judge_overall(adjustment, compare_withheld(adjustment, lines, known), ALPHA)
     assert overall is not None
     return overall, messages
 
@@ -490,7 +490,7 @@ def test_checks_are_judged_together_with_their_joint_covariance(
     overall, messages = judged_together(adjustment, lines, far)
     assert overall.rms_error_m == pytest.approx(np.sqrt(2 * 81 / 9), rel=0.2)
     assert [m.code for m in messages] == ["checks-misfit"]
-    nothing = withheld_values(adjustment, replace(lines, adjust=~lines.adjust), NO_POINTS)
+    nothing = compare_withheld(adjustment, replace(lines, adjust=~lines.adjust), NO_POINTS)
     assert judge_overall(adjustment, nothing, ALPHA) == (None, ())
 
 
@@ -552,7 +552,7 @@ def continued_with(adjustment: Adjustment, survey: Survey) -> Adjustment:
     """Adjust all lengths of a survey, from where another adjustment ended."""
     every = np.ones(len(survey.line_start), dtype=np.bool_)
     problem = SurveyProblem(survey, adjustment.problem.pivot_m, every)
-    minimum = iterate(problem, carried(adjustment, problem), 30)
+    minimum = iterate(problem, convert_state(adjustment, problem), 30)
     return Adjustment(problem, minimum, minimum.factor.covariance())
 
 
@@ -607,7 +607,7 @@ def test_a_check_point_that_is_wrong_is_named_before_the_checks_as_a_whole(
             name=(), start=(), end=(), length_m=np.zeros(0), sigma_m=np.zeros(0),
             adjust=np.zeros(0, dtype=bool),
         )  # fmt: skip
-        _, (message,) = judge_overall(adjustment, withheld_values(adjustment, none, wrong), ALPHA)
+        _, (message,) = judge_overall(adjustment, compare_withheld(adjustment, none, wrong), ALPHA)
         assert "that is 'P7' alone; the other 2 fit" in message.text
 
 
@@ -629,7 +629,7 @@ def test_check_points_that_are_all_off_are_told_in_one_message(
         name: getattr(scene.survey, name)[:0]
         for name in ("line_start", "line_end", "length_m", "length_sigma_m")
     }))  # fmt: skip
-    _, (message,) = judge_overall(adjustment, withheld_values(adjustment, none, known), ALPHA)
+    _, (message,) = judge_overall(adjustment, compare_withheld(adjustment, none, known), ALPHA)
     assert "something common to all is wrong" in message.text
 
 

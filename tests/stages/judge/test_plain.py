@@ -7,7 +7,7 @@ import pytest
 from uavgram.model.catalogue.catalogue import CATALOGUE
 from uavgram.model.catalogue.entry import Effect
 from uavgram.model.message import Message
-from uavgram.stages.judge.verdict import plain_sentence
+from uavgram.stages.judge.verdict import get_plain_sentence
 
 REASONS = [one.code for one in CATALOGUE.values() if one.effect is not Effect.NONE]
 STATISTICS = ("w =", "sigma", "chi-square", "probability", "variance", "±", "(")
@@ -19,7 +19,9 @@ def test_every_reason_is_one_sentence_without_statistics(code: str, count: int) 
     """Where nothing is written for a code, the message's own words before its numbers."""
     names = tuple(f"X{k}" for k in range(count))
     text = "The 12 rows do not fit (w = 3.1): look at them. Probability 0.1."
-    said = plain_sentence(Message("warning", code, text, (f"{names[0]}.jpg",), names, names, names))
+    said = get_plain_sentence(
+        Message("warning", code, text, (f"{names[0]}.jpg",), names, names, names)
+    )
 
     assert said.endswith(".")
     assert said.count(". ") == 0
@@ -32,22 +34,23 @@ def test_names_stand_without_quotation_marks_and_endings() -> None:
         "warning", "labels-swapped", "x", frames=("IMG_0046.jpg",), labels=("R1", "R2")
     )
 
-    assert plain_sentence(swapped) == "R1 and R2 seem swapped in IMG_0046."
+    assert get_plain_sentence(swapped) == "R1 and R2 seem swapped in IMG_0046."
 
 
 def test_of_many_names_five_are_told() -> None:
     names = tuple("ABCDEFGHIJKL")
-    said = plain_sentence(Message("warning", "line-suspect", "x", lengths=names))
+    said = get_plain_sentence(Message("warning", "line-suspect", "x", lengths=names))
 
     assert said == "A, B, C, D, E and 7 more do not fit the rest."
 
 
 def test_what_names_nothing_is_told_by_its_own_words() -> None:
     assert (
-        plain_sentence(Message("warning", "line-suspect", "One is off (w = 4).")) == "One is off."
+        get_plain_sentence(Message("warning", "line-suspect", "One is off (w = 4)."))
+        == "One is off."
     )
-    assert plain_sentence(Message("warning", "new", "It is so: look there.")) == "It is so."
-    assert plain_sentence(Message("warning", "misfit", "x", plain="As it was said.")) == (
+    assert get_plain_sentence(Message("warning", "new", "It is so: look there.")) == "It is so."
+    assert get_plain_sentence(Message("warning", "misfit", "x", plain="As it was said.")) == (
         "As it was said."
     )
 

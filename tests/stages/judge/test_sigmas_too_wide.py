@@ -8,8 +8,8 @@ from uavgram.estimation.survey.observations.lengths import Lengths
 from uavgram.estimation.survey.observations.pixels import Pixels
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.stages.judge.groups import _misfit, judge_groups
-from uavgram.stages.messages import in_order
+from uavgram.stages.judge.fit import _report_misfit, judge_groups
+from uavgram.stages.messages import order_messages
 from uavgram.stages.refine import refine
 
 
@@ -29,7 +29,9 @@ def test_sigmas_far_too_wide_are_told() -> None:
 
 
 def test_groups_that_fit_worse_than_stated_are_one_message() -> None:
-    (message,) = in_order(_misfit(Pixels.kind, 3.0, 1e-7), _misfit(Lengths.kind, 2.0, 1e-4))
+    (message,) = order_messages(
+        _report_misfit(Pixels.kind, 3.0, 1e-7), _report_misfit(Lengths.kind, 2.0, 1e-4)
+    )
 
     assert message.text == (
         "2 kinds of observations do not fit as well as their stated errors promise: picks: look at "

@@ -20,13 +20,13 @@ from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Verdict
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, MeasurementRequest
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.judge import Fit, pass_verdict, run_tests, tested_survey, withheld_values
+from uavgram.stages.judge import Fit, compare_withheld, determine_verdict, run_tests, tested_survey
 from uavgram.stages.judge.statuses import is_moved
 from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked
-from uavgram.stages.judge.verdict import first_sentences
+from uavgram.stages.judge.verdict import get_first_sentences
 from uavgram.stages.measure import measurement_results
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 
 REQUESTS = (
     MeasurementRequest(name="near", kind="distance", points=("P0", "P1")),
@@ -54,7 +54,7 @@ class Judged(NamedTuple):
     def verdict(
         self, *messages: Message, fit: Fit | None = None
     ) -> tuple[Verdict, tuple[MeasurementStatus, ...]]:
-        return pass_verdict(messages, fit or Fit(), self.examined, self.table)
+        return determine_verdict(messages, fit or Fit(), self.examined, self.table)
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def test_what_bends_everything_is_red_and_contradicts_every_value(clean: Judged,
 def test_what_was_mended_bends_nothing_any_more(clean: Judged) -> None:
     found = of("lengths-wrong-unit"), of("labels-swapped", "P0")
     mended = {message.code for message in found}
-    verdict, status = pass_verdict(found, Fit(), clean.examined, clean.table, mended)
+    verdict, status = determine_verdict(found, Fit(), clean.examined, clean.table, mended)
     assert verdict.level == "amber"
     assert status == ("ok", "ok")
 
@@ -206,7 +206,7 @@ def test_reasons_are_the_messages_in_their_order_two_sentences_each(clean: Judge
     verdict, _ = clean.verdict(*(of(code) for code in codes))
     assert tuple(reason.cause for reason in verdict.reasons) == codes
     assert {reason.text for reason in verdict.reasons} == {"This is wrong. Look there."}
-    assert first_sentences("One. Two.") == "One. Two."
+    assert get_first_sentences("One. Two.") == "One. Two."
 
 
 def test_what_has_no_value_is_not_checked_whatever_else_is_wrong(clean: Judged) -> None:
@@ -229,7 +229,7 @@ def test_a_wrong_length_puts_what_it_moves_in_doubt_without_any_common_label() -
     wrong = replace(right, length_m=right.length_m + 20.0 * right.length_sigma_m * first)
     values = {}
     for out in (False, True):
-        refined = best_minima(
+        refined = find_best_minima(
             Participants(wrong, np.ones(len(right.pick_label), dtype=bool), first & out, {})
         )
         values[out] = propagate(refined.adjustment, REQUESTS[:2], NO_TIMES)
@@ -276,7 +276,7 @@ def _of_survey(survey: Survey, withheld: KnownLines | None = None) -> Judged:
     measured = propagate(refined.adjustment, REQUESTS[:2], NO_TIMES)
     found = None
     if withheld is not None:
-        found = withheld_values(refined.adjustment, withheld, NO_POINTS)
+        found = compare_withheld(refined.adjustment, withheld, NO_POINTS)
     examined = run_tests(refined, measured, 0.001, found)
     return Judged(examined, measurement_results(measured)[0])
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
-from uavgram.stages.match import contradicted, turned_rad
+from uavgram.stages.match import find_contradicted, measure_rotation_rad
 
 
 def pose_errors(place_px: Floats) -> Floats:
@@ -27,7 +27,7 @@ def test_look_alikes_far_closer_than_the_prediction_tells_stand_out(wrong: list[
         off[wrong] += rng.choice([-25.0, 25.0], (len(wrong), 2))
         covariance = (by_pose * sigma**2) @ by_pose.T
 
-        found = contradicted(off, covariance, np.full(12, 0.6))
+        found = find_contradicted(off, covariance, np.full(12, 0.6))
 
         assert np.flatnonzero(found).tolist() == wrong
 
@@ -37,18 +37,22 @@ def test_of_two_that_contradict_each_other_neither_is_believed() -> None:
     by_pose = pose_errors(place)
     covariance = (by_pose * np.array([30.0, 30.0, 0.001]) ** 2) @ by_pose.T
 
-    assert contradicted(np.array([[9.0, 0.0], [-9.0, 0]]), covariance, np.full(2, 0.6)).all()
-    assert not contradicted(np.array([[9.0, 0.0], [9.2, 0]]), covariance, np.full(2, 0.6)).any()
+    assert find_contradicted(np.array([[9.0, 0.0], [-9.0, 0]]), covariance, np.full(2, 0.6)).all()
+    assert not find_contradicted(
+        np.array([[9.0, 0.0], [9.2, 0]]), covariance, np.full(2, 0.6)
+    ).any()
 
 
 def test_nothing_found_contradicts_nothing() -> None:
-    assert contradicted(np.empty((0, 2)), np.empty((0, 0)), np.empty(0)).shape == (0,)
+    assert find_contradicted(np.empty((0, 2)), np.empty((0, 0)), np.empty(0)).shape == (0,)
 
 
 def test_a_camera_that_looks_as_its_mount_may_err_is_not_called_turned() -> None:
     sigma = np.deg2rad(1.5)
     drawn = sigma * np.random.default_rng(5).standard_normal((20000, 3))
-    assert sum(turned_rad(one, sigma) > 0 for one in drawn) <= 9  # of 20,000 by 1e-4: 2 ± 1.4
+    assert (
+        sum(measure_rotation_rad(one, sigma) > 0 for one in drawn) <= 9
+    )  # of 20,000 by 1e-4: 2 ± 1.4
     away = np.deg2rad([10.0, -3.0, 2.0])
-    assert turned_rad(away, sigma) == pytest.approx(np.linalg.norm(away))
-    assert turned_rad(away, 3.0 * sigma) == 0.0
+    assert measure_rotation_rad(away, sigma) == pytest.approx(np.linalg.norm(away))
+    assert measure_rotation_rad(away, 3.0 * sigma) == 0.0

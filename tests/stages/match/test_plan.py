@@ -7,15 +7,15 @@ import numpy as np
 from uavgram.estimation.measuring.transferred_pixels import Transferred
 from uavgram.stages.match import (
     CONTRADICTED,
-    REGION,
+    REGION_SQUARED,
     Candidates,
     Found,
     Missed,
     Pair,
     Record,
-    lines_left,
-    next_places,
-    radii,
+    choose_lines,
+    choose_next_places,
+    compute_radii,
 )
 
 A, B = ("a.jpg", "P"), ("b.jpg", "P")
@@ -44,7 +44,9 @@ def chosen(
     candidates = Candidates(
         places(sigma_px, stretch), tuple(pairs), np.arange(n), is_raised, np.zeros(n, np.bool_)
     )
-    rows: list[int] = next_places(candidates, np.ones(n, np.bool_), record or Record()).tolist()
+    rows: list[int] = choose_next_places(
+        candidates, np.ones(n, np.bool_), record or Record()
+    ).tolist()
     return rows
 
 
@@ -59,8 +61,8 @@ def test_a_place_that_is_predicted_much_worse_waits_for_better_poses() -> None:
 
 
 def test_a_place_in_vain_is_tried_again_from_another_pick_or_when_its_region_has_halved() -> None:
-    wide = float(np.sqrt(REGION)) * 2.0
-    assert radii(4.0 * np.eye(2)[None])[0] == np.float64(wide)
+    wide = float(np.sqrt(REGION_SQUARED)) * 2.0
+    assert compute_radii(4.0 * np.eye(2)[None])[0] == np.float64(wide)
     record = Record().with_results({A: Missed(0, wide, "several places look like it")})
 
     assert chosen([2.0], [1.0], [A], record) == []
@@ -102,6 +104,6 @@ def test_what_one_photo_alone_shows_at_any_height_is_looked_at_once_along_its_li
     every = np.ones(4, np.bool_)
     record = Record().with_results({pairs[0]: Missed(0, 9.0, "nothing there looks like it")})
 
-    assert next_places(candidates, every, Record()).tolist() == [3]
-    assert lines_left(candidates, every, Record()).tolist() == [0, 1, 2]
-    assert lines_left(candidates, every, record).tolist() == [1, 2]
+    assert choose_next_places(candidates, every, Record()).tolist() == [3]
+    assert choose_lines(candidates, every, Record()).tolist() == [0, 1, 2]
+    assert choose_lines(candidates, every, record).tolist() == [1, 2]

@@ -12,7 +12,7 @@ from uavgram.estimation.survey.departures import heights_above_ground
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.begin.starts import ONE_PLACE
+from uavgram.stages.refine.first_values import NO_HEIGHT
 
 HEIGHTS = {0: 1.5, 4: 0.6, 7: 2.5}
 STATED = SolveOptions(noise="stated")
@@ -85,8 +85,8 @@ def test_a_free_point_that_one_photo_shows_is_left_out_by_name() -> None:
     )
     refined, _ = refine(one, STATED)
 
-    assert list(refined.pick_reason.values()) == [ONE_PLACE]
-    assert ONE_PLACE.cause is LeftOutCause.UNDETERMINED
+    assert list(refined.pick_reason.values()) == [NO_HEIGHT]
+    assert NO_HEIGHT.cause is LeftOutCause.UNDETERMINED
     assert "P7" not in refined.adjustment.survey.label
     assert "P0" in refined.adjustment.survey.label
 

@@ -37,7 +37,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import annealing, robust
 from uavgram.stages.refine.annealing import NEARLY_NONE
-from uavgram.stages.refine.minima import Participants, best_minima
+from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.robust import adjust_robustly
 
 AT_LEAST = int(os.environ.get("UAVGRAM_REPETITIONS", "0"))
@@ -55,7 +55,7 @@ BOTH = pytest.mark.parametrize("base", BASES)
 def test_a_clean_survey_is_adjusted_as_ever_to_the_last_bit(base: str, seed: int) -> None:
     scene, wrong = survey_with("nothing", BASES[base], seed)
     taking = all_of(wrong.survey)
-    ordinary, robust = best_minima(taking), adjust_robustly(taking)
+    ordinary, robust = find_best_minima(taking), adjust_robustly(taking)
 
     assert not any(left_out(robust))
     assert robust.survey is wrong.survey
@@ -167,7 +167,7 @@ class Counted:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.ordinary, self.weighted = 0, 0
-        adjust, weigh = best_minima, annealing.weighted_minimum
+        adjust, weigh = find_best_minima, annealing.weighted_minimum
 
         def best(taking: Participants) -> Refined:
             self.ordinary += 1
@@ -182,7 +182,7 @@ class Counted:
             self.weighted += 1
             return weigh(problem, state, weight, softness)
 
-        monkeypatch.setattr(robust, "best_minima", best)
+        monkeypatch.setattr(robust, "find_best_minima", best)
         monkeypatch.setattr(robust, "weighted_minimum", weighted)
         monkeypatch.setattr(annealing, "weighted_minimum", weighted)
 

@@ -17,7 +17,7 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Boot, FlightEvidence, LogFault, Track
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed import seed
-from uavgram.stages.seed.fault_effects import fault_messages, freed_by
+from uavgram.stages.seed.fault_effects import free_priors, report_faults
 from uavgram.stages.seed.log_faults import find_faults
 from uavgram.stages.seed.track import build_track, gather_evidence
 
@@ -145,7 +145,7 @@ def test_a_jump_of_heading_is_found_with_its_size() -> None:
     assert fault.kind == "attitude-jump"
     assert np.degrees(fault.change[2]) == pytest.approx(12.0, abs=0.5)
     assert fault.resets == ("reset of the heading",)
-    (message,) = fault_messages([fault], evidence, FRAMES)
+    (message,) = report_faults([fault], evidence, FRAMES)
     assert message.text.startswith("The log's attitude jumps by 12 degrees of heading between")
     assert "reset of the heading" in message.text
 
@@ -259,7 +259,7 @@ def test_a_photo_in_a_gap_of_the_gimbal_is_found(pause_s: float, told: int) -> N
     )
     faults = find_faults(cut, evidence, EXPOSURES)
     assert [fault.kind for fault in faults] == ["gimbal-gap"] * told
-    for message in fault_messages(faults, evidence, FRAMES):
+    for message in report_faults(faults, evidence, FRAMES):
         assert message.text.startswith("The log states no gimbal direction for 2.6 s")
         assert message.frames == ("4.jpg",)
 
@@ -277,7 +277,7 @@ def test_a_silence_of_vehicle_and_gimbal_is_told_once() -> None:
     )
     (fault,) = find_faults(cut, evidence, EXPOSURES)
     assert fault.kind == "attitude-gap"
-    (message,) = fault_messages([fault], evidence, FRAMES)
+    (message,) = report_faults([fault], evidence, FRAMES)
     assert message.frames == ("4.jpg",)
 
 
@@ -297,19 +297,19 @@ def jump(at_s: float, east_m: float) -> LogFault:
 
 
 def test_the_smaller_side_of_a_jump_is_freed_by_its_size() -> None:
-    freed = freed_by([jump(27.0, 3.0)], EXPOSURES, SURE)  # four photos before, five behind
+    freed = free_priors([jump(27.0, 3.0)], EXPOSURES, SURE)  # four photos before, five behind
     assert freed.frames.tolist() == [True] * 4 + [False] * 5
     np.testing.assert_allclose(freed.position[0], [9.0, 9.0, 0.0])
     np.testing.assert_allclose(freed.position_bias, [9.0, 9.0, 0.0])
 
 
 def test_after_a_jump_and_back_only_the_photos_between_are_freed() -> None:
-    freed = freed_by([jump(22.0, 3.0), jump(33.0, -3.0)], EXPOSURES, SURE)
+    freed = free_priors([jump(22.0, 3.0), jump(33.0, -3.0)], EXPOSURES, SURE)
     assert np.flatnonzero(freed.frames).tolist() == [3, 4]
 
 
 def test_a_photo_whose_time_is_too_unsure_to_tell_the_side_is_freed() -> None:
-    freed = freed_by([jump(33.0, 3.0)], EXPOSURES, np.full(9, 4.0))
+    freed = free_priors([jump(33.0, 3.0)], EXPOSURES, np.full(9, 4.0))
     assert np.flatnonzero(freed.frames).tolist() == [4, 5, 6, 7, 8]
 
 
@@ -328,7 +328,7 @@ def test_the_seed_and_its_prior_are_wider_by_the_jump() -> None:
 
 def test_the_message_says_how_much_when_and_between_which_photos() -> None:
     evidence = flown()[1]
-    (message,) = fault_messages([jump(33.0, 3.0)], evidence, FRAMES)
+    (message,) = report_faults([jump(33.0, 3.0)], evidence, FRAMES)
     first = "The log's position jumps by 3.0 m between photo 4.jpg and 5.jpg (00:00:33 UTC)."
     assert message.text.startswith(first)
     assert message.frames == NAMES[5:]
@@ -338,7 +338,7 @@ def test_the_message_says_how_much_when_and_between_which_photos() -> None:
 
 def test_a_fault_around_all_photos_is_told() -> None:
     away = LogFault(kind="receiver-apart", start_s=1.0, end_s=59.0, change=(9.0, 0.0, 0.0))
-    (message,) = fault_messages([away], flown()[1], FRAMES)
+    (message,) = report_faults([away], flown()[1], FRAMES)
     first = (
         "The log's position lies up to 9.0 m off what the GPS receiver itself states around all "
     )
@@ -348,7 +348,7 @@ def test_a_fault_around_all_photos_is_told() -> None:
 
 def test_a_stated_reset_without_a_trace_is_told_and_frees_nothing() -> None:
     evidence = replace(flown()[1], resets=((33.0, "change to another estimator"),))
-    (message,) = fault_messages([], evidence, FRAMES)
+    (message,) = report_faults([], evidence, FRAMES)
     assert message.level == "info"
     assert "between photo 4.jpg and 5.jpg" in message.text
 

@@ -11,7 +11,7 @@ from scenes import INTRINSICS, Scene, cv_pixels, look_down
 from scipy.spatial.transform import Rotation
 
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.seed.mount import turned_mount
+from uavgram.stages.seed.mount import find_turned_mount
 
 
 def mounted(survey: Survey, axis: str, degrees: float) -> Survey:
@@ -38,7 +38,7 @@ def mounted(survey: Survey, axis: str, degrees: float) -> Survey:
 def test_a_mount_that_is_turned_is_named_with_the_turn_that_mends_it(
     scene_factory: Callable[..., Scene], axis: str, degrees: float, said: str
 ) -> None:
-    message = turned_mount(mounted(scene_factory(4, frames=5).survey, axis, degrees))
+    message = find_turned_mount(mounted(scene_factory(4, frames=5).survey, axis, degrees))
     assert message is not None
     assert message.code == "mount-turned"
     assert said in message.text
@@ -48,7 +48,7 @@ def test_a_mount_that_is_turned_is_named_with_the_turn_that_mends_it(
 def test_a_mount_that_is_right_up_to_its_errors_is_not_accused(
     scene_factory: Callable[..., Scene], seed: int
 ) -> None:
-    assert turned_mount(scene_factory(seed, frames=1 + seed % 6).survey) is None
+    assert find_turned_mount(scene_factory(seed, frames=1 + seed % 6).survey) is None
 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.8])
@@ -60,9 +60,9 @@ def test_photos_from_one_place_or_one_photo_alone_accuse_nobody(
     still = np.tile(survey.seeds.center_world_m[:1], (4, 1))
     turned = np.tile(survey.seeds.world_from_camera[:1], (4, 1, 1))
     seeds = replace(survey.seeds, center_world_m=still, world_from_camera=turned)
-    assert turned_mount(replace(survey, seeds=seeds)) is None
-    assert turned_mount(mounted(scene_factory(3, frames=1).survey, "z", 180)) is None
-    assert turned_mount(scene_factory(3, telemetry=False, gauge="plane").survey) is None
+    assert find_turned_mount(replace(survey, seeds=seeds)) is None
+    assert find_turned_mount(mounted(scene_factory(3, frames=1).survey, "z", 180)) is None
+    assert find_turned_mount(scene_factory(3, telemetry=False, gauge="plane").survey) is None
 
 
 def headed(survey: Survey, degrees: float) -> Survey:
@@ -97,7 +97,7 @@ OBLIQUE, NADIR = {"frames": 5, "tilt": 0.7}, {"frames": 5, "tilt": 0.0}
 def test_headings_that_are_all_wrong_are_told_as_headings(
     scene_factory: Callable[..., Scene], seed: int, degrees: float, mending: str
 ) -> None:
-    message = turned_mount(headed(scene_factory(seed, **OBLIQUE).survey, degrees))
+    message = find_turned_mount(headed(scene_factory(seed, **OBLIQUE).survey, degrees))
     assert message is not None
     assert message.code == "mount-turned"
     assert message.text.startswith("All headings of the camera seem to be wrong by the same angle")
@@ -110,9 +110,9 @@ def test_of_photos_straight_down_a_turned_mount_is_told_and_no_heading(
 ) -> None:
     """Both are the same there."""
     survey = straight_down(scene_factory(4, **NADIR))
-    assert turned_mount(survey) is None
+    assert find_turned_mount(survey) is None
     for wrong in (mounted(survey, "z", degrees), headed(survey, degrees)):
-        message = turned_mount(wrong)
+        message = find_turned_mount(wrong)
         assert message is not None
         assert message.text.startswith("The camera seems to be mounted another way")
 
@@ -121,7 +121,7 @@ def test_of_photos_straight_down_a_turned_mount_is_told_and_no_heading(
 def test_a_turned_mount_of_oblique_photos_is_no_wrong_heading(
     scene_factory: Callable[..., Scene], degrees: float
 ) -> None:
-    message = turned_mount(mounted(scene_factory(4, **OBLIQUE).survey, "z", degrees))
+    message = find_turned_mount(mounted(scene_factory(4, **OBLIQUE).survey, "z", degrees))
     assert message is not None
     assert "about the optical axis" in message.text
 
@@ -133,4 +133,4 @@ def test_headings_that_are_right_up_to_their_errors_are_believed(
 ) -> None:
     survey = scene_factory(seed, **shape).survey
     for degrees in (0, -15, 15):
-        assert turned_mount(headed(survey, degrees)) is None
+        assert find_turned_mount(headed(survey, degrees)) is None

@@ -16,10 +16,10 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.ties import Sightings
 from uavgram.stages.refine.refine import refine
 from uavgram.stages.seed.headings import (
-    attitudes_by_ties,
+    find_attitudes_by_ties,
     find_headings,
-    tilts_between,
-    turns_about_up,
+    measure_tilts,
+    measure_turns,
 )
 
 TIES = 600
@@ -61,7 +61,7 @@ def with_ties(scene: PlaceOnly) -> PlaceOnly:
 
 def off_deg(scene: PlaceOnly, rotation: Floats) -> Floats:
     """(F,) by how much attitudes are turned about up from the true ones."""
-    return np.asarray(np.abs(np.degrees(turns_about_up(rotation, scene.rotation))))
+    return np.asarray(np.abs(np.degrees(measure_turns(rotation, scene.rotation))))
 
 
 @pytest.mark.parametrize("pitch_deg", [-90.0, -60.0])
@@ -73,7 +73,7 @@ def test_ties_turn_photos_to_their_headings(pitch_deg: float) -> None:
     turned, _ = find_headings(scene.survey)
     assert turned.seeds is not None
     assert off_deg(scene, turned.seeds.world_from_camera).max() < 25.0
-    found = attitudes_by_ties(scene.survey)
+    found = find_attitudes_by_ties(scene.survey)
     assert found is not None
     differences = found @ scene.rotation.transpose(0, 2, 1)
     np.testing.assert_allclose(differences, np.tile(differences[0], (6, 1, 1)), atol=0.02)
@@ -85,7 +85,7 @@ def test_places_that_contradict_the_ties_turn_nothing() -> None:
     assert seeds is not None
     mixed = seeds.center_world_m[[3, 0, 5, 1, 4, 2]] * [20.0, 20.0, 1.0]
     survey = replace(scene.survey, seeds=replace(seeds, center_world_m=mixed))
-    assert attitudes_by_ties(survey) is None
+    assert find_attitudes_by_ties(survey) is None
 
 
 def test_ties_tilt_photos_that_do_not_look_where_the_mount_says() -> None:
@@ -99,8 +99,8 @@ def test_ties_tilt_photos_that_do_not_look_where_the_mount_says() -> None:
     assert isinstance(track, PhotoExposures)
     assert [one.code for one in messages] == ["attitude-by-ties"]
     assert len(messages[0].frames) == 6
-    assert tilts_between(scene.survey.seeds.world_from_camera, scene.rotation).min() > 0.5
-    assert tilts_between(seeds.world_from_camera, scene.rotation).max() < 0.25
+    assert measure_tilts(scene.survey.seeds.world_from_camera, scene.rotation).min() > 0.5
+    assert measure_tilts(seeds.world_from_camera, scene.rotation).max() < 0.25
     assert off_deg(scene, seeds.world_from_camera).max() < 25.0
     # What the adjustment holds them to is the same, and says next to nothing.
     row = [track.frame_id.index(name) for name in turned.frame_id]

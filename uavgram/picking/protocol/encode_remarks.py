@@ -12,7 +12,7 @@ from uavgram.model.result.tables import PickResults
 from uavgram.model.result.verdict import Reason
 from uavgram.model.survey.observations import KnownLines
 from uavgram.picking.protocol.encode_mends import mends_json
-from uavgram.stages.judge.verdict import reason_of
+from uavgram.stages.judge.verdict import make_reason
 
 Json = dict[str, Any]
 
@@ -39,7 +39,7 @@ class Remarks:
 
     def of_message(self, message: Message) -> Json:
         """A warning that is no reason of the verdict."""
-        return self.json(reason_of(message), message)
+        return self.json(make_reason(message), message)
 
     def json(self, reason: Reason, at_length: Message | None = None) -> Json:
         """A reason of the verdict.

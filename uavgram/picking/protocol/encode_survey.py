@@ -22,7 +22,7 @@ from uavgram.picking.protocol.encode_standings import (
 from uavgram.picking.protocol.encode_verdict import measurement_standings, verdict_json
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 from uavgram.views.survey.verdict import named_picks
 from uavgram.views.wording import KNOWN_STATUS_WORDS
 
@@ -122,7 +122,7 @@ def messages_json(messages: Iterable[Message]) -> list[Json]:
     """Remarks, each once, warnings and errors first, those of one kind as one."""
     return [
         {"level": m.level, "code": m.code, "text": m.text, "labels": list(m.labels)}
-        for m in in_order(*messages)
+        for m in order_messages(*messages)
     ]
 
 

@@ -26,7 +26,7 @@ from uavgram.picking.session.proposed import Proposed
 from uavgram.pipeline.match.looking import look, reason, tasks
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places, places_in_other_photos
-from uavgram.stages.match import CONTRADICTED, NARROWED, pick_sigmas
+from uavgram.stages.match import CONTRADICTED, NARROWED_SHARE, pick_sigmas
 
 log = logging.getLogger(__name__)
 
@@ -227,4 +227,4 @@ def _is_open(outcome: Outcome | None, places: Places, row: int) -> bool:
         return False
     if outcome.found is not None:
         return not places.holds(row, (outcome.found.u_px, outcome.found.v_px))
-    return bool(places.radius_px[row] < NARROWED * outcome.radius_px)
+    return bool(places.radius_px[row] < NARROWED_SHARE * outcome.radius_px)

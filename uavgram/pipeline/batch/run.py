@@ -30,7 +30,7 @@ from uavgram.pipeline.cores import cores
 from uavgram.pipeline.executor.cluster import Cluster, on_cluster
 from uavgram.pipeline.executor.processes import Bounds, Ended, in_workers
 from uavgram.pipeline.versions import stamp
-from uavgram.stages.pooled import camera_drifts, pooled_fits
+from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
 from uavgram.views.batch_page import render_batch_page
 
 log = logging.getLogger(__name__)
@@ -206,8 +206,8 @@ def _batch(rows: tuple[SurveyRow, ...], seconds: float) -> Batch:
     made = stamp()
     return Batch(
         rows=rows,
-        pooled=pooled_fits(rows),
-        drifts=camera_drifts(rows),
+        pooled=pool_fits(rows),
+        drifts=find_camera_drifts(rows),
         version=made["version"],
         created_utc=made["created_utc"],
         seconds=seconds,

@@ -48,15 +48,15 @@ from uavgram.model.camera.tags import CameraTags
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.pipeline.versions import package_versions, stamp
-from uavgram.stages.calibrate.account import (
+from uavgram.stages.calibrate.assessment import (
+    add_common_error,
     common_error_message,
-    lens_effects,
-    unexplained_error,
-    with_common_error,
+    describe_lens_effects,
+    find_unexplained_error,
 )
 from uavgram.stages.calibrate.calibrate import calibrate as estimate
 from uavgram.stages.camera import assume_camera
-from uavgram.stages.messages import in_order
+from uavgram.stages.messages import order_messages
 from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
 from uavgram.views.calibration.report import render_calibration_report
 
@@ -206,17 +206,17 @@ def _account(
     )
     name = name or tags.camera_name or "camera"
     result = estimate(observations, options, name)
-    error_px = unexplained_error(result)
+    error_px = find_unexplained_error(result)
     if error_px:
-        result = estimate(with_common_error(observations, error_px), options, name)
+        result = estimate(add_common_error(observations, error_px), options, name)
     return CalibrationAccount(
         result=result,
         provenance=_provenance(result, files, board_text, tags),
         packages=package_versions(PACKAGES),
         without_board=_without_board(seen),
         common_error_px=error_px,
-        effects=lens_effects(result),
-        messages=in_order(*messages, *common_error_message(error_px), *result.messages),
+        effects=describe_lens_effects(result),
+        messages=order_messages(*messages, *common_error_message(error_px), *result.messages),
     )
 
 

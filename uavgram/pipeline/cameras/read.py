@@ -29,7 +29,7 @@ from uavgram.model.camera.tags import CameraTags
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.pipeline.versions import stamp
-from uavgram.stages.camera import WAY_OUT, assume_camera, find_camera
+from uavgram.stages.camera import REMEDY, assume_camera, find_camera
 
 
 def camera_of_drone(name: str) -> Calibration | None:
@@ -164,7 +164,7 @@ def camera_of_photos(
             raise InputError(
                 other.path,
                 f"{difference} {Path(first.path).name}, so one assumed camera cannot serve both: "
-                f"leave the others out, or {WAY_OUT}",
+                f"leave the others out, or {REMEDY}",
             )
     return assume_camera(first, drone_cameras(), may_be_unknown=may_be_unknown)
 

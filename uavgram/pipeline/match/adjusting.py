@@ -24,9 +24,9 @@ from uavgram.pipeline.measure.compute import assembled_survey, refined_survey
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
 from uavgram.stages.match import CONTRADICTED, Found, Pair
-from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.off_ground.heights import with_free
-from uavgram.stages.refine.sound_ties import with_sound_ties
+from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.off_ground import set_free_heights
+from uavgram.stages.refine.tie_outliers import remove_wrong_ties
 
 UNEVEN_M = 0.1
 """Least roughness of ground without a larger statement [m]: crown, gutter and kerb of a road."""
@@ -177,7 +177,7 @@ class Base:
         """Adjust with some finds, without outliers."""
         picks = with_found(self.inputs.picks, found)
         survey = assembled_survey(replace(self.inputs, picks=picks), self.posed).survey
-        sound = with_sound_ties(self._prepared(survey))
+        sound = remove_wrong_ties(self._prepared(survey))
         out = set(sound.matches_left_out)
         survey, adjustment = sound.survey, self._best(sound.survey)
         for _ in range(MOST_ROUNDS):  # now the ground and known heights take part
@@ -197,12 +197,12 @@ class Base:
         """Return the best adjustment without the observations left out of the full one."""
         refined = self.refined
         taking = Participants(survey, self.keep, refined.line_removed, {}, refined.known_removed)
-        return best_minima(taking).adjustment
+        return find_best_minima(taking).adjustment
 
     def _prepared(self, survey: Survey) -> Survey:
         """Set first poses and heights of the full adjustment, and ground that may be uneven."""
         refined = self.refined
-        survey = with_free(survey, sorted(refined.off_ground))
+        survey = set_free_heights(survey, sorted(refined.off_ground))
         rough = tuple(
             replace(ground, roughness_sigma_m=max(ground.roughness_sigma_m, UNEVEN_M))
             for ground in survey.grounds

@@ -14,7 +14,7 @@ from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.match.adjusting import LEAST_HEIGHT_M
 from uavgram.pipeline.match.looking import Photos
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.stages.match import Candidates, Found, Missed, Pair, pick_sigmas, radii
+from uavgram.stages.match import Candidates, Found, Missed, Pair, compute_radii, pick_sigmas
 
 HEIGHTS_M = -0.5, LEAST_HEIGHT_M, 10.0
 """Heights above the ground [m]: lower limit of the search, upper limit of finds that count as the
@@ -63,7 +63,9 @@ def look_up(
     known = np.linalg.eigvalsh(covariance)[:, 0] < ASIDE_PX**2
     known &= np.isin([candidates.pair[row][0] for row in rows], adjustment.survey.frame_id)
     results: dict[Pair, Found | Missed] = {}
-    for row, far in zip(rows[~known].tolist(), radii(covariance[~known]).tolist(), strict=True):
+    for row, far in zip(
+        rows[~known].tolist(), compute_radii(covariance[~known]).tolist(), strict=True
+    ):
         too_far = Missed(int(candidates.pick[row]), far, REASON[Refused.TOO_FAR])
         results[candidates.pair[row]] = too_far
     rows = rows[known]
@@ -94,7 +96,7 @@ def _of_pick(
     source, targets = photos.get(picks.image[pick]), [photos.get(image) for image, _ in pairs]
     found = found_on_line(source, targets, line)
     sigma = pick_sigmas(found.covariance_px2, np.ones(len(rows), np.bool_))
-    radius = radii(candidates.places.covariance_px2[rows]).tolist()
+    radius = compute_radii(candidates.places.covariance_px2[rows]).tolist()
     results: dict[Pair, Found | Missed] = {}
     for k, pair in enumerate(pairs):
         if found.refused[k]:

@@ -29,7 +29,7 @@ from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.match import Matches, Pair, turned_rad
+from uavgram.stages.match import Matches, Pair, measure_rotation_rad
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def _turned_rad(adjustment: Adjustment) -> float:
     prior = adjustment.survey.telemetry
     if prior is None:
         return 0.0
-    return turned_rad(adjustment.state.telemetry[BORESIGHT], prior.boresight_sigma_rad)
+    return measure_rotation_rad(adjustment.state.telemetry[BORESIGHT], prior.boresight_sigma_rad)
 
 
 def _unplaced(base: Base, adjustment: Adjustment, asked: Asked) -> tuple[str, ...]:

@@ -19,17 +19,17 @@ from uavgram.pipeline.match.raised import look_up
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match import (
     CONTRADICTED,
-    REGION,
+    REGION_SQUARED,
     Candidates,
     Found,
     Missed,
     Pair,
     Record,
-    contradicted,
-    lines_left,
-    next_places,
+    choose_lines,
+    choose_next_places,
+    compute_radii,
+    find_contradicted,
     pick_sigmas,
-    radii,
 )
 
 MOST_ROUNDS = 11
@@ -76,7 +76,10 @@ def searched(
     for left in reversed(range(MOST_ROUNDS)):
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
-        rows, lines = next_places(candidates, asked, record), lines_left(candidates, asked, record)
+        rows, lines = (
+            choose_next_places(candidates, asked, record),
+            choose_lines(candidates, asked, record),
+        )
         missed = record.in_vain.keys() - _silent(candidates, record)
         off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
         as_ground = [pair for pair in record.found if pair[1] in off]  # its patch may be wrong
@@ -120,7 +123,7 @@ def _silent(candidates: Candidates, record: Record) -> set[Pair]:
                 across = np.array([-1.0, 1.0]) * places.rise[row, ::-1]
                 off = across @ (np.array(missed.pixel_px) - places.pixel_px[row])
                 spread = places.covariance_px2[row] + LEAST_PX**2 * np.eye(2)
-                if off**2 > REGION * (across @ spread @ across):
+                if off**2 > REGION_SQUARED * (across @ spread @ across):
                     silent.add(pair)
     return silent
 
@@ -175,7 +178,7 @@ def _agreeing_in_photos(
         joint = candidates.places.joint_covariance(adjustment, some)
         off = np.array([one.pixel_px for one in own.values()]) - candidates.places.pixel_px[some]
         sigma = np.hypot([one.sigma_px for one in own.values()], LEAST_PX)
-        for row in some[contradicted(off, joint, sigma)].tolist():
+        for row in some[find_contradicted(off, joint, sigma)].tolist():
             results[candidates.pair[row]] = own[row].missed(CONTRADICTED)
     return results
 
@@ -202,7 +205,7 @@ def _not_again(
         if isinstance(one, Found) and any(missed.why == CONTRADICTED for missed in before):
             off = np.array(one.pixel_px) - places.pixel_px[row]
             spread = places.covariance_px2[row] + one.sigma_px**2 * np.eye(2)
-            if off @ np.linalg.solve(spread, off) > REGION:
+            if off @ np.linalg.solve(spread, off) > REGION_SQUARED:
                 results[pair] = one.missed(CONTRADICTED)
     return results
 
@@ -257,7 +260,7 @@ def _looked(
     pairs = [candidates.pair[row] for row in rows]
     work = tasks([project.image[i] for i in pick], [image for image, _ in pairs], sought)
     found = look(photos, work, len(rows), progress)
-    radius = radii(places.covariance_px2[rows])
+    radius = compute_radii(places.covariance_px2[rows])
     stated = pick_sigmas(found.covariance_px2, candidates.is_raised[rows])
     results: dict[Pair, Found | Missed] = {}
     for k, (pair, own) in enumerate(zip(pairs, pick.tolist(), strict=True)):

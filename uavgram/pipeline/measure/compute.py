@@ -47,24 +47,24 @@ from uavgram.pipeline.measure.observations import (
 from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
 from uavgram.pipeline.versions import package_versions, stamp
 from uavgram.stages.assemble import Assembled, assemble
-from uavgram.stages.camera import ASSUMED_CAMERA, UNKNOWN_CAMERA, what_was_learnt
+from uavgram.stages.camera import ASSUMED_CAMERA, UNKNOWN_CAMERA, report_learnt_camera
 from uavgram.stages.duplicates import Duplicates
-from uavgram.stages.judge import judge_makers, pass_verdict
+from uavgram.stages.judge import determine_verdict, judge_makers
 from uavgram.stages.measure import (
+    add_alternatives,
+    check_second_order,
+    compute_profiles,
+    describe_scale_basis,
     measure,
     measurement_results,
-    profiles,
-    scale_basis,
-    second_order,
-    with_alternatives,
 )
-from uavgram.stages.messages import in_order, without_the_innocent
-from uavgram.stages.monte_carlo import compare, sample
-from uavgram.stages.reading_steps import with_reading_step
+from uavgram.stages.messages import downgrade_explained, order_messages
+from uavgram.stages.monte_carlo import compare, sample_observations
+from uavgram.stages.reading_steps import apply_reading_step
 from uavgram.stages.reconstruct import reconstruct
 from uavgram.stages.refine import refine
 from uavgram.stages.seed.headings import find_headings
-from uavgram.stages.seed.mount import turned_mount
+from uavgram.stages.seed.mount import find_turned_mount
 from uavgram.stages.summarise import (
     summarise_areas,
     summarise_frames,
@@ -138,7 +138,7 @@ def compute(
     sampled, sampled_messages = _sampled(inputs, posed.frames, adjustment, measured.table, sampling)
     judged = judge_survey(inputs, assembled, refined, values, posed.frames, check)
     shared = summarise_shared(adjustment, posed.frames.clock_offset_s)
-    messages = in_order(
+    messages = order_messages(
         *inputs.messages,
         *duplicates.messages,
         *posed.messages,
@@ -149,18 +149,20 @@ def compute(
         *_unjudged(inputs, world),
         *assembled.messages,
         *heading_messages,
-        *without_the_innocent(refine_messages, refined.causes),
-        *scale_basis(adjustment),
+        *downgrade_explained(refine_messages, refined.causes),
+        *describe_scale_basis(adjustment),
         *_learnt(inputs, shared),
         *measured.messages,
         *sampled_messages,
-        *without_the_innocent(judged.messages, refined.causes),
+        *downgrade_explained(judged.messages, refined.causes),
         *judge_makers(judged.picks, measured.table),
     )
     tied = summarise_ties(adjustment, posed.frames.frame_id)
     still = {cause.message.code for cause in refined.causes if cause not in mended}
     put_right = {cause.message.code for cause in mended} - still
-    verdict, status = pass_verdict(messages, judged.fit, judged.examined, measured.table, put_right)
+    verdict, status = determine_verdict(
+        messages, judged.fit, judged.examined, measured.table, put_right
+    )
     result = Result(
         name=inputs.project.name,
         provenance=_provenance(inputs, sampling),
@@ -180,7 +182,7 @@ def compute(
         control_lines=judged.control_lines,
         picks=judged.picks,
         measurements=replace(measured.table, status=status),
-        profiles=profiles(adjustment, inputs.requests),
+        profiles=compute_profiles(adjustment, inputs.requests),
         second_order=measured.curvature,
         monte_carlo=sampled,
         evidence=judged.evidence,
@@ -212,7 +214,7 @@ def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
 
 def _with_reading_step(inputs: Inputs) -> tuple[Inputs, tuple[Message, ...]]:
     """Enlarge the sigmas of lengths that were rounded, and report it."""
-    lines, messages = with_reading_step(inputs.lines)
+    lines, messages = apply_reading_step(inputs.lines)
     return replace(inputs, lines=lines), messages
 
 
@@ -281,7 +283,7 @@ def _world(project: Project, world: World, gauge: Literal["world", "plane"]) -> 
 
 def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
     """Adjust the survey; a wrongly mounted camera is the first suspect."""
-    mount = turned_mount(survey)
+    mount = find_turned_mount(survey)
     if survey.telemetry is None and survey.gauge == "world":
         # Nothing but known points and lines places the frames: their first poses are from these.
         by_points = known_point_poses(survey)
@@ -315,11 +317,11 @@ def _measured(
         table = replace(table, sigma_stated=stated.sigma)
     curvature: SecondOrder | None = None
     if curved:
-        curvature, more = second_order(refined.adjustment, values, table, frames)
+        curvature, more = check_second_order(refined.adjustment, values, table, frames)
         messages += more
     rivals = filter(None, (*refined.alternatives, refined.mirrored, *refined.rival_clicks.values()))
     others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one in rivals)
-    table = with_alternatives(table, others)
+    table = add_alternatives(table, others)
     return _Measured(table, curvature, others[: len(refined.alternatives)], messages)
 
 
@@ -333,7 +335,9 @@ def _sampled(
     """Run the Monte Carlo check, if requested."""
     if sampling is None:
         return None, ()
-    found, left_out = sample(adjustment, inputs.requests, frames, sampling.count, sampling.seed)
+    found, left_out = sample_observations(
+        adjustment, inputs.requests, frames, sampling.count, sampling.seed
+    )
     return found, (*compare(table, found), *left_out)
 
 
@@ -341,7 +345,7 @@ def _learnt(inputs: Inputs, shared: SharedResult) -> tuple[Message, ...]:
     """Report the information of the survey on its camera."""
     is_assumed = any(m.code in _GUESSED for m in inputs.messages)
     learnt = learnt_camera(inputs.calibration, shared.intrinsics)
-    return what_was_learnt(learnt, is_assumed=is_assumed)
+    return report_learnt_camera(learnt, is_assumed=is_assumed)
 
 
 def _map_crs(project: Project, world: World) -> str | None:

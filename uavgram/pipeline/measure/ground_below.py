@@ -12,7 +12,7 @@ from uavgram.io.photos.metadata import read_exif_place
 from uavgram.io.photos.poses.read import read_photo_poses
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
-from uavgram.stages.seed.photo_exposures import ABOVE_GROUND_M
+from uavgram.stages.seed.photo_exposures import DEFAULT_HEIGHT_M
 
 ABOVE_GROUND_SIGMA_M = 40.0
 """Sigma of `ABOVE_GROUND_M`."""
@@ -37,7 +37,7 @@ def ground_below(source: str, photos: Photos) -> AssumedOrigin | None:
     return AssumedOrigin(
         latitude_deg=float(poses.latitude_deg[0]),
         longitude_deg=float(poses.longitude_deg[0]),
-        height_m=float(np.median(stated)) - ABOVE_GROUND_M if stated.size else 0.0,
+        height_m=float(np.median(stated)) - DEFAULT_HEIGHT_M if stated.size else 0.0,
         height_sigma_m=ABOVE_GROUND_SIGMA_M,
         datum=poses.datum,
     )

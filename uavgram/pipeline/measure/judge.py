@@ -20,7 +20,8 @@ from uavgram.stages.assemble import Assembled
 from uavgram.stages.judge import (
     Fit,
     TestedSurvey,
-    fit_of,
+    compare_withheld,
+    compute_fit,
     judge_control_lines,
     judge_fit,
     judge_groups,
@@ -36,7 +37,6 @@ from uavgram.stages.judge import (
     judge_unchecked,
     judge_weakest,
     run_tests,
-    withheld_values,
 )
 
 Table = TypeVar("Table")
@@ -84,7 +84,7 @@ def judge_survey(
     """
     significance = inputs.project.solve.significance
     lines, index = inputs.lines, assembled.line_index
-    withheld = withheld_values(refined.adjustment, lines, check)
+    withheld = compare_withheld(refined.adjustment, lines, check)
     examined = run_tests(refined, measured, significance, withheld)
     picks, pick_effects = judge_picks(
         examined, inputs.picks, assembled.pick_sigma_px, assembled.pick_index
@@ -96,12 +96,12 @@ def judge_survey(
     point_checks, unseen_messages = _first_and_last(
         [judge_points(one, check, significance) for one in both]
     )
-    each = (withheld, *(withheld_values(one, lines, check) for one in both[1:]))
+    each = (withheld, *(compare_withheld(one, lines, check) for one in both[1:]))
     overall, overall_messages = _first_and_last(
         [judge_overall(*one, significance) for one in zip(both, each, strict=True)]
     )
     groups, group_messages = _first_and_last([judge_groups(one, significance) for one in both])
-    fit = fit_of(refined, line_results, known, point_checks, overall)
+    fit = compute_fit(refined, line_results, known, point_checks, overall)
     return Judgement(
         examined=examined,
         fit=fit,

@@ -17,7 +17,7 @@ from uavgram.model.survey.survey import World
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import known_in_world
 from uavgram.stages.assemble import Assembled
-from uavgram.stages.plate_sides import SQUARE, own_scale, with_plate_sides
+from uavgram.stages.plate_sides import SQUARE, add_plate_sides, own_scale_sigma
 
 
 def with_mends(inputs: Inputs, assembled: Assembled, causes: Iterable[Cause]) -> Inputs:
@@ -105,12 +105,12 @@ def with_sides(lines: KnownLines, picks: Picks, targets: TargetOptions | None) -
     """
     if targets is None:
         return lines
-    return with_plate_sides(lines, picks, plate_outline(targets), targets.sigma_m)
+    return add_plate_sides(lines, picks, plate_outline(targets), targets.sigma_m)
 
 
 def plate_scale(targets: TargetOptions | None) -> tuple[tuple[str, float], ...]:
     """Return name and prior of the common scale of all plates."""
-    return () if targets is None else own_scale(plate_outline(targets), targets.sigma_m)
+    return () if targets is None else own_scale_sigma(plate_outline(targets), targets.sigma_m)
 
 
 def with_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[Message, ...]]:

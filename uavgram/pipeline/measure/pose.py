@@ -29,13 +29,13 @@ from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.survey import Geodetic, World
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
 from uavgram.stages.seed import seed
-from uavgram.stages.seed.fault_effects import fault_messages
+from uavgram.stages.seed.fault_effects import report_faults
 from uavgram.stages.seed.log_faults import find_faults
-from uavgram.stages.seed.logged_positions import positions_at
+from uavgram.stages.seed.logged_positions import compute_positions
 from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
 from uavgram.stages.seed.track import build_track, find_home, gather_evidence
 from uavgram.stages.synchronise import Synchronised, synchronise
-from uavgram.stages.synchronise.by_ties import poses_of
+from uavgram.stages.synchronise.tied_times import poses_of
 
 Place = tuple[float, float, float]
 
@@ -119,7 +119,7 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
     place = _stated_origin(inputs, datum) or home
     if matched.boot.attitudes is None:
         exposures, more = place_photos(
-            positions_at(frames, matched.boot, matched.clock),
+            compute_positions(frames, matched.boot, matched.clock),
             place,
             project.mount,
             project.telemetry,
@@ -132,7 +132,7 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
     )
     evidence = gather_evidence(matched.boot, matched.clock, place)
     faults = find_faults(track, evidence, frames.time_utc_s[frames.matched])
-    log_messages = fault_messages(faults, evidence, frames)
+    log_messages = report_faults(faults, evidence, frames)
     messages = (*log_messages, *matched.messages, *home_messages, *track_messages)
     posed = _seeded(inputs, frames, track, (place, datum), messages, faults)
     return replace(posed, pairing=matched.pairing)

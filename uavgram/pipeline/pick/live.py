@@ -34,7 +34,7 @@ from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.observations import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.linear_update import linear_update
+from uavgram.stages.linear_update import update_linearly
 
 NOTHING_PICKED = (
     "Nothing is picked yet. Click a point on the ground in a photo; a second one makes a distance, "
@@ -195,7 +195,7 @@ class LiveSurvey:
         taken = _project_lines(base.adjustment, was)
         if taken is None:
             return None
-        update = linear_update(base.adjustment, picks.pixel_px[rows], lines.length_m[taken])
+        update = update_linearly(base.adjustment, picks.pixel_px[rows], lines.length_m[taken])
         return Linearised(
             base=base,
             value=values_at(

@@ -16,7 +16,7 @@ from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import planned_places
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.products.map_layers import shown_poses
-from uavgram.stages.same_ground import same_ground as ground_in_photos
+from uavgram.stages.same_ground import find_same_ground as ground_in_photos
 
 
 @dataclass(frozen=True, eq=False)

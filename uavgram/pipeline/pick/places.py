@@ -22,9 +22,9 @@ from uavgram.pipeline.match.search import LEAST_PX, sought_at
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.match import REGION, contradicted, radii, stretches
+from uavgram.stages.match import REGION_SQUARED, compute_radii, compute_stretches, find_contradicted
 from uavgram.stages.products.mission import planned_origin
-from uavgram.stages.refine.more_picks import MorePicks, with_more_picks
+from uavgram.stages.refine.readjustment import MorePicks, add_picks
 
 LAID_SIGMA_M = 0.5
 """Standard deviation of an object laid by paces and sight [m]: half a step."""
@@ -102,7 +102,7 @@ class Places:
         at = self.row[row]
         off = np.array(pixel_px) - self.predicted.pixel_px[at]
         covariance = self.predicted.covariance_px2[at] + LEAST_PX**2 * np.eye(2)
-        return bool(off @ np.linalg.solve(covariance, off) <= REGION)
+        return bool(off @ np.linalg.solve(covariance, off) <= REGION_SQUARED)
 
     def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
         """Mark finds (m,) in one photo that the others there contradict.
@@ -117,7 +117,7 @@ class Places:
         at = self.row[rows]
         joint = self.predicted.joint_covariance(self.adjustment, at)
         off = pixel_px - self.predicted.pixel_px[at]
-        return contradicted(off, joint, np.hypot(sigma_px, LEAST_PX))
+        return find_contradicted(off, joint, np.hypot(sigma_px, LEAST_PX))
 
     def sought(self, picks: Picks, rows: Ints) -> Sought:
         """Convert places to the input of the matching."""
@@ -185,12 +185,12 @@ def _most_alike(adjustment: Adjustment, found: Transferred, pick: Ints, picks: P
         Present picks.
     """
     best: dict[tuple[str, str], int] = {}
-    for row in np.argsort(stretches(found.affine), kind="stable").tolist():
+    for row in np.argsort(compute_stretches(found.affine), kind="stable").tolist():
         best.setdefault((found.frame_id[row], picks.label[pick[row]]), row)
     rows = np.array(sorted(best.values()), dtype=np.int64)
     label = tuple(picks.label[i] for i in pick[rows])
     image = tuple(found.frame_id[row] for row in rows)
-    radius = radii(found.covariance_px2[rows])
+    radius = compute_radii(found.covariance_px2[rows])
     raised = adjustment.survey.off_ground[adjustment.label_rows(label)]
     return Places(pick[rows], image, label, radius, raised, rows, found, adjustment)
 
@@ -219,4 +219,4 @@ def _up_to_date(survey: LiveSurvey, last: Adjusted, picks: Picks) -> Adjustment:
         picks.pixel_px[rows].reshape(-1, 2),
         sigma[rows],
     )
-    return with_more_picks(adjustment, more, UNEVEN_M)
+    return add_picks(adjustment, more, UNEVEN_M)

@@ -8,7 +8,7 @@ from uavgram.model.result.tables import ProfileResults
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.pipeline.pick.live import Adjusted
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.stages.measure import profiles
+from uavgram.stages.measure import compute_profiles
 
 
 @with_one_blas_thread
@@ -42,5 +42,5 @@ def side_view(adjusted: Adjusted, name: str) -> ProfileResults | None:
         away = np.array([place[one] for one in label])[:, :2] - place[label[0]][:2]
         label.append(label.pop(int(np.argmax(np.hypot(*away.T)))))
     along = MeasurementRequest(name=name, kind="profile", points=tuple(label))
-    found = profiles(adjusted.adjustment, (along,))
+    found = compute_profiles(adjusted.adjustment, (along,))
     return found if found.label else None

@@ -15,8 +15,8 @@ from uavgram.model.camera.calibration_result import (
     CalibrationResult,
     ModelScore,
 )
-from uavgram.stages.calibrate.assessed import AssessedCalibration, judge, usable_photos
-from uavgram.stages.calibrate.choice import Candidate, choose_and_estimate, start_staged
+from uavgram.stages.calibrate.assessment import AssessedCalibration, judge, usable_photos
+from uavgram.stages.calibrate.model_choice import Candidate, choose_and_estimate, start_staged
 from uavgram.stages.calibrate.remarks import remarks
 from uavgram.stages.calibrate.tables import corner_results, image_maps, photo_results
 from uavgram.stages.calibrate.two_cameras import refuse_two_cameras

@@ -21,7 +21,7 @@ from uavgram.model.camera.board import LensSetting
 from uavgram.model.camera.calibration_result import CalibrationResult, ModelScore
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import figures
-from uavgram.stages.calibrate.assessed import AssessedCalibration
+from uavgram.stages.calibrate.assessment import AssessedCalibration
 
 FEW_PHOTOS = 10
 SMALL_SPREAD_DEG = 5.0

@@ -24,7 +24,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.calibration_result import CornerResults, ImageMaps, PhotoResults, Status
 from uavgram.model.flight.pose import Poses
-from uavgram.stages.calibrate.assessed import AssessedCalibration, LeftOut
+from uavgram.stages.calibrate.assessment import AssessedCalibration, LeftOut
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,8 @@ from uavgram.estimation.calibration.two_cameras import Split, best_split
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
-from uavgram.stages.calibrate.assessed import PHOTO_FACTOR_SIGNIFICANCE, AssessedCalibration
-from uavgram.stages.calibrate.choice import extended
+from uavgram.stages.calibrate.assessment import PHOTO_FACTOR_SIGNIFICANCE, AssessedCalibration
+from uavgram.stages.calibrate.model_choice import extended
 from uavgram.stages.calibrate.remarks import shows_rolling_shutter
 
 

@@ -53,7 +53,7 @@ class Withheld:
         return np.asarray(np.abs(self.error) <= limit * np.sqrt(np.diag(self.joint)))
 
 
-def withheld_values(
+def compare_withheld(
     adjustment: Adjustment, lines: KnownLines, known: KnownWorldPoints
 ) -> Withheld | None:
     """Compare withheld values with an adjusted survey; None where none was withheld, or was seen.
@@ -124,8 +124,8 @@ def judge_overall(
     )
     if overall.probability >= significance or not adjustment.minimum.converged:
         return overall, ()
-    off = _off_alone(error, joint, withheld.of, significance)
-    return overall, (_message(overall, list(withheld.names), off, lengths),)
+    off = _find_single_misfits(error, joint, withheld.of, significance)
+    return overall, (_checks_message(overall, list(withheld.names), off, lengths),)
 
 
 def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
@@ -148,7 +148,7 @@ def _values(adjustment: Adjustment, taped: Taped, label: Ints) -> tuple[Floats, 
     return value, unknown, gradient
 
 
-def _off_alone(error: Floats, joint: Floats, of: Ints, significance: float) -> list[int]:
+def _find_single_misfits(error: Floats, joint: Floats, of: Ints, significance: float) -> list[int]:
     """Find few checks that do not fit by themselves, if all others fit without them; else none.
 
     Parameters
@@ -171,7 +171,9 @@ def _off_alone(error: Floats, joint: Floats, of: Ints, significance: float) -> l
     return off if upper_tail(squared, len(rest)) >= significance else []
 
 
-def _message(overall: ChecksOverall, names: list[str], off: list[int], lengths: int) -> Message:
+def _checks_message(
+    overall: ChecksOverall, names: list[str], off: list[int], lengths: int
+) -> Message:
     """Report a misfit of the checks: `off` are rows of `names`, of which the first are lengths."""
     cause = (
         "the stated sigmas of lengths, picks or log are too small, or something common to all is "
@@ -196,7 +198,7 @@ def _message(overall: ChecksOverall, names: list[str], off: list[int], lengths: 
     )
 
 
-FEW = 3
+FEW_CHECKS = 3
 """Number of check points above which a misfit of most of them is one fault and not several."""
 
 
@@ -245,11 +247,11 @@ def judge_points(
     ]
     if adjustment.minimum.converged:
         off = [upper_tail(float(each), 3) < significance for each in squared]
-        messages += _suspects(checks, known.world_m[seen], np.flatnonzero(off))
+        messages += _report_suspects(checks, known.world_m[seen], np.flatnonzero(off))
     return checks, tuple(messages)
 
 
-def _suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[Message]:
+def _report_suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[Message]:
     """Report each check point that is off; or all in one message, where most of several are.
 
     Parameters
@@ -262,7 +264,7 @@ def _suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[Message]
         Rows of those that are off.
     """
     found_m = stated_m + checks.error_m
-    if len(off) < FEW or 2 * len(off) <= len(checks.label):
+    if len(off) < FEW_CHECKS or 2 * len(off) <= len(checks.label):
         return [_off(checks, int(i), likely_fault(stated_m[i], found_m[i])) for i in off]
     middle, sigma = (np.median(each[off], axis=0) for each in (-checks.error_m, checks.sigma_m))
     likely = likely_fault(*(np.median(each[off], axis=0) for each in (stated_m, found_m)))

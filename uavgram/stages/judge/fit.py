@@ -1,29 +1,36 @@
-"""Test whether picks, lengths, ground and camera fit together.
+"""Tests of the fit: picks, lengths, ground and camera; variance factors; majority of known things.
 
 Priors of the telemetry are meant to be generous: they are left out, as they would weaken the test.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from scipy.special import ndtr
 
-from uavgram.estimation.reliability.redundancy import core_fit, upper_tail
+from uavgram.estimation.reliability.redundancy import core_fit, group_fit, most_gross, upper_tail
+from uavgram.estimation.reliability.stated_values import mistake
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.model.message import Message
+from uavgram.estimation.survey.observations.kinds import kind_of
+from uavgram.estimation.survey.observations.observation import Kind
+from uavgram.model.arrays import Ints
+from uavgram.model.message import Message, Several
+from uavgram.model.naming import figures, listed
 from uavgram.model.result.known import KnownResults
 from uavgram.model.result.reliability import ChecksOverall
+from uavgram.model.result.result import GroupFactor
 from uavgram.model.result.tables import LineResults, PointChecks
 
-RARE = 0.001
+MISFIT_PROBABILITY = 0.001
 """Probability by chance below which observations do not fit."""
 
-CONTRADICTED = 1e-5
+CONTRADICTION_PROBABILITY = 1e-5
 """Probability by chance below which the observations contradict each other: of 500 surveys without
 errors, at most one in 200 such sets should have one."""
 
-MOST_ALONE = 2
+MAX_SINGLE_CHECKS = 2
 """Number of withheld things up to which one that does not fit is no less reliable than the
 others."""
 
@@ -51,7 +58,7 @@ class Fit:
     check_labels: frozenset[str] = frozenset()
 
 
-def fit_of(
+def compute_fit(
     refined: Refined,
     lines: LineResults,
     known: KnownResults,
@@ -86,9 +93,11 @@ def fit_of(
     ]
     together = [] if overall is None else [overall.probability]
     each = sorted(probability for probability, _ in checks)
-    if len(each) > MOST_ALONE and each[0] < RARE <= each[1]:
+    if len(each) > MAX_SINGLE_CHECKS and each[0] < MISFIT_PROBABILITY <= each[1]:
         together, each = [], each[1:]
-    contradicted = [labels for probability, labels in checks if probability < CONTRADICTED]
+    contradicted = [
+        labels for probability, labels in checks if probability < CONTRADICTION_PROBABILITY
+    ]
     return Fit(
         core=core_fit(refined.adjustment).probability,
         stated=core_fit(refined.stated or refined.adjustment).probability,
@@ -108,9 +117,9 @@ def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
         The survey adjusted without its suspects, which explain their own misfit.
     """
     core = max(fit.core, core_fit(rest).probability)
-    if core >= RARE or not rest.minimum.converged:
+    if core >= MISFIT_PROBABILITY or not rest.minimum.converged:
         return ()
-    contradicted = core < CONTRADICTED
+    contradicted = core < CONTRADICTION_PROBABILITY
     what = "contradict each other" if contradicted else "do not fit together as they should"
     verb = "use" if contradicted else "rely on"
     why = ", and no single cause explains it all"
@@ -123,3 +132,135 @@ def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
         f"up: {look} (probability by chance {core:.1g})."
     )
     return (Message("warning", "misfit", text),)
+
+
+MIN_VARIANCE_FACTOR = 0.4
+"""Variance factor below which stated sigmas are far too wide; those of priors are meant to be
+generous, and surveys without errors are above it."""
+
+
+def judge_groups(
+    adjustment: Adjustment, significance: float
+) -> tuple[tuple[GroupFactor, ...], tuple[Message, ...]]:
+    """Compute the variance factor of each group of observations, and report misfits.
+
+    A message on each factor that is too large, and one where that of the whole survey is far too
+    small. No message where the adjustment did not converge.
+
+    Parameters
+    ----------
+    adjustment
+        The adjusted survey.
+    significance
+        Probability of a false suspicion in a survey without errors.
+    """
+    silent = not adjustment.minimum.converged
+    groups, messages = [], []
+    for name, block in adjustment.minimum.blocks.items():
+        kind = kind_of(name)
+        if kind.role == "construction" and not kind.is_judged:
+            continue
+        fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
+        groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
+        if fit.probability < significance and kind.check and not silent:
+            messages.append(_report_misfit(kind, fit.variance_factor, fit.probability))
+    if adjustment.minimum.converged:
+        messages += _report_wide_sigmas(adjustment, groups, significance)
+    return tuple(groups), tuple(messages)
+
+
+def _report_misfit(kind: Kind, factor: float, probability: float) -> Message:
+    what, cause = kind.plural, kind.check
+    how = f"variance factor {factor:.1f}, probability {probability:.1g}"
+    until = "Until this is cleared up, the uncertainties of the results are too small"
+    return Message(
+        "warning",
+        "group-misfit",
+        f"The {what} do not fit as well as their stated errors promise: look at {cause}. {until} "
+        f"({how}).",
+        several=Several(
+            "{count} kinds of observations do not fit as well as their stated errors promise",
+            f"{what}: look at {cause} ({how})",
+            ending=f"{until}.",
+        ),
+    )
+
+
+def _report_wide_sigmas(
+    adjustment: Adjustment, groups: list[GroupFactor], significance: float
+) -> Iterator[Message]:
+    """Report a fit that is far better than the stated sigmas."""
+    cost = adjustment.minimum.cost
+    degrees = adjustment.degrees_of_freedom
+    if degrees <= 0 or cost > MIN_VARIANCE_FACTOR * degrees:
+        return
+    probability = upper_tail(cost, degrees)
+    if probability < 1.0 - significance:
+        return
+    wide = [
+        g
+        for g in groups
+        if g.variance_factor < MIN_VARIANCE_FACTOR and g.probability > 1.0 - significance
+    ]
+    named = sorted(wide, key=lambda g: -g.redundancy)
+    which = ", ".join(
+        f"{kind_of(g.name).plural or g.name.replace('_', ' ')} ({figures(g.variance_factor)})"
+        for g in named
+    )
+    text = (
+        "Everything fits far better than stated: the stated errors are far too wide, and so are "
+        "the uncertainties of the results. State them as they are: picks_sigma_px, sigma_m of the "
+        f"lengths, ground, telemetry (variance factor {figures(cost / degrees)}, probability "
+        f"{probability:.7g}" + (f"; by group: {which})." if which else ").")
+    )
+    yield Message("info", "sigmas-too-wide", text)
+
+
+def judge_majority(
+    refined: Refined, line_index: Ints, lines: LineResults, known: KnownResults
+) -> tuple[Message, ...]:
+    """Report lengths and known things where those that fit may be the wrong ones.
+
+    Parameters
+    ----------
+    refined
+        The adjusted survey, its removals, and the causes of its misfits.
+    line_index
+        (L,) row of each length in the survey given to refine; -1 where it is not in it.
+    lines, known
+        Tables with their statuses.
+    """
+    out = {(one.kind, one.index) for one in refined.removals}
+    line_out = [("line", int(k)) in out for k in line_index]
+    known_out = [("known", i) in out for i in range(len(known.name))]
+    faults = _faults(refined, lines, line_out)
+    for i, name in enumerate(known.name):
+        if known_out[i] or known.status[i] == "suspect":
+            faults[name] = ("known", i)
+    used = (*lines.status, *known.status).count("used")
+    count = len(faults) + used
+    if len(set(faults.values())) <= most_gross(count):
+        return ()
+    text = (
+        f"{len(faults)} of {count} known lengths and things do not fit the others. These are too "
+        "many to be the exception: those that do fit may be the wrong ones, so do not use these "
+        "numbers. Look for what they have in common, such as a tape, a unit or a label: "
+        f"{listed(map(repr, faults))}."
+    )
+    return (Message("warning", "many-suspects", text),)
+
+
+def _faults(refined: Refined, lines: LineResults, out: Sequence[bool]) -> dict[str, object]:
+    """Return the fault of each length that does not fit: a cause, a likely mistake, or itself.
+
+    Several lengths in another unit have one fault.
+    """
+    causes = {name: ("cause", k) for k, one in enumerate(refined.causes) for name in one.settles}
+    sigma = lines.adjusted_sigma_m
+    return {
+        name: causes.get(name)
+        or mistake(lines.length_m[i], lines.sigma_m[i], lines.adjusted_m[i], sigma[i])
+        or ("length", i)
+        for i, name in enumerate(lines.name)
+        if out[i] or lines.status[i] == "suspect"
+    }

@@ -1,8 +1,9 @@
-"""Adjusted value, residual, test statistic and status of all known things."""
+"""Residual, test statistic and status of known things and lines of known position."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import cast
 
 import numpy as np
 from scipy.special import ndtri
@@ -11,12 +12,20 @@ from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.known import known_rows, named_thing
+from uavgram.geometry.ground.line_of_position import beside_line
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.naming import figures
-from uavgram.model.result.known import NOTHING_KNOWN, KnownResults, KnownStatus
-from uavgram.model.survey.known import KnownThing, KnownThings
-from uavgram.stages.judge.lines import PICK_OR_CORRECT, no_pick_of
+from uavgram.model.result.known import (
+    NO_LINES_OF_POSITION,
+    NOTHING_KNOWN,
+    ControlLineResults,
+    KnownResults,
+    KnownStatus,
+    LineOfPositionStatus,
+)
+from uavgram.model.survey.known import KnownThing, KnownThings, LinePosition
+from uavgram.stages.judge.lines import PICK_OR_CORRECT, describe_missing_picks
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 _COLUMNS = ("adjusted", "adjusted_sigma", "residual", "w", "redundancy", "mdb")
@@ -44,7 +53,7 @@ def judge_known(
     _fit_of_observed(examined, columns)
     used = {thing.index for thing in adjustment.survey.known}
     idle = used - {thing.index for thing in adjustment.problem.known}
-    suspect = _suspect(examined)
+    suspect = _find_suspects(examined)
     status: list[KnownStatus] = []
     messages: list[Message] = []
     for i in range(len(known.name)):
@@ -70,7 +79,7 @@ def judge_known(
         status=tuple(status),
         **columns,
     )
-    messages += [_left_out(results, i) for i in _gross(examined)]
+    messages += [_left_out(results, i) for i in _find_gross(examined)]
     unexplained = {name: np.full(len(known.name), np.nan) for name in _COLUMNS}
     _values(examined.without_suspects, things, {thing.index for thing in withheld}, unexplained)
     messages += [
@@ -136,7 +145,7 @@ def _rows(examined: TestedSurvey) -> Iterator[tuple[KnownThing, Ints]]:
         yield thing, np.flatnonzero(tested.problem.known_thing == k)
 
 
-def _suspect(examined: TestedSurvey) -> set[int]:
+def _find_suspects(examined: TestedSurvey) -> set[int]:
     """Return the numbers of the things that do not fit."""
     if "known" not in examined.groups:
         return set()
@@ -149,7 +158,7 @@ def _is_off(examined: TestedSurvey, results: KnownResults, thing: KnownThing) ->
     return results.status[thing.index] == "checked" and examined.significant(w)
 
 
-def _gross(examined: TestedSurvey) -> list[int]:
+def _find_gross(examined: TestedSurvey) -> list[int]:
     """Return the numbers of things that were left out before any test."""
     removals = examined.refined.removals
     return [r.index for r in removals if r.kind == "known" and r.before is None]
@@ -160,7 +169,10 @@ def _left_out(results: KnownResults, i: int) -> Message:
     found = (
         f" (sigma {figures(results.adjusted_sigma[i])})" if results.adjusted_sigma[i] > 0 else ""
     )
-    how, why = f"{stated(results, i)}{found}", "With so gross an error, nothing else would fit."
+    how, why = (
+        f"{describe_values(results, i)}{found}",
+        "With so gross an error, nothing else would fit.",
+    )
     several = Several(
         "{count} known things were left out",
         f"{what} {how}",
@@ -177,7 +189,7 @@ def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
     labels = adjustment.survey.label
     missing = [label for label in known.points[i] if label not in labels]
     what = named_thing(known.kind[i], known.name[i], known.points[i])
-    which = no_pick_of(missing, labels)
+    which = describe_missing_picks(missing, labels)
     return Message(
         "warning",
         "known-unseen",
@@ -221,7 +233,7 @@ def _unplaced(known: KnownThings, i: int, what: str) -> Message:
 
 def _does_not_fit(results: KnownResults, i: int) -> Message:
     what = named_thing(results.kind[i], results.name[i], results.points[i])
-    how = f"{stated(results, i)} (w = {results.w[i]:.1f})"
+    how = f"{describe_values(results, i)} (w = {results.w[i]:.1f})"
     return Message(
         "warning",
         "known-suspect",
@@ -236,7 +248,7 @@ def _does_not_fit(results: KnownResults, i: int) -> Message:
     )
 
 
-def stated(results: KnownResults, i: int) -> str:
+def describe_values(results: KnownResults, i: int) -> str:
     """Return ``given 3.500 m, found 3.612 m``, or for a condition ``off by 0.112 m``."""
     unit = results.unit[i]
     if np.isnan(results.value[i]):
@@ -244,3 +256,55 @@ def stated(results: KnownResults, i: int) -> str:
     if results.kind[i] in ("area", "volume") and results.adjusted[i] == 0.0:
         return f"given {results.value[i]:.3f} {unit}, but its points go round no area in order"
     return f"given {results.value[i]:.3f} {unit}, found {results.adjusted[i]:.3f} {unit}"
+
+
+def judge_control_lines(
+    adjustment: Adjustment, known: KnownThings, judged: KnownResults
+) -> ControlLineResults:
+    """Return lines of known position among all known things; none without a world frame.
+
+    Parameters
+    ----------
+    adjustment
+        Adjustment of the survey.
+    known, judged
+        All known things, and their fit.
+    """
+    placed = [(i, line) for i, line in enumerate(known.position) if line is not None]
+    if not placed or adjustment.survey.gauge == "plane":
+        return NO_LINES_OF_POSITION
+    rows = [i for i, _ in placed]
+    ends = np.stack([_line_ends(adjustment, line) for _, line in placed])
+    return ControlLineResults(
+        name=tuple(known.name[i] for i in rows),
+        points=tuple(known.points[i] for i in rows),
+        start_world_m=ends[:, 0],
+        end_world_m=ends[:, 1],
+        has_height=np.array([line.has_height for _, line in placed]),
+        sigma_m=known.sigma[rows],
+        offset_m=np.array([_offset(adjustment, line, known.points[i]) for i, line in placed]),
+        w=judged.w[rows],
+        redundancy=judged.redundancy[rows],
+        mdb_m=judged.mdb[rows],
+        status=tuple(cast("LineOfPositionStatus", judged.status[i]) for i in rows),
+    )
+
+
+def _line_ends(adjustment: Adjustment, line: LinePosition) -> Floats:
+    """Return the ends (2, 3); on the ground of the first area, where no height is known."""
+    ends = line.ends_m.copy()
+    if not line.has_height:
+        state, none = adjustment.state, np.zeros(2, dtype=np.int64)
+        ground = adjustment.problem.ground.at(state.plane, state.relief, none, ends[:, :2])
+        ends[:, 2] = ground.height_m
+    return ends
+
+
+def _offset(adjustment: Adjustment, line: LinePosition, points: tuple[str, ...]) -> float:
+    label = adjustment.label_rows(points)
+    label = label[label >= 0]
+    if not len(label):
+        return float("nan")
+    world, _, _ = adjustment.problem.world_points(adjustment.state, label)
+    off = beside_line(world, line.ends_m, upwards=False).value[:, 0]
+    return float(off[np.abs(off).argmax()])

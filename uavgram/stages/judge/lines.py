@@ -18,7 +18,7 @@ from uavgram.model.naming import figures, listed
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
-from uavgram.stages.judge.picks import rows_of
+from uavgram.stages.judge.picks import find_rows
 from uavgram.stages.judge.tested_survey import TestedSurvey, is_mount_open
 from uavgram.stages.remedies import read_first
 
@@ -54,7 +54,7 @@ def judge_lines(
     columns = {name: np.full(len(lines.name), np.nan) for name in _COLUMNS}
     _adjusted_lengths(adjustment, lines, columns)
     used = refined.line_index[adjustment.problem.line_index]
-    row = rows_of(survey_index, used, len(refined.line_removed))
+    row = find_rows(survey_index, used, len(refined.line_removed))
     _fit_of_observed(examined, row, columns)
     # Withheld lengths: w = residual / sqrt(prediction variance + sigma^2).
     withheld = ~np.asarray(lines.adjust, dtype=bool) & np.isfinite(columns["adjusted_m"])
@@ -119,7 +119,7 @@ def _fit_of_observed(examined: TestedSurvey, row: Ints, columns: dict[str, Float
     columns["mdb_m"][there] = group.bias(examined.significance)[at, 0]
 
 
-def no_pick_of(missing: Sequence[str], labels: Sequence[str]) -> str:
+def describe_missing_picks(missing: Sequence[str], labels: Sequence[str]) -> str:
     """Return ``no usable pick of 'R33' (did you mean 'R3'?)`` for labels not among `labels`."""
     words = []
     for label in missing:
@@ -130,7 +130,7 @@ def no_pick_of(missing: Sequence[str], labels: Sequence[str]) -> str:
 
 def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...]) -> Message:
     what = named_ends(lines.name[i], lines.start[i], lines.end[i])
-    which = no_pick_of(missing, known)
+    which = describe_missing_picks(missing, known)
     return Message(
         "warning",
         "line-unseen",
@@ -264,15 +264,15 @@ def _text(
         name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))
         opening = (
             f"The length {named_ends(name, start, end)} was left out: {taped[0]}, but "
-            f"{_against(refined)} say {seen[0]}{ask or '.'}"
+            f"{_list_contradicting(refined)} say {seen[0]}{ask or '.'}"
         )
     else:
         names = [lines.name[i] for i in found]
         each = zip(names, taped, seen, strict=True)
         items = "; ".join(f"{name!r} {given}, {is_} seen" for name, given, is_ in each)
         opening = (
-            f"{len(found)} lengths were left out, wrong in one way by what {_against(refined)} "
-            f"say{ask} {items}."
+            f"{len(found)} lengths were left out, wrong in one way by what "
+            f"{_list_contradicting(refined)} say{ask} {items}."
         )
     return (
         f"{opening} Look at reading and unit, and at the labels and the picks of the ends. With so "
@@ -280,7 +280,7 @@ def _text(
     )
 
 
-def _against(refined: Refined) -> str:
+def _list_contradicting(refined: Refined) -> str:
     """List the observations that contradict a length."""
     survey = refined.adjustment.survey
     witnesses = ["the photos"]

@@ -1,14 +1,18 @@
-"""Residual, test statistic and status of every pick."""
+"""Residual, test statistic and status of every pick, and who made the picks."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import reliability
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.message import Message
+from uavgram.model.naming import listed
 from uavgram.model.result.reliability import Effects
-from uavgram.model.result.tables import PickResults, PickStatus
+from uavgram.model.result.tables import MeasurementResults, PickResults, PickStatus, only_by_program
 from uavgram.model.survey.observations import Picks
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
@@ -33,7 +37,7 @@ def judge_picks(
     count = len(picks.image)
     residual, w = np.full((count, 2), np.nan), np.full(count, np.nan)
     redundancy = np.full(count, np.nan)
-    row = rows_of(survey_index, refined.pick_index, len(refined.pick_removed))
+    row = find_rows(survey_index, refined.pick_index, len(refined.pick_removed))
     used = np.flatnonzero(row >= 0)
     at = row[used]
     residual[used] = examined.residuals("pixels")[at]
@@ -84,7 +88,7 @@ def _matches(adjustment: Adjustment, picks: Picks) -> tuple[Ints, tuple[Floats, 
     return sightings.row[at], (residual, larger, numbers.redundancy[at].mean(axis=1))
 
 
-def rows_of(survey_index: Ints, used_index: Ints, count: int) -> Ints:
+def find_rows(survey_index: Ints, used_index: Ints, count: int) -> Ints:
     """Return the row among the observations for each row of a survey; -1 without one.
 
     Parameters
@@ -99,3 +103,26 @@ def rows_of(survey_index: Ints, used_index: Ints, count: int) -> Ints:
     row = np.full(count + 1, -1)  # the last one for -1
     row[used_index] = np.arange(len(used_index))
     return row[survey_index]
+
+
+def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[Message]:
+    """Report measurements that are based on picks by the program only.
+
+    Parameters
+    ----------
+    picks
+        All picks of the project, judged.
+    measured
+        All measurements; those that could not be computed are not reported.
+    """
+    alone = only_by_program(picks, measured.points) & np.isfinite(measured.value)
+    rows = np.flatnonzero(alone).tolist()
+    if not rows:
+        return
+    names = tuple(measured.name[i] for i in rows)
+    labels = tuple(dict.fromkeys(label for i in rows for label in measured.points[i]))
+    text = (
+        f"No person picked any point of {listed(map(repr, names))}: the program found all of them. "
+        "Look at them in the photos before you use the value."
+    )
+    yield Message("info", "only-program-picks", text, labels=labels, measurements=names)

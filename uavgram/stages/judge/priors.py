@@ -12,7 +12,7 @@ from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats
 from uavgram.model.result.reliability import PriorResults, WeakestLinks
-from uavgram.stages.judge.tested_survey import TestedSurvey, effects_on
+from uavgram.stages.judge.tested_survey import TestedSurvey, describe_effects
 
 
 def judge_priors(examined: TestedSurvey) -> PriorResults:
@@ -40,7 +40,7 @@ def judge_priors(examined: TestedSurvey) -> PriorResults:
         w=w,
         redundancy=redundancy,
         bias=bias * np.array([factor for _, factor in units]),
-        effects=effects_on(examined.measured, on.astype(np.int64), change),
+        effects=describe_effects(examined.measured, on.astype(np.int64), change),
     )
 
 
@@ -52,7 +52,7 @@ def _group(
     members = [Member(kind, row, axis) for row in range(n) for axis in range(a)]
     worst = examined.worst[kind]
     columns = (
-        stated_residuals(group),
+        compute_prior_residuals(group),
         group.w,
         group.redundancy,
         group.bias(examined.significance),
@@ -62,7 +62,7 @@ def _group(
     return members, *(np.asarray(column, dtype=np.float64).ravel() for column in columns)
 
 
-def stated_residuals(group: Observed) -> Floats:
+def compute_prior_residuals(group: Observed) -> Floats:
     """Compute adjusted minus stated (n, a), in stated sigmas; 0 for exactly known numbers."""
     scale = np.where(np.isfinite(group.scale), group.scale, np.inf)
     whitening = group.direction / scale[:, None, :]

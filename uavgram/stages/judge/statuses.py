@@ -16,7 +16,7 @@ from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.judge.unchecked import is_unchecked
 
-MOVED = 1.0
+DOUBTFUL_SIGMAS = 1.0
 """Change of a measurement by a possible error, in its sigmas, above which it is doubtful."""
 
 
@@ -35,7 +35,7 @@ def is_moved(examined: TestedSurvey) -> Bools:
         return moved
     for member in members:
         change = _change_without(examined.groups[member.kind], member, measured.solved)
-        moved |= np.abs(change) > MOVED * sigma
+        moved |= np.abs(change) > DOUBTFUL_SIGMAS * sigma
     return moved
 
 
@@ -53,7 +53,7 @@ def _change_without(group: Observed, member: Member, solved: Floats) -> Floats:
     return np.asarray((group.w[row, axes] / root) @ by_unit)
 
 
-def statuses(
+def determine_statuses(
     table: MeasurementResults,
     examined: TestedSurvey,
     *,

@@ -1,4 +1,4 @@
-"""Messages on misfits: each blunder once, with all observations inseparable from it.
+"""Messages on suspected blunders, and the record of those that were removed.
 
 Observations that a reported cause explains are not suspected.
 """
@@ -7,20 +7,30 @@ from __future__ import annotations
 
 import numpy as np
 
+from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
+from uavgram.estimation.survey.adjustment import LeftOutRows, Refined
+from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.observations.known import named_thing
+from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.estimation.survey.observations.observation import Member, Misfit, Suspicion
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message, Several
+from uavgram.model.result.reliability import RemovalRecord
+from uavgram.model.survey.known import NO_KNOWN, KnownThings
+from uavgram.model.survey.observations import KnownLines, MeasurementRequest
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import read_first
 
 
 def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
     """Report each suspicion; where there are too many, report a wrong model instead."""
-    blameless = _blameless(examined)
+    blameless = _find_explained(examined)
     messages = [
-        _message(examined, suspicion)
+        _suspect_message(examined, suspicion)
         for suspicion in examined.suspicions
-        if blameless.isdisjoint(_meant(suspicion))
+        if blameless.isdisjoint(_inseparable(suspicion))
     ]
     if len(examined.suspicions) >= MOST_SUSPECTS:
         text = (
@@ -32,7 +42,7 @@ def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
     return tuple(messages)
 
 
-def _blameless(examined: TestedSurvey) -> set[tuple[str, int]]:
+def _find_explained(examined: TestedSurvey) -> set[tuple[str, int]]:
     """Return picks and lengths, by group and row, whose misfit a cause explains."""
     refined = examined.refined
     mends = [cause.mend for cause in refined.causes if cause.mend is not None]
@@ -50,7 +60,7 @@ def _blameless(examined: TestedSurvey) -> set[tuple[str, int]]:
     }
 
 
-def _meant(suspicion: Suspicion) -> set[tuple[str, int]]:
+def _inseparable(suspicion: Suspicion) -> set[tuple[str, int]]:
     """Return the suspected observation, and those inseparable from it."""
     return {(member.kind, member.row) for member in _members(suspicion)}
 
@@ -59,7 +69,7 @@ def _members(suspicion: Suspicion) -> tuple[Member, ...]:
     return (suspicion.accused, *suspicion.group, *suspicion.rivals)
 
 
-def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
+def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     accused, names = suspicion.accused, examined.names
     observation, group = names.of(accused), examined.groups[accused.kind]
     own, thing = np.array([accused.row]), observation.things()
@@ -86,3 +96,96 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         mend=remedies[0],
         instead=tuple(one for one in remedies[1:] if one is not None),
     )
+
+
+def judge_removals(
+    refined: Refined,
+    lines: KnownLines,
+    line_index: Ints,
+    requests: tuple[MeasurementRequest, ...],
+    frames: Frames,
+    measured: MeasuredValues,
+    known: KnownThings = NO_KNOWN,
+) -> tuple[RemovalRecord, ...]:
+    """Describe the removals, step by step.
+
+    Parameters
+    ----------
+    refined
+        The adjusted survey, with its removals.
+    lines, line_index
+        All known lengths, and their rows in the survey given to refine.
+    requests, frames
+        The measurements, computed before and after each step.
+    measured
+        The final measurements.
+    known
+        All known things.
+    """
+    at = {int(index): i for i, index in enumerate(line_index) if index >= 0}
+    steps = [removal.before for removal in refined.removals] + [refined]
+    values = [
+        None if r is None else values_at(r.adjustment.problem, r.adjustment.state, requests, frames)
+        for r in steps
+    ]
+    records = []
+    for k, removal in enumerate(refined.removals):
+        suspicion, before = removal.suspicion, values[k]
+        later = next(j for j in range(k + 1, len(steps)) if steps[j] is not None)
+        after = values[later]
+        assert after is not None  # noqa: S101  (that step is there)
+        change = np.full(len(after), np.nan)
+        if before is not None:
+            change = after - before
+        elif removal.rows is not None:
+            change = _linear_change(refined, measured, removal.rows)
+        group: tuple[str, ...] = ()
+        rivals: tuple[str, ...] = ()
+        if removal.cause is not None:
+            what = removal.cause.message.text
+        elif removal.before is None and removal.kind == "known":
+            i = removal.index
+            what = f"known {named_thing(known.kind[i], known.name[i], known.points[i])}"
+        elif removal.before is None:
+            i = at[removal.index]
+            what = f"length {named_ends(lines.name[i], lines.start[i], lines.end[i])}"
+        else:
+            names = Names(removal.before.adjustment)
+            what = names.observation(suspicion.accused)
+            group = tuple(names.observation(m) for m in suspicion.group)
+            rivals = tuple(names.observation(m) for m in suspicion.rivals)
+        records.append(
+            RemovalRecord(
+                what=what,
+                w=suspicion.w,
+                group=group,
+                rivals=rivals,
+                variance_factor_before=_factor(steps[k]),
+                variance_factor_after=_factor(steps[later]),
+                change=tuple(change.tolist()),
+                cause="" if removal.cause is None else removal.cause.message.code,
+                mended=removal.mended,
+            )
+        )
+    return tuple(records)
+
+
+def _linear_change(refined: Refined, measured: MeasuredValues, rows: LeftOutRows) -> Floats:
+    """Predict the change of the values (M,) when an observation is left out.
+
+    Notes
+    -----
+    With it, the values f would move by Cov(f, l) (Cov(l, l) + R)^-1 (l - p), where l is observed, R
+    is its covariance, and p its prediction: the update of a Kalman filter, in the linear model.
+    """
+    jacobian = np.zeros((len(rows.error), len(measured.solved)))
+    for row, (columns, gradient) in enumerate(zip(rows.columns, rows.gradient, strict=True)):
+        np.add.at(jacobian[row], columns, gradient)  # an unknown may occur twice
+    solved = refined.adjustment.minimum.factor.solve(jacobian.T)
+    covariance = jacobian @ solved + np.diag(rows.sigma**2)
+    return np.asarray((jacobian @ measured.solved).T @ np.linalg.solve(covariance, rows.error))
+
+
+def _factor(refined: Refined | None) -> float:
+    """Return the variance factor of an adjustment; NaN where there is none."""
+    return np.nan if refined is None else refined.adjustment.variance_factor

@@ -26,10 +26,10 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.reliability import Effects
 from uavgram.stages.judge.checks import Withheld
 
-SHOWN = 0.5
+MIN_MOUNT_REDUNDANCY = 0.5
 """Redundancy of the camera's assumed direction above which the photos determine it."""
 
-CERTAIN = 1e12
+CERTAIN_COFACTOR = 1e12
 """Cofactor of a reading without the possibility of a gross error."""
 
 
@@ -116,7 +116,7 @@ class TestedSurvey:
             worst, at = self.worst[kind], rows[there]
             axis = worst.sigmas[at].argmax(axis=1)
             change[there], on[there] = worst.change[at, axis], worst.measurement[at, axis]
-        return effects_on(measured, on, change)
+        return describe_effects(measured, on, change)
 
     def bias(self, member: Member) -> tuple[float, str]:
         """Return the minimal detectable bias of one axis of an observation, and its unit."""
@@ -125,7 +125,7 @@ class TestedSurvey:
         return float(bias) * factor, unit
 
 
-def effects_on(measured: MeasuredValues, on: Ints, change: Floats) -> Effects:
+def describe_effects(measured: MeasuredValues, on: Ints, change: Floats) -> Effects:
     """Describe changes (n,) of the measurements `on` (n,), -1 where there is none.
 
     Parameters
@@ -166,7 +166,7 @@ def run_tests(
         Values that take no part; those that fit test the readings, too.
     """
     groups = observed(refined.adjustment)
-    shown = _shown(refined.adjustment, groups, withheld, critical_value(significance))
+    shown = _compute_cofactors(refined.adjustment, groups, withheld, critical_value(significance))
     worst, weakest = external_reliability(groups, measured, significance, shown)
     return TestedSurvey(
         refined=refined,
@@ -180,7 +180,7 @@ def run_tests(
     )
 
 
-def _shown(
+def _compute_cofactors(
     adjustment: Adjustment, groups: dict[str, Observed], withheld: Withheld | None, limit: float
 ) -> dict[str, Floats]:
     """Compute cofactor matrices (n, a, a) of groups of readings: the visible share of their errors.
@@ -198,7 +198,7 @@ def _shown(
             response = block.times(slice(None), withheld.solved[:, fits])
             shown[kind] += response @ weight @ response.swapaxes(1, 2)
     # The code of a target identifies its point: no pick of it can be of another place.
-    shown["pixels"][adjustment.survey.target_pick] += CERTAIN * np.eye(2)
+    shown["pixels"][adjustment.survey.target_pick] += CERTAIN_COFACTOR * np.eye(2)
     return shown
 
 
@@ -213,7 +213,7 @@ def is_mount_open(adjustment: Adjustment) -> bool:
         return False
     share = cofactors(adjustment.minimum.blocks["boresight"], adjustment.covariance)
     tilts = share[0][:2, :2] if len(share) == 1 else np.diag(share[:2, 0, 0])  # of the optical axis
-    return bool(np.linalg.eigvalsh(tilts)[0] < SHOWN)
+    return bool(np.linalg.eigvalsh(tilts)[0] < MIN_MOUNT_REDUNDANCY)
 
 
 def _suspicions(

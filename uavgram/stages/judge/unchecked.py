@@ -18,15 +18,15 @@ from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, Remedy
 from uavgram.model.naming import figures, listed
 from uavgram.stages.judge.tested_survey import TestedSurvey
-from uavgram.stages.remedies import to_tape
+from uavgram.stages.remedies import make_tape_remedy
 
-MOST_NAMED = 5
+MAX_NAMED = 5
 
-NEVER = LARGEST_SIGMAS / 10
+UNDETECTABLE_SIGMAS = LARGEST_SIGMAS / 10
 """Sigmas of a reading above which an error counts as completely undetectable."""
 
 
-ZERO_IS_ORDINARY = frozenset(
+KINDS_NEAR_ZERO = frozenset(
     {
         *("coordinate", "height", "vertical_distance", "plane_distance", "line_distance"),
         *("slope", "volume", "speed"),
@@ -50,11 +50,11 @@ def is_unchecked(examined: TestedSurvey) -> Bools:
 def _is_unknown(measured: MeasuredValues) -> Bools:
     """Mark measurements (M,) whose intervals reach zero: any size would fit."""
     small = np.abs(measured.value) < INTERVAL_95 * measured.sigma
-    has_size = [row.request.kind not in ZERO_IS_ORDINARY for row in measured.rows]
+    has_size = [row.request.kind not in KINDS_NEAR_ZERO for row in measured.rows]
     return np.asarray(small & np.array(has_size, dtype=np.bool_))
 
 
-def _unknown(measured: MeasuredValues) -> Iterator[Message]:
+def _report_unknown(measured: MeasuredValues) -> Iterator[Message]:
     """Report undetermined measurements."""
     rows = np.flatnonzero(_is_unknown(measured)).tolist()
     if not rows:
@@ -65,7 +65,7 @@ def _unknown(measured: MeasuredValues) -> Iterator[Message]:
         for i in rows
     )
     text = (
-        f"Nothing is known of {listed(values, MOST_NAMED)}: any value down to zero would fit as "
+        f"Nothing is known of {listed(values, MAX_NAMED)}: any value down to zero would fit as "
         "well. Look at picks_sigma_px and at the sigmas of the lengths; if they are right, pick in "
         "more photos or tape more lengths."
     )
@@ -80,7 +80,7 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
     clicks, one on those that depend on lengths, known things and control points; the worst
     measurement gives the numbers. Another one on undetermined measurements.
     """
-    yield from _unknown(examined.measured)
+    yield from _report_unknown(examined.measured)
     for kind in ("boresight", "pixels", ""):
         found = {
             i: [one for one in weakest.unseen if _family(one) == kind]
@@ -116,16 +116,16 @@ def _message(
         numbers = ""  # an error of an unstated direction may have any size
     elif kind == "pixels":
         labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
-        what = f"a wrong click on {listed(labels, MOST_NAMED, link='or')}"
+        what = f"a wrong click on {listed(labels, MAX_NAMED, link='or')}"
         it = "them" if len(labels) > 1 else "it"
-        action = f"Mark {listed(labels, MOST_NAMED)} in one more photo, or click {it} again"
+        action = f"Mark {listed(labels, MAX_NAMED)} in one more photo, or click {it} again"
         plain = f"Not checked: m{action[1:]}."
     else:
         what = f"an error in the {examined.names.observation(worst.member)}"
         action, mend = _second_reading(examined, worst)
         plain = f"Not checked: {what} would not be noticed."
     text = (
-        f"{listed(map(repr, names), MOST_NAMED)} {are} not checked: {what} would not be noticed"
+        f"{listed(map(repr, names), MAX_NAMED)} {are} not checked: {what} would not be noticed"
         f"{numbers}. {action}."
     )
     return Message(
@@ -143,7 +143,7 @@ def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
     """Describe the largest error that stays undetected, and its effect on a measurement."""
     measured, member = examined.measured, worst.member
     what = f"the {examined.names.observation(member)}"
-    if worst.sigmas > NEVER:
+    if worst.sigmas > UNDETECTABLE_SIGMAS:
         return f"an error in {what} stays hidden, whatever its size"
     unit, factor = examined.names.unit(member)
     size = worst.sigmas * float(examined.groups[member.kind].scale[member.row, member.axis])
@@ -163,4 +163,4 @@ def _second_reading(examined: TestedSurvey, worst: Unseen) -> tuple[str, Remedy 
     name = examined.adjustment.survey.label
     ends = name[advice.start], name[advice.end]
     words = f"Tape next from {ends[0]!r} to {ends[1]!r}, about {advice.length_m:.1f} m"
-    return words, to_tape(*ends, advice.length_m)
+    return words, make_tape_remedy(*ends, advice.length_m)

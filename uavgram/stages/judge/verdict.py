@@ -16,15 +16,15 @@ from uavgram.model.message import SUBJECTS, Message
 from uavgram.model.naming import listed, listed_photos
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
-from uavgram.stages.judge.fit import CONTRADICTED, Fit
-from uavgram.stages.judge.statuses import statuses
+from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
+from uavgram.stages.judge.statuses import determine_statuses
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 _STATISTICS = re.compile(r": | \(|\. ")
 """Ends of the plain part of a message; numbers of tests follow."""
 
 
-def pass_verdict(
+def determine_verdict(
     messages: Sequence[Message],
     fit: Fit,
     examined: TestedSurvey,
@@ -47,8 +47,8 @@ def pass_verdict(
         Codes of causes that no longer distort the result, as they were corrected.
     """
     still = [m for m in messages if m.code not in put_right]
-    bent = fit.core < CONTRADICTED or any(_effect(m) is Effect.RED for m in still)
-    status = statuses(
+    bent = fit.core < CONTRADICTION_PROBABILITY or any(_effect(m) is Effect.RED for m in still)
+    status = determine_statuses(
         table,
         examined,
         is_contradicted=bent,
@@ -65,9 +65,9 @@ def pass_verdict(
         if m.level != "info" and _effect(m) not in without and entry_of(m.code).part_of not in codes
     ]
     because.sort(key=lambda m: _effect(m) is Effect.UNCHECKED)  # misfits first
-    reasons = tuple(map(reason_of, because))
+    reasons = tuple(map(make_reason, because))
     level: VerdictLevel | None = "amber" if reasons or not is_ok else "green"
-    if bent or fit.checks < CONTRADICTED:
+    if bent or fit.checks < CONTRADICTION_PROBABILITY:
         level = "red"
         status = tuple("doubtful" if one == "ok" else one for one in status)
     if not status:
@@ -79,28 +79,28 @@ def _effect(message: Message) -> Effect:
     return entry_of(message.code).effect
 
 
-def reason_of(message: Message) -> Reason:
+def make_reason(message: Message) -> Reason:
     """Convert a message to a reason."""
     return Reason(
         cause=message.code,
-        text=first_sentences(message.text),
+        text=get_first_sentences(message.text),
         frames=message.frames,
         labels=message.labels,
         lengths=message.lengths,
         measurements=message.measurements,
-        plain=plain_sentence(message),
+        plain=get_plain_sentence(message),
         mend=message.mend,
         instead=message.instead,
     )
 
 
-def first_sentences(text: str, count: int = 2) -> str:
+def get_first_sentences(text: str, count: int = 2) -> str:
     """Return the first sentences of a message: the fault and the action."""
     parts = text.split(". ")
     return text if len(parts) <= count else ". ".join(parts[:count]) + "."
 
 
-def plain_sentence(message: Message) -> str:
+def get_plain_sentence(message: Message) -> str:
     """Return one plain sentence of a message: the wrong objects, without numbers of tests.
 
     Without a sentence in the catalogue, the beginning of the message's text up to a colon or a

@@ -29,8 +29,8 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.lengths import tape_rows, taped_lines
 from uavgram.estimation.survey.unknowns import State, advance
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.stages.refine.begin.softened import SLACK
-from uavgram.stages.refine.off_ground.shown import photos_of
+from uavgram.stages.refine.off_ground import count_photos
+from uavgram.stages.refine.staged_sigmas import DAMPING
 
 READINGS = ("pixels", "lengths", "known", "control")
 """Groups whose sigmas shrink: readings by people."""
@@ -298,7 +298,7 @@ def weighted_minimum(
         layout.structure,
         EACH,
         at_rest=AT_REST,
-        slack=SLACK,
+        slack=DAMPING,
     )
 
 
@@ -344,7 +344,7 @@ def squared_misfits(
         found[name] = np.sum(np.where(is_checked, square, 0.0), axis=1)
     of = {"roughness": problem.third.rough, "heights": problem.third.stated}
     for name in found.keys() & of.keys():  # one photo alone shows no height
-        found[name][photos_of(problem.survey)[of[name]] < 2] = 0.0
+        found[name][count_photos(problem.survey)[of[name]] < 2] = 0.0
     return found
 
 
@@ -429,7 +429,7 @@ def _try_heights(
     survey, rough = problem.survey, problem.third.rough
     number = np.bincount(survey.pick_label, minlength=len(survey.label))
     wrong = np.bincount(survey.pick_label[gross["pixels"]], minlength=len(survey.label))
-    is_new = (2 * wrong > number)[rough] & (photos_of(survey) > 1)[rough]
+    is_new = (2 * wrong > number)[rough] & (count_photos(survey) > 1)[rough]
     if before is not None:
         is_new &= ~before
     is_new &= ~on_ground

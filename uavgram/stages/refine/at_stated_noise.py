@@ -15,19 +15,18 @@ from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.begin.starts import in_lens
-from uavgram.stages.refine.causes.hypothesis import Standing
-from uavgram.stages.refine.causes.identify import Identified, identify
-from uavgram.stages.refine.causes.labels.heights import freed_heights
-from uavgram.stages.refine.minima import Participants, best_minima
-from uavgram.stages.refine.off_ground.heights import with_free
-from uavgram.stages.refine.off_ground.unseen import with_unseen_heights
+from uavgram.stages.refine.causes.hypothesis import Diagnosis
+from uavgram.stages.refine.causes.identification import IdentifiedCauses, identify_causes
+from uavgram.stages.refine.causes.wrong_heights import find_freed_heights
+from uavgram.stages.refine.first_values import find_picks_in_lens
+from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.off_ground import free_unchecked_heights, set_free_heights
 from uavgram.stages.refine.robust import adjust_robustly
 
-TAKEN = "The results take it into account."
+TAKEN_INTO_ACCOUNT = "The results take it into account."
 
 
-class AtStatedNoise(NamedTuple):
+class StatedNoiseAdjustment(NamedTuple):
     """Survey adjusted at the stated noise.
 
     Attributes
@@ -53,9 +52,9 @@ class AtStatedNoise(NamedTuple):
     messages: tuple[Message, ...]
 
 
-def adjusted_as_stated(
+def adjust_at_stated_noise(
     given: Survey, removed: Bools, options: SolveOptions, shown: Collection[str] = ()
-) -> AtStatedNoise:
+) -> StatedNoiseAdjustment:
     """Adjust a survey at the stated noise, and find the causes of its misfit.
 
     Parameters
@@ -69,47 +68,49 @@ def adjusted_as_stated(
     shown
         Labels that matches show off the ground: their heights are free.
     """
-    keep, reason = in_lens(given)
+    keep, reason = find_picks_in_lens(given)
     keep &= ~removed
     none = np.zeros(len(given.line_start), dtype=np.bool_)
     # Robust adjustment, then causes of the gross errors.
     robust = adjust_robustly(Participants(given, keep, none, reason))
     survey, refined, off_ground = robust.survey, robust.refined, list(robust.labels)
     left_out = list(robust.messages(given))
-    survey, refined, unseen = with_unseen_heights(survey, refined, [*off_ground, *shown])
+    survey, refined, unseen = free_unchecked_heights(survey, refined, [*off_ground, *shown])
     refined = replace(refined, pick_removed=removed)
-    found = identify(Standing(participants(survey, refined), refined))
+    found = identify_causes(Diagnosis(find_participants(survey, refined), refined))
     causes = found.causes
     if found.right or found.lines:
         # A height that was found from a wrong pick is removed together with it.
         wrong = {survey.label[survey.pick_label[k]] for k in found.wrong}
         before, off_ground = off_ground, [name for name in off_ground if name not in wrong]
-        survey = with_free(survey, off_ground, before)
-        refined = replace(_exchanged(survey, refined, found), pick_removed=removed)
-    if up := freed_heights(survey, causes):
+        survey = set_free_heights(survey, off_ground, before)
+        refined = replace(_exchange_wrong_picks(survey, refined, found), pick_removed=removed)
+    if up := find_freed_heights(survey, causes):
         before, off_ground = off_ground, sorted({*off_ground, *up})
-        survey = with_free(survey, off_ground, before)
-        refined = replace(best_minima(participants(survey, refined)), pick_removed=removed)
+        survey = set_free_heights(survey, off_ground, before)
+        refined = replace(
+            find_best_minima(find_participants(survey, refined)), pick_removed=removed
+        )
     # Free the priors that the causes prove wrong.
     if options.noise == "estimate":
-        survey, refined, causes = _freed(survey, refined, found, keep, reason)
-    return AtStatedNoise(given, survey, refined, off_ground, causes, (*left_out, *unseen))
+        survey, refined, causes = _without_wrong_priors(survey, refined, found, keep, reason)
+    return StatedNoiseAdjustment(given, survey, refined, off_ground, causes, (*left_out, *unseen))
 
 
-TURNED = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
-RELABELLED = LeftOut(LeftOutCause.GROSS, "it fits under another label of its photo")
+TURNED_FRAME = LeftOut(LeftOutCause.MISPLACED_FRAME, "its picks fit once they are put back")
+WRONG_LABEL = LeftOut(LeftOutCause.GROSS, "it fits under another label of its photo")
 """Reason why picks of a photo are wrong: all of them (`TURNED`), or some."""
 
 
-def _exchanged(survey: Survey, refined: Refined, found: Identified) -> Refined:
+def _exchange_wrong_picks(survey: Survey, refined: Refined, found: IdentifiedCauses) -> Refined:
     """Readjust without wrong picks, and with those that were left out because of them."""
-    taking = participants(survey, refined)
+    taking = find_participants(survey, refined)
     keep = taking.keep.copy()
     keep[list(found.right)] = True
     reason = {k: why for k, why in taking.reason.items() if k not in found.right}
     other = replace(taking, keep=keep, reason=reason).without_lines(sorted(found.lines))
     try:
-        after = best_minima(other.without_picks(_reasons(survey, sorted(found.wrong))))
+        after = find_best_minima(other.without_picks(_reasons(survey, sorted(found.wrong))))
     except GeometryError:
         return refined
     return after if after.adjustment.minimum.converged else refined
@@ -119,11 +120,15 @@ def _reasons(survey: Survey, wrong: Sequence[int]) -> dict[int, LeftOut]:
     """Return the reason why each wrong pick takes no part."""
     frame, frames = survey.pick_frame, len(survey.frame_id)
     every, out = (np.bincount(some, minlength=frames) for some in (frame, frame[list(wrong)]))
-    return {k: TURNED if every[frame[k]] == out[frame[k]] else RELABELLED for k in wrong}
+    return {k: TURNED_FRAME if every[frame[k]] == out[frame[k]] else WRONG_LABEL for k in wrong}
 
 
-def _freed(
-    survey: Survey, refined: Refined, found: Identified, keep: Bools, reason: dict[int, LeftOut]
+def _without_wrong_priors(
+    survey: Survey,
+    refined: Refined,
+    found: IdentifiedCauses,
+    keep: Bools,
+    reason: dict[int, LeftOut],
 ) -> tuple[Survey, Refined, tuple[Cause, ...]]:
     """Readjust without wrong prior knowledge; return the input where that has no result.
 
@@ -143,7 +148,9 @@ def _freed(
     for k, freed in enumerate(found.freed):
         if freed is not None:
             known_less, message = freed(known_less), causes[k].message
-            causes[k] = replace(causes[k], message=replace(message, text=f"{message.text} {TAKEN}"))
+            causes[k] = replace(
+                causes[k], message=replace(message, text=f"{message.text} {TAKEN_INTO_ACCOUNT}")
+            )
     if known_less is survey:
         return survey, refined, found.causes
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
@@ -156,7 +163,7 @@ def _freed(
     return after.survey, replace(after.refined, pick_removed=refined.pick_removed), tuple(causes)
 
 
-def participants(survey: Survey, refined: Refined) -> Participants:
+def find_participants(survey: Survey, refined: Refined) -> Participants:
     """Return the participating observations of an adjustment."""
     used = np.zeros(len(survey.pick_frame), dtype=bool)
     used[refined.pick_index] = True

@@ -17,10 +17,10 @@ from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.remedies import freed
+from uavgram.stages.remedies import make_height_remedy
 
 
-def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
+def predict_readings(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, Floats]:
     """Predict the readings of tapes (n,) for some lines, and their sigmas.
 
     NaN where an end is not adjusted.
@@ -34,13 +34,13 @@ def seen_lengths(survey: Survey, refined: Refined, line: Ints) -> tuple[Floats, 
     line
         (n,) rows of known lengths.
     """
-    there, taped = _taped(survey, refined, line)
+    there, taped = _taped_lines(survey, refined, line)
     found = np.full((2, len(line)), np.nan)
     found[:, there] = refined.adjustment.readings(taped)
     return found[0], found[1]
 
 
-def _taped(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, Taped]:
+def _taped_lines(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, Taped]:
     """Mark lines (n,) with both ends in an adjustment, and return how these were taped."""
     at = refined.adjustment.label_rows(survey.label)
     there = (at[survey.line_start[line]] >= 0) & (at[survey.line_end[line]] >= 0)
@@ -48,7 +48,7 @@ def _taped(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, Taped]:
     return there, taped._replace(start=at[taped.start], end=at[taped.end])
 
 
-def with_records(survey: Survey, refined: Refined) -> Refined:
+def add_records(survey: Survey, refined: Refined) -> Refined:
     """Record lengths and known things that were left out before any test."""
     recorded = {(removal.kind, removal.index) for removal in refined.removals}
     factor = refined.adjustment.minimum.factor
@@ -75,7 +75,7 @@ def with_records(survey: Survey, refined: Refined) -> Refined:
 def _left_out_lengths(survey: Survey, refined: Refined) -> dict[int, LeftOutRows | None]:
     """Compare each left-out length with the adjustment, by its row."""
     line = np.flatnonzero(refined.line_removed)
-    there, taped = _taped(survey, refined, line)
+    there, taped = _taped_lines(survey, refined, line)
     adjustment = refined.adjustment
     reading, gradient, columns = adjustment.problem.readings(adjustment.state, taped)
     error, sigma = reading - survey.length_m[line[there]], survey.length_sigma_m[line[there]]
@@ -101,7 +101,7 @@ def _left_out_known(survey: Survey, refined: Refined) -> dict[int, LeftOutRows |
     return found
 
 
-def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterator[Message]:
+def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterator[Message]:
     """Report each control point that was left out.
 
     Parameters
@@ -115,7 +115,7 @@ def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterato
     """
     if not len(control):
         return
-    found, covariance = _found(survey, refined, control)
+    found, covariance = _adjusted_control(survey, refined, control)
     for k, i in enumerate(control.tolist()):
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
         label = survey.label[survey.control_label[i]]
@@ -133,7 +133,9 @@ def control_left_out(survey: Survey, refined: Refined, control: Ints) -> Iterato
         yield Message("warning", "control-left-out", text, labels=(label,), several=several)
 
 
-def heights_left_out(survey: Survey, refined: Refined, labels: Sequence[str]) -> Iterator[Message]:
+def report_heights_left_out(
+    survey: Survey, refined: Refined, labels: Sequence[str]
+) -> Iterator[Message]:
     """Report each stated height that was left out, and the height that the photos show.
 
     Parameters
@@ -169,11 +171,11 @@ def heights_left_out(survey: Survey, refined: Refined, labels: Sequence[str]) ->
             text,
             labels=(label,),
             several=several,
-            mend=freed([label]),
+            mend=make_height_remedy([label]),
         )
 
 
-def _found(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:
+def _adjusted_control(survey: Survey, refined: Refined, control: Ints) -> tuple[Floats, Floats]:
     """Return the adjusted places (n, 3) of control points, and their covariance (n, 3, 3).
 
     NaN where an adjustment does not have the point.

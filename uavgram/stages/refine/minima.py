@@ -14,6 +14,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.first_points import with_first_ties
 from uavgram.estimation.first_poses.known_frames import align_in_plane
 from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.measuring.scale import line_faults
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
@@ -25,18 +26,72 @@ from uavgram.estimation.survey.selection import (
     without_known,
     without_ties_of,
 )
-from uavgram.estimation.survey.unknowns import State
+from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Bools
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.begin.doubt import cost_with_lost, doubtful_frames
-from uavgram.stages.refine.begin.softened import SLACK, iterate, iterations_for, settled
-from uavgram.stages.refine.begin.starts import first_values, other_values, unusable
-from uavgram.stages.refine.undetermined import UndeterminedError, hanging_on, weakness
+from uavgram.stages.refine.first_values import (
+    cost_with_lost,
+    find_doubtful_frames,
+    find_first_values,
+    find_other_first_values,
+    find_unusable_picks,
+)
+from uavgram.stages.refine.staged_sigmas import DAMPING, approach_minimum, iterate, max_iterations
 
-AS_GOOD = 0.001
+
+class UndeterminedError(GeometryError):
+    """Undetermined unknown; `picks` (P,) are the picks that depend on it alone."""
+
+    def __init__(self, message: str, picks: Bools) -> None:
+        self.picks = picks
+        super().__init__(message)
+
+
+def find_dependent_picks(index: int, layout: Layout, survey: Survey) -> Bools:
+    """Mark the picks (P,) of the point, or of the frame, that an unknown belongs to.
+
+    Parameters
+    ----------
+    index
+        Column of the unknown.
+    layout
+        Columns of all unknowns.
+    survey
+        Survey with P picks.
+    """
+    if layout.first_tie <= index < layout.first_frame:
+        return np.zeros(len(survey.pick_label), dtype=np.bool_)
+    if index < layout.first_tie:
+        return np.asarray(survey.pick_label == layout.label_of(index, survey))
+    frame = (index - layout.first_frame) // layout.frame_size
+    return np.asarray((survey.pick_frame == frame) & (index < layout.first_intrinsic))
+
+
+def describe_weakness(survey: Survey, values: FirstValues, line_used: Bools) -> str:
+    """Describe the weakness of the lengths as a set, if any, as the end of a sentence.
+
+    Parameters
+    ----------
+    survey
+        Survey with L known lengths.
+    values
+        First values, among them the places of the points.
+    line_used
+        (L,) lengths that take part.
+    """
+    start, end = survey.line_start[line_used], survey.line_end[line_used]
+    if survey.telemetry is not None or survey.known or len(start) < 3:
+        return ""
+    faults = line_faults(values.point_m[start], values.point_m[end], values.point_m)
+    if not faults and len(start) == 3:
+        faults = ("two of the poses that three lengths allow merge here: tape a fourth line",)
+    return f" ({'; '.join(faults)})" if faults else ""
+
+
+RIVAL_PROBABILITY = 0.001
 """Probability below which an alternative's extra cost rules it out."""
 
-MOST_RETRIES, LEAST_GAIN = 3, 1.0
+MAX_RETRIES, MIN_RETRY_GAIN = 3, 1.0
 """Rounds in which frames in doubt begin again; decrease of the cost that justifies another
 round."""
 
@@ -90,7 +145,7 @@ class Participants:
         return replace(self, line_removed=removed)
 
 
-def best_minima(taking: Participants, most: int | None = None) -> Refined:
+def find_best_minima(taking: Participants, most: int | None = None) -> Refined:
     """Adjust all picks that can be placed; return the best minimum and its rivals.
 
     Parameters
@@ -106,37 +161,39 @@ def best_minima(taking: Participants, most: int | None = None) -> Refined:
     `pick_reason` of the result holds the reasons. The rest is adjusted. Without telemetry, frames
     in doubt begin again in another pose, without an influence on the poses of others.
     """
-    refined = minima_from(taking, first_values, most)
+    refined = find_minima_from(taking, find_first_values, most)
     if taking.survey.telemetry is not None:
         return refined
     picks = int(taking.keep.sum())
     tried: list[tuple[Survey, FirstValues]] = []
-    for _ in range(MOST_RETRIES):
-        doubtful = doubtful_frames(taking.survey, refined)
-        other = _begun_elsewhere(taking, refined, doubtful, most, tried) if doubtful else None
+    for _ in range(MAX_RETRIES):
+        doubtful = find_doubtful_frames(taking.survey, refined)
+        other = (
+            _minima_from_other_poses(taking, refined, doubtful, most, tried) if doubtful else None
+        )
         if other is None:
             break
         gain = cost_with_lost(refined, picks) - cost_with_lost(other, picks)
-        refined = _with_rivals(*((other, refined) if gain > 0 else (refined, other)))
-        if gain < LEAST_GAIN:
+        refined = _add_rivals(*((other, refined) if gain > 0 else (refined, other)))
+        if gain < MIN_RETRY_GAIN:
             break
     return refined
 
 
-TRIAL = 20
+TRIAL_ITERATIONS = 20
 """Iterations of an adjustment that only has to show whether the left-out observation was the fault:
 if it was, few are needed."""
 
 
-def trial_adjustment(taking: Participants, most: int | None = TRIAL) -> Refined | None:
+def adjust_on_trial(taking: Participants, most: int | None = TRIAL_ITERATIONS) -> Refined | None:
     """Adjust in few iterations, to see the effect of a change; None without a result."""
     try:
-        return best_minima(taking, most)
+        return find_best_minima(taking, most)
     except GeometryError:
         return None
 
 
-def _with_rivals(best: Refined, other: Refined) -> Refined:
+def _add_rivals(best: Refined, other: Refined) -> Refined:
     """Add minima of another adjustment that explain the same picks nearly as well."""
     minima = [best.adjustment, *best.alternatives]
     if np.array_equal(best.pick_index, other.pick_index):
@@ -146,7 +203,7 @@ def _with_rivals(best: Refined, other: Refined) -> Refined:
     return replace(best, alternatives=tuple(minima[1:]))
 
 
-def _begun_elsewhere(
+def _minima_from_other_poses(
     taking: Participants,
     refined: Refined,
     doubtful: frozenset[str],
@@ -175,14 +232,14 @@ def _begun_elsewhere(
     before = tuple(tried)
 
     def begin(survey: Survey) -> list[FirstValues]:
-        found = other_values(survey, known, doubtful)
+        found = find_other_first_values(survey, known, doubtful)
         if all(any(_is_again(survey, one, *old) for old in before) for one in found):
             raise GeometryError("all first values were tried before")
         tried.extend((survey, one) for one in found)
         return found
 
     with suppress(GeometryError):
-        return minima_from(taking, begin, most)
+        return find_minima_from(taking, begin, most)
     return None
 
 
@@ -195,7 +252,7 @@ def _is_again(survey: Survey, values: FirstValues, of: Survey, earlier: FirstVal
     )
 
 
-def minima_from(
+def find_minima_from(
     taking: Participants,
     begin: Callable[[Survey], list[FirstValues]],
     most: int | None = None,
@@ -228,21 +285,23 @@ def minima_from(
         line_used = ~taking.line_removed[selection.line_index]
         # First values of the remaining observations.
         starts = begin(select_lines(selection.survey, line_used))
-        lost = _tied_to_nothing(selection.survey, starts)
+        lost = _find_unconnected(selection.survey, starts)
         if lost:
             survey = without_ties_of(survey, lost)
             continue
-        skipped = [unusable(selection.survey, values) for values in starts]
+        skipped = [find_unusable_picks(selection.survey, values) for values in starts]
         # Of several poses that explain the lengths, those that see sky at picked points
         # come after those that see ground.
         out = min(skipped, key=len)
         if not out:
             possible = [v for v, without in zip(starts, skipped, strict=True) if not without]
             try:
-                adjustment, *alternatives = _minima(selection.survey, possible, line_used, most)
+                adjustment, *alternatives = _find_minima(
+                    selection.survey, possible, line_used, most
+                )
                 break
             except UndeterminedError as why:
-                out = _to_go_on_without(why, skipped)
+                out = _picks_to_leave_out(why, skipped)
                 if not out:
                     raise
                 if not why.picks.all():
@@ -263,14 +322,14 @@ def minima_from(
     )
 
 
-def _tied_to_nothing(survey: Survey, starts: Sequence[FirstValues]) -> frozenset[str]:
+def _find_unconnected(survey: Survey, starts: Sequence[FirstValues]) -> frozenset[str]:
     """Find frames without picks whose ties do not place them."""
     nowhere = np.all([np.isnan(values.center[:, 0]) for values in starts], axis=0)
     nowhere[survey.pick_frame] = False
     return frozenset(survey.frame_id[f] for f in np.flatnonzero(nowhere))
 
 
-def _to_go_on_without(
+def _picks_to_leave_out(
     why: UndeterminedError, skipped: list[dict[int, LeftOut]]
 ) -> dict[int, LeftOut]:
     """Return picks to leave out: those of the undetermined unknown.
@@ -283,13 +342,13 @@ def _to_go_on_without(
     return min((out for out in skipped if out), key=len, default={})
 
 
-def _minima(
+def _find_minima(
     survey: Survey, starts: list[FirstValues], line_used: Bools, most: int | None
 ) -> list[Adjustment]:
     """Find the best minimum, and every other one that explains the observations nearly as well."""
     # An interrupted rival would go unreported: several starts get all iterations.
     if most is None or len(starts) > 1:
-        most = iterations_for(survey.calibration)
+        most = max_iterations(survey.calibration)
     found, loose = [], []
     undetermined: GeometryError | None = None
     for values in starts:
@@ -306,7 +365,7 @@ def _minima(
     rivals = [one for one in found[1:] if one[1].converged]
     for values in loose:
         with suppress(GeometryError):  # undetermined even with damping
-            rivals.append(_minimise(survey, values, line_used, most, SLACK))
+            rivals.append(_minimise(survey, values, line_used, most, DAMPING))
     for problem, minimum in rivals:
         if _is_rival(minimum, minima):
             minima.append(_adjustment(problem, minimum))
@@ -339,12 +398,13 @@ def _minimise(
         turning=np.zeros((layout.frames, layout.frame_size - 6)),
     )
     try:
-        minimum = iterate(problem, settled(survey, state, pivot, line_used), most, slack)
+        minimum = iterate(problem, approach_minimum(survey, state, pivot, line_used), most, slack)
     except SingularError as error:
         raise UndeterminedError(
             f"the observations do not determine {layout.describe(error.index, survey)}: add known "
-            f"lengths or picks there, or leave it out{weakness(survey, values, line_used)}",
-            hanging_on(error.index, layout, survey),
+            "lengths or picks there, or leave it out"
+            f"{describe_weakness(survey, values, line_used)}",
+            find_dependent_picks(error.index, layout, survey),
         ) from error
     return problem, minimum
 
@@ -356,7 +416,7 @@ def _adjustment(problem: SurveyProblem, minimum: Minimum[State]) -> Adjustment:
 def _is_rival(minimum: Minimum[State], minima: list[Adjustment]) -> bool:
     """Return whether a minimum fits nearly as well as the first, and differs from all."""
     # Likelihood ratio test with one degree of freedom.
-    limit = minima[0].minimum.cost + float(chdtri(1, AS_GOOD))
+    limit = minima[0].minimum.cost + float(chdtri(1, RIVAL_PROBABILITY))
     return minimum.cost < limit and all(_apart(known, minimum.state) for known in minima)
 
 

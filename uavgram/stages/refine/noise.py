@@ -3,12 +3,12 @@
 Stated sigmas are guesses by people. Where the residuals contradict them, the model is extended step
 by step: first the noise of the picks alone; where misfits show that the ground is not plane, also
 the departure of each point (roughness), a quadratic surface (a crown), or correlated relief. The
-marginal likelihood decides between the models.
+marginal likelihood decides between the models. Messages report errors of another size than stated.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -27,10 +27,12 @@ from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.geometry.ground.plane import spread_knots
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.message import Message
+from uavgram.model.naming import figures
 from uavgram.model.result.reliability import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
 from uavgram.model.survey.survey import Relief, Survey
-from uavgram.stages.refine.continued import carried, continued, lines_used
-from uavgram.stages.refine.outstanding import Outstanding, outstanding
+from uavgram.stages.refine.noise_outliers import NoiseOutliers, find_noise_outliers
+from uavgram.stages.refine.readjustment import convert_state, find_used_lines, readjust
 
 STATED_WEIGHT = 20.0
 """Weight of the stated sigma of picks, as a number of residuals."""
@@ -46,40 +48,40 @@ and known things determine it poorly."""
 STATED_LENGTH_WEIGHT = 5.0
 """Weight of the stated sigma of taped lengths."""
 
-LITTLE = 30.0
+LOW_WEIGHT_FACTOR = 30.0
 """Redundancy of the picks below which their sigmas are never taken as smaller than stated."""
 
-FEW_LENGTHS = 10.0
+MIN_LENGTHS = 10.0
 """Redundancy of taped lengths below which their sigmas are never taken as smaller than stated."""
 
-SAME = 0.03
+MIN_SIGMA_CHANGE = 0.03
 """Relative change of a sigma that does not justify another adjustment."""
 
-BY_HAND, TARGETS, IDENTIFIED, TAPED = -1, -2, -3, -4
+PICKS_CODE, TARGETS_CODE, IDENTIFICATION_CODE, LENGTHS_CODE = -1, -2, -3, -4
 """Codes of picks by people, of targets, of the identification and of taped lengths; other
 components have the index of an area instead."""
 
-UNIT_M = 0.05
+INITIAL_ROUGHNESS_M = 0.05
 """Initial value of roughness and relief in the search [m]."""
 
-LEAST_M = 0.002
+MIN_ROUGHNESS_M = 0.002
 """Roughness or relief below which a ground counts as plane [m]."""
 
-KNOTS = 30
+MAX_KNOTS = 30
 """Largest number of functions of a correlated relief."""
 
-RANGES = (0.2, 0.45)
+RANGE_SHARES = (0.2, 0.45)
 """Ranges of a correlated relief, as shares of the extent of the points."""
 
-PENALTY: dict[SurfaceShape, float] = {"plane": 0.5, "quadratic": 2.5, "correlated": 4.0}
+SHAPE_PENALTY: dict[SurfaceShape, float] = {"plane": 0.5, "quadratic": 2.5, "correlated": 4.0}
 """Least gain in log-likelihood of each shape, with roughness, over smooth, plane ground. Small for
 roughness, since that is only tried where picks and ground misfit (`MISFIT`), and an omitted
 roughness makes sigmas too small. Larger for functions of the place, of which several are tried."""
 
-LEAST_POINTS = 8
+MIN_POINTS = 8
 """Number of points of an area below which only their own departures are estimated."""
 
-PASSES = 3
+MAX_PASSES = 3
 """Adjustments with sigmas learnt from the one before."""
 
 
@@ -103,7 +105,7 @@ class _Model(NamedTuple):
     areas: tuple[int, ...]
 
 
-class _Fitted(NamedTuple):
+class _FittedModel(NamedTuple):
     """Model with its likeliest factors, and the log-likelihood less the penalty of the model."""
 
     model: _Model
@@ -113,10 +115,10 @@ class _Fitted(NamedTuple):
     @property
     def log_likelihood(self) -> float:
         """Log-likelihood without the penalty of the model."""
-        return self.merit + (0.0 if self.model.shape is None else PENALTY[self.model.shape])
+        return self.merit + (0.0 if self.model.shape is None else SHAPE_PENALTY[self.model.shape])
 
 
-def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
+def estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     """Estimate sigmas from the residuals, and readjust with them.
 
     Parameters
@@ -133,103 +135,112 @@ def with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined
     if not refined.adjustment.minimum.converged:
         return survey, refined
     try:
-        return _with_noise_learnt(survey, refined)
+        return _estimate_noise(survey, refined)
     except SingularError:  # misfit so large that picks with the learnt noise determine nothing
         return survey, refined
 
 
-def _with_noise_learnt(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
+def _estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     stated = refined.adjustment
-    few, fits = outstanding(stated)
-    models = [_as_stated(stated, redundancy_of(stated, "pixels")), *_grown(stated, fits=fits)]
+    few, fits = find_noise_outliers(stated)
+    models = [
+        _stated_model(stated, redundancy_of(stated, "pixels")),
+        *_other_models(stated, fits=fits),
+    ]
     simple = len(models) == 1 and len(models[0].components) == 1 and not few
 
-    def estimated(model: _Model, adjustment: Adjustment, first: Floats | None) -> _Fitted:
+    def estimated(model: _Model, adjustment: Adjustment, first: Floats | None) -> _FittedModel:
         if simple:
-            return _picks_alone(model, adjustment, first)
-        return _fitted(model, adjustment, few, first)
+            return _fit_picks_alone(model, adjustment, first)
+        return _fit_model(model, adjustment, few, first)
 
     # Choose the model by its penalised marginal likelihood.
     tried = [estimated(model, stated, None) for model in models]
     fitted = max(tried, key=lambda one: one.merit)
-    chance = _chance(fitted, tried)
-    if fitted.model.shape is None and np.abs(np.log(fitted.found.factor)).max() < SAME:
-        return survey, replace(refined, noise=_noise(fitted, stated, stated.survey, chance))
+    chance = _chance_of_unevenness(fitted, tried)
+    if fitted.model.shape is None and np.abs(np.log(fitted.found.factor)).max() < MIN_SIGMA_CHANGE:
+        return survey, replace(
+            refined, noise=_describe_noise(fitted, stated, stated.survey, chance)
+        )
     adjustment = stated
     # Alternate readjustment and estimation until the factors are stable.
-    for _ in range(PASSES):
+    for _ in range(MAX_PASSES):
         used = fitted
-        adjustment = continued(adjustment, _learnt(used, stated.survey))
+        adjustment = readjust(adjustment, _apply_noise(used, stated.survey))
         fitted = estimated(used.model, adjustment, used.found.factor)
-        if np.abs(np.log(fitted.found.factor / used.found.factor)).max() < SAME:
+        if np.abs(np.log(fitted.found.factor / used.found.factor)).max() < MIN_SIGMA_CHANGE:
             break
     # Report the sigmas with which the result was adjusted.
-    noise = _noise(used, adjustment, stated.survey, chance)
-    return _learnt(used, survey), replace(
+    noise = _describe_noise(used, adjustment, stated.survey, chance)
+    return _apply_noise(used, survey), replace(
         refined, adjustment=adjustment, noise=noise, stated=stated
     )
 
 
-def _as_stated(stated: Adjustment, redundancy: float) -> _Model:
+def _stated_model(stated: Adjustment, redundancy: float) -> _Model:
     """Return the model that learns only the noise of the picks, and a stated roughness."""
-    return _components(None, stated.problem, stated, 1.0 if redundancy < LITTLE else 0.0)
+    return _components(None, stated.problem, stated, 1.0 if redundancy < LOW_WEIGHT_FACTOR else 0.0)
 
 
-def _grown(stated: Adjustment, *, fits: bool) -> list[_Model]:
+def _other_models(stated: Adjustment, *, fits: bool) -> list[_Model]:
     """Return other ground shapes worth trying: none where all fits or the redundancy is small."""
     shown = (name for name in ("pixels", "matches") if name in stated.minimum.blocks)
-    if sum(redundancy_of(stated, name) for name in shown) <= LITTLE:
+    if sum(redundancy_of(stated, name) for name in shown) <= LOW_WEIGHT_FACTOR:
         return []
     uneven = any(ground.roughness_sigma_m > 0 for ground in stated.survey.grounds)
-    # Matches may already have shown a roughness (`off_ground/shown.py`).
+    # Matches may already have shown a roughness (`off_ground.py`).
     if not fits or (uneven and stated.survey.matches.points):
-        return _every_shape(stated)
+        return _models_of_every_shape(stated)
     # Free points fit on any ground, and so hide misfits; their heights count from the ground.
-    return [_each_its_own(stated)] if stated.survey.is_free.any() else []
+    return [_model_of_own_departures(stated)] if stated.survey.is_free.any() else []
 
 
-def _every_shape(stated: Adjustment) -> list[_Model]:
+def _models_of_every_shape(stated: Adjustment) -> list[_Model]:
     """Return every other shape of the ground: each point's own departure, and smooth ones."""
     survey, point = stated.survey, stated.state.point[:, :2]
     own = [point[survey.area == area] for area in range(len(survey.grounds))]
-    models = [_each_its_own(stated)]
-    if any(len(each) >= LEAST_POINTS for each in own):
-        models.append(_model("quadratic", stated, [_quadratic(each) for each in own]))
+    models = [_model_of_own_departures(stated)]
+    if any(len(each) >= MIN_POINTS for each in own):
+        models.append(_model("quadratic", stated, [_quadratic_relief(each) for each in own]))
         models += [
-            _model("correlated", stated, [_correlated(one, share) for one in own])
-            for share in RANGES
+            _model("correlated", stated, [_correlated_relief(one, share) for one in own])
+            for share in RANGE_SHARES
         ]
     return models
 
 
-def _each_its_own(stated: Adjustment) -> _Model:
+def _model_of_own_departures(stated: Adjustment) -> _Model:
     """Return the model with a departure of each point, and without smooth relief."""
     return _model("plane", stated, [None for _ in stated.survey.grounds])
 
 
-def _quadratic(point_m: Floats) -> Relief | None:
-    if len(point_m) < LEAST_POINTS:
+def _quadratic_relief(point_m: Floats) -> Relief | None:
+    if len(point_m) < MIN_POINTS:
         return None
     middle = 0.5 * (point_m.min(axis=0) + point_m.max(axis=0))
     scale = 0.5 * float(np.ptp(point_m, axis=0).max())
-    return Relief(kind="quadratic", sigma_m=UNIT_M, scale_m=scale, knots_m=middle[None])
+    return Relief(
+        kind="quadratic", sigma_m=INITIAL_ROUGHNESS_M, scale_m=scale, knots_m=middle[None]
+    )
 
 
-def _correlated(point_m: Floats, share: float) -> Relief | None:
-    if len(point_m) < LEAST_POINTS:
+def _correlated_relief(point_m: Floats, share: float) -> Relief | None:
+    if len(point_m) < MIN_POINTS:
         return None
     reach = share * float(np.ptp(point_m, axis=0).max())
-    knots = spread_knots(point_m, KNOTS)
-    return Relief(kind="correlated", sigma_m=UNIT_M, scale_m=reach, knots_m=knots)
+    knots = spread_knots(point_m, MAX_KNOTS)
+    return Relief(kind="correlated", sigma_m=INITIAL_ROUGHNESS_M, scale_m=reach, knots_m=knots)
 
 
 def _model(shape: SurfaceShape, stated: Adjustment, relief: Sequence[Relief | None]) -> _Model:
     grounds = tuple(
-        replace(ground, roughness_sigma_m=ground.roughness_sigma_m or UNIT_M, relief=own)
+        replace(
+            ground, roughness_sigma_m=ground.roughness_sigma_m or INITIAL_ROUGHNESS_M, relief=own
+        )
         for ground, own in zip(stated.survey.grounds, relief, strict=True)
     )
     survey = replace(stated.survey, grounds=grounds)
-    problem = SurveyProblem(survey, stated.problem.pivot_m, lines_used(stated))
+    problem = SurveyProblem(survey, stated.problem.pivot_m, find_used_lines(stated))
     return _components(shape, problem, stated, 0.0)
 
 
@@ -256,15 +267,15 @@ def _components(
         if (targets == target).any():
             rows = None if (targets == target).all() else np.flatnonzero(targets == target)
             found.append(Component("pixels", rows, STATED_WEIGHT, smallest))
-            areas.append(TARGETS if target else BY_HAND)
+            areas.append(TARGETS_CODE if target else PICKS_CODE)
     if len(stated.identified):
         found.append(Component("identification", None, STATED_IDENTIFICATION_WEIGHT))
-        areas.append(IDENTIFIED)
+        areas.append(IDENTIFICATION_CODE)
     taped = np.flatnonzero(_is_taped(stated)[problem.line_index])
     if len(taped):
-        least = 1.0 if redundancy_of(adjustment, "lengths") < FEW_LENGTHS else 0.0
+        least = 1.0 if redundancy_of(adjustment, "lengths") < MIN_LENGTHS else 0.0
         found.append(Component("lengths", taped, STATED_LENGTH_WEIGHT, least))
-        areas.append(TAPED)
+        areas.append(LENGTHS_CODE)
     for area, ground in enumerate(problem.survey.grounds):
         rows = np.flatnonzero(stated.area[problem.third.rough] == area)
         if ground.roughness_sigma_m > 0 and len(rows):
@@ -285,9 +296,9 @@ def _is_taped(survey: Survey) -> Bools:
     return np.array(taped or [True] * len(survey.line_start), dtype=np.bool_)
 
 
-def _fitted(
-    model: _Model, adjustment: Adjustment, few: Mapping[str, Outstanding], first: Floats | None
-) -> _Fitted:
+def _fit_model(
+    model: _Model, adjustment: Adjustment, few: Mapping[str, NoiseOutliers], first: Floats | None
+) -> _FittedModel:
     """Estimate the likeliest factors of a model, linearised about an adjustment.
 
     Parameters
@@ -302,10 +313,10 @@ def _fitted(
         (C,) factors to start from.
     """
     problem, layout = model.problem, model.problem.layout
-    blocks = problem.evaluate(carried(adjustment, problem))
+    blocks = problem.evaluate(convert_state(adjustment, problem))
     assert blocks is not None  # noqa: S101  (the state is that of an adjusted survey)
     for name, one in few.items():
-        blocks[name] = _with_little_weight(blocks[name], one)
+        blocks[name] = _lower_weight(blocks[name], one)
     begin = np.ones(len(model.components)) if first is None else first
     found = Linearised(blocks, layout.size, layout.structure).estimate(model.components, begin)
     # Add the log of the prior sigma of each unknown, so that models with different unknowns
@@ -313,11 +324,11 @@ def _fitted(
     unit = sum(
         float(np.log(blocks[k].jacobian).sum()) for k in ("roughness", "relief") if k in blocks
     )
-    price = 0.0 if model.shape is None else PENALTY[model.shape]
-    return _Fitted(model, found, found.log_likelihood + unit - price)
+    price = 0.0 if model.shape is None else SHAPE_PENALTY[model.shape]
+    return _FittedModel(model, found, found.log_likelihood + unit - price)
 
 
-def _picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None) -> _Fitted:
+def _fit_picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None) -> _FittedModel:
     """Estimate the factor of the picks' sigmas, where no other component is in question.
 
     Parameters
@@ -335,17 +346,17 @@ def _picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None) ->
     squares = scale**2 * float(np.sum(block.residual**2))
     leverage = adjustment.covariance.leverage(block)
     found = of_one_group(squares, leverage.size - float(leverage.sum()), model.components[0])
-    return _Fitted(model, found, 0.0)
+    return _FittedModel(model, found, 0.0)
 
 
-def _with_little_weight(block: Block, few: Outstanding) -> Block:
+def _lower_weight(block: Block, few: NoiseOutliers) -> Block:
     weight = np.ones(len(block.residual))
     weight[few.rows] = 1.0 / few.errors
     residual = block.residual * weight[:, None]
     return Block(residual, block.columns, block.jacobian * weight[:, None, None])
 
 
-def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
+def _apply_noise(fitted: _FittedModel, survey: Survey) -> Survey:
     """Return the survey with learnt sigmas and ground; `survey` has the stated ones."""
     factor = fitted.found.factor
     grounds = list(fitted.model.problem.survey.grounds)
@@ -355,20 +366,20 @@ def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
         if one.block == "roughness":
             size = scale * grounds[area].roughness_sigma_m
             is_stated = survey.grounds[area].roughness_sigma_m > 0
-            size = size if size > LEAST_M or is_stated else 0.0
+            size = size if size > MIN_ROUGHNESS_M or is_stated else 0.0
             grounds[area] = replace(grounds[area], roughness_sigma_m=size)
         if one.block == "relief" and (relief := grounds[area].relief) is not None:
             size = scale * relief.sigma_m
-            own = replace(relief, sigma_m=size) if size > LEAST_M else None
+            own = replace(relief, sigma_m=size) if size > MIN_ROUGHNESS_M else None
             grounds[area] = replace(grounds[area], relief=own)
     sigma = np.array(survey.pick_sigma_px)
     length_m, beside_m = np.array(survey.length_sigma_m), survey.identification_sigma_m
     for area, scale in zip(fitted.model.areas, factor.tolist(), strict=True):
-        if area in (BY_HAND, TARGETS):
-            sigma[survey.pick_is_target == (area == TARGETS)] *= scale
-        if area == TAPED:
+        if area in (PICKS_CODE, TARGETS_CODE):
+            sigma[survey.pick_is_target == (area == TARGETS_CODE)] *= scale
+        if area == LENGTHS_CODE:
             length_m[_is_taped(survey)] *= scale
-        if area == IDENTIFIED:
+        if area == IDENTIFICATION_CODE:
             beside_m = scale * beside_m
     return replace(
         survey,
@@ -379,7 +390,7 @@ def _learnt(fitted: _Fitted, survey: Survey) -> Survey:
     )
 
 
-def _chance(fitted: _Fitted, tried: Sequence[_Fitted]) -> float:
+def _chance_of_unevenness(fitted: _FittedModel, tried: Sequence[_FittedModel]) -> float:
     """Return the probability of such uneven ground by chance; `tried[0]` is the model as stated."""
     own = len(fitted.model.components) - len(tried[0].model.components)
     if fitted.model.shape is None or own < 1:
@@ -388,7 +399,9 @@ def _chance(fitted: _Fitted, tried: Sequence[_Fitted]) -> float:
     return min(1.0, (len(tried) - 1) * probability_at_boundary(gain, own))
 
 
-def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: float) -> Noise:
+def _describe_noise(
+    fitted: _FittedModel, adjustment: Adjustment, stated: Survey, chance: float
+) -> Noise:
     """Describe the learnt noise for the report.
 
     Parameters
@@ -409,18 +422,18 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
     units = fitted.model.problem.survey.grounds
     picks, others = [], {}
     for k, area in enumerate(fitted.model.areas):
-        if area in (IDENTIFIED, TAPED):
+        if area in (IDENTIFICATION_CODE, LENGTHS_CODE):
             own = stated.length_sigma_m[_is_taped(stated)]
-            own = stated.identification_sigma_m if area == IDENTIFIED else own
+            own = stated.identification_sigma_m if area == IDENTIFICATION_CODE else own
             size = float(np.sqrt(np.mean(own**2)))
             others[area] = LearntSigma(
                 stated_m=size, factor=float(factor[k]), sigma=float(sigma[k])
             )
-        if area in (BY_HAND, TARGETS):
-            own = stated.pick_sigma_px[stated.pick_is_target == (area == TARGETS)]
+        if area in (PICKS_CODE, TARGETS_CODE):
+            own = stated.pick_sigma_px[stated.pick_is_target == (area == TARGETS_CODE)]
             picks.append(
                 PickNoise(
-                    source="target" if area == TARGETS else "hand",
+                    source="target" if area == TARGETS_CODE else "hand",
                     stated_px=float(np.sqrt(np.mean(own**2))),
                     factor=float(factor[k]),
                     sigma=float(sigma[k]),
@@ -436,11 +449,109 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
             relief_m=adjustment.relief_m(area),
             probability=chance,
         )
-        for area, ground in enumerate(_learnt(fitted, stated).grounds)
+        for area, ground in enumerate(_apply_noise(fitted, stated).grounds)
     ]
     return Noise(
         picks=tuple(picks),
         roughness=tuple(areas),
-        lengths=others.get(TAPED),
-        identification=others.get(IDENTIFIED),
+        lengths=others.get(LENGTHS_CODE),
+        identification=others.get(IDENTIFICATION_CODE),
     )
+
+
+CARELESS_FACTOR = 2.5
+"""Factor of the stated identification beyond which tape and picks no longer mean the same point."""
+
+WORSE_FACTOR, BETTER_FACTOR = 1.3, 0.75
+"""Factors of the stated sigma of picks beyond which a message is issued."""
+
+GROUND_SIGNIFICANCE = 0.001
+"""Significance level for a whole survey: frequency of a plane ground being reported as uneven."""
+
+FACTOR_SIGMAS = 3.0
+"""Least difference of the factor from one, in sigmas."""
+
+ADVICE = {
+    "hand": "Look whether each label is at the same place in all photos.",
+    "target": "Look whether the plates lay flat and still.",
+    "match": "Look at those with the largest residuals.",
+    "tie": "Something may have moved between the photos.",
+}
+"""Where to look for the reason of larger errors than stated."""
+
+
+def report_noise(noise: Noise | None) -> Iterator[Message]:
+    """Report uneven ground, and readings that are more or less exact than stated."""
+    if noise is None:
+        return
+    for area in noise.roughness:
+        yield from _report_ground(area, several=len(noise.roughness) > 1)
+    for picks in noise.picks:
+        if abs(picks.factor - 1.0) > FACTOR_SIGMAS * picks.sigma:
+            yield from _report_picks(picks, noise.called(picks))
+    lengths = noise.lengths
+    if lengths is not None and lengths.factor > max(WORSE_FACTOR, 1.0 + lengths.sigma):
+        text = (
+            f"The taped lengths fit less well than stated: {figures(lengths.stated_m)} m stated, "
+            f"{figures(lengths.stated_m * lengths.factor)} m found. All uncertainties are wider "
+            "for "
+            "that. State in sigma_m how finely the tape was read."
+        )
+        yield Message("warning", "lengths-less-exact", text)
+    beside = noise.identification
+    if beside is not None and beside.factor > max(CARELESS_FACTOR, 1.0 + beside.sigma):
+        text = (
+            "Picks and lengths fit each other less well than stated: points were picked within "
+            f"{_length_text(beside.stated_m)} of what was meant as stated, within "
+            f"{_length_text(beside.stated_m * beside.factor)} as found. All uncertainties are "
+            "wider for that, but several wrong lengths would look alike. Look whether tape and "
+            "picks mean the same place of each mark, and whether each length was read right."
+        )
+        yield Message("warning", "identification-less-exact", text)
+
+
+def _report_ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
+    size = area.size_m
+    if size <= area.stated_m * WORSE_FACTOR or area.probability > GROUND_SIGNIFICANCE:
+        return
+    where = f"The ground of area {area.area!r}" if several else "This ground"
+    shape = {
+        "plane": "each point by itself",
+        "quadratic": "as a crown or a hollow does",
+        "correlated": "in smooth rises and hollows",
+    }[area.shape]
+    text = (
+        f"{where} is not a plane: its points lie about {_length_text(size)} off it, {shape}; the "
+        "drawing in the report shows where. The uncertainties contain that. Where they must be "
+        "smaller: pick the points in more photos, or give other ground an area of its own."
+    )
+    yield Message("warning", "ground-not-plane", text)
+
+
+def _length_text(size_m: float) -> str:
+    return f"{figures(100 * size_m)} cm" if size_m < 1.0 else f"{figures(size_m)} m"
+
+
+def _report_picks(picks: PickNoise, what: str) -> Iterator[Message]:
+    """Report picks with other errors than stated; not matches that are merely more exact."""
+    by_likeness = picks.source in ("match", "tie")
+    stated = f"{figures(picks.stated_px)} px stated"
+    found = (
+        f"{figures(picks.stated_px * picks.factor)} ± {figures(picks.stated_px * picks.sigma, 1)} "
+        "px found"
+    )
+    if picks.factor > WORSE_FACTOR:
+        text = (
+            f"The {what} are less exact than stated: {stated}, {found}. {ADVICE[picks.source]} All "
+            "uncertainties are wider for that."
+        )
+        if by_likeness:
+            yield Message("info", "found-less-exact", text)
+        else:
+            yield Message("warning", "picks-less-exact", text)
+    if picks.factor < BETTER_FACTOR and not by_likeness:
+        text = (
+            f"The {what} are more exact than stated: {stated}, {found}. "
+            "All uncertainties are smaller for that."
+        )
+        yield Message("info", "picks-more-exact", text)

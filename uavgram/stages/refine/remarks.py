@@ -1,4 +1,7 @@
-"""Messages of the refinement: observations left out or removed, ambiguity, no convergence."""
+"""Messages of the refinement: observations left out or removed, ambiguity, no convergence.
+
+Also significant properties of camera and ground that the survey found without a statement.
+"""
 
 from __future__ import annotations
 
@@ -11,22 +14,25 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_frames import known_rows
+from uavgram.estimation.first_poses.network import seen_lines
 from uavgram.estimation.measuring.scale import distance_changes, line_faults, next_line
+from uavgram.estimation.reliability.redundancy import core_fit
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined, Removal
+from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.observations.observation import Suspicion
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, Several, unpicked
 from uavgram.model.naming import FOOT_M, figures, listed
 from uavgram.model.survey.mend import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.lengths_in_view import odd_in_view, ratios_in_view
 from uavgram.stages.remedies import read_first
 
-LOWEST_M, HIGHEST_M = 0.3, 1000.0
+MIN_HEIGHT_M, MAX_HEIGHT_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground [m], beyond which lengths or log are in question."""
 
-LOW_M, HIGH_M = 3.0, 150.0
+USUAL_MIN_HEIGHT_M, USUAL_MAX_HEIGHT_M = 3.0, 150.0
 """Usual heights of drone photos above the ground [m]; others are possible, if rarer."""
 
 UNITS_M = {
@@ -39,34 +45,34 @@ UNITS_M = {
 }
 """Possible units of the lengths as written, in metres."""
 
-MOST_LISTED = 12
+MAX_LISTED = 12
 """Largest number of lengths in a list, oddest first."""
 
 LOOK_AT_PICKS = "Look at their places and labels."
 
-SAME_SCENE = 1e-3
+SAME_SCENE_TOLERANCE = 1e-3
 """Relative change of distances up to which two solutions differ in their cameras only."""
 
-WEAK = 0.01
+WEAK_SIGMA = 0.01
 """Relative sigma of the scene's distances (root mean square) above which the lengths are weak."""
 
 
-def remarks(survey: Survey, refined: Refined) -> tuple[Message, ...]:
+def report_refinement(survey: Survey, refined: Refined) -> tuple[Message, ...]:
     """Collect the messages on the result: picks left out, removals, ambiguity, no convergence."""
-    messages = list(_left_out(survey, refined))
+    messages = list(_report_left_out(survey, refined))
     messages += [
-        _removal(removal, removal.before)
+        _removal_message(removal, removal.before)
         for removal in refined.removals
         if removal.before is not None
     ]
     if not refined.adjustment.minimum.converged:
-        messages.append(_not_converged())
-    messages += _contradictory(survey, refined)
-    messages += _odd_height(refined.adjustment)
-    return (*messages, *_ambiguity(refined), *_weak_lengths(refined))
+        messages.append(_not_converged_message())
+    messages += _report_contradiction(survey, refined)
+    messages += _report_odd_height(refined.adjustment)
+    return (*messages, *_report_ambiguity(refined), *_report_weak_lengths(refined))
 
 
-def _not_converged() -> Message:
+def _not_converged_message() -> Message:
     """Report missing convergence, without names: such residuals do not show the fault."""
     text = (
         "The picks and lengths lead to no result: do not use these numbers. The adjustment did not "
@@ -77,42 +83,42 @@ def _not_converged() -> Message:
     return Message("error", "not-converged", text)
 
 
-def _contradictory(survey: Survey, refined: Refined) -> Iterator[Message]:
+def _report_contradiction(survey: Survey, refined: Refined) -> Iterator[Message]:
     """Report lengths that contradict each other, where none could be singled out as wrong."""
     if survey.telemetry is not None:
         return
     keep = np.zeros(len(survey.pick_frame), dtype=bool)
     keep[refined.pick_index] = True
-    ratio = ratios_in_view(survey, keep)
+    ratio = find_length_ratios(survey, keep)
     ratio[refined.line_removed] = np.nan
-    settled = refined.adjustment.minimum.converged and not odd_in_view(ratio).any()
+    settled = refined.adjustment.minimum.converged and not find_odd_lengths(ratio).any()
     if np.isfinite(ratio).any() and not settled:
-        text = f"The lengths may contradict each other. {_listed(survey, ratio)}"
-        names = (survey.line_name[i] for i in _oddest(ratio) if survey.line_name)
+        text = f"The lengths may contradict each other. {_list_ratios(survey, ratio)}"
+        names = (survey.line_name[i] for i in _odd_first(ratio) if survey.line_name)
         yield Message("warning", "lengths-contradict", text, lengths=tuple(filter(None, names)))
 
 
-def contradiction(survey: Survey, keep: Bools) -> str:
+def describe_contradiction(survey: Survey, keep: Bools) -> str:
     """Describe lengths with one so odd that no pose explains it, as sentences; otherwise empty."""
-    ratio = ratios_in_view(survey, keep)
-    if not odd_in_view(ratio).any():
+    ratio = find_length_ratios(survey, keep)
+    if not find_odd_lengths(ratio).any():
         return ""
-    return f". The lengths contradict each other. {_listed(survey, ratio)}"
+    return f". The lengths contradict each other. {_list_ratios(survey, ratio)}"
 
 
-def _oddest(ratio: Floats) -> Ints:
+def _odd_first(ratio: Floats) -> Ints:
     """Return the lengths that can be compared, the oddest first."""
     lines = np.flatnonzero(np.isfinite(ratio))
-    return lines[np.argsort(-np.abs(ratio[lines]), kind="stable")][:MOST_LISTED]
+    return lines[np.argsort(-np.abs(ratio[lines]), kind="stable")][:MAX_LISTED]
 
 
-def _listed(survey: Survey, ratio: Floats) -> str:
+def _list_ratios(survey: Survey, ratio: Floats) -> str:
     """List the ratios of lengths to their view, as sentences."""
     label = survey.label
     values = [
         f"{label[survey.line_start[i]]!r} to {label[survey.line_end[i]]!r} "
         f"{figures(np.exp(ratio[i]), 3)}"
-        for i in _oddest(ratio)
+        for i in _odd_first(ratio)
     ]
     return (
         "Look at the unit and at the labels of the odd one: taped over seen, as if from straight "
@@ -120,12 +126,15 @@ def _listed(survey: Survey, ratio: Floats) -> str:
     )
 
 
-def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
+def _report_odd_height(adjustment: Adjustment) -> Iterator[Message]:
     """Report cameras at a height from which no drone takes photos of the ground."""
     above = adjustment.state.center[:, 2] - adjustment.state.plane[0]
     height = float(np.median(above))
-    if LOWEST_M <= height <= HIGHEST_M:
-        if adjustment.survey.gauge == "plane" and not LOW_M <= height <= HIGH_M:
+    if MIN_HEIGHT_M <= height <= MAX_HEIGHT_M:
+        if (
+            adjustment.survey.gauge == "plane"
+            and not USUAL_MIN_HEIGHT_M <= height <= USUAL_MAX_HEIGHT_M
+        ):
             text = (
                 f"By the lengths, the cameras were {figures(height)} m above the ground (median). "
                 "If "
@@ -133,9 +142,13 @@ def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
             )
             yield Message("info", "unusual-height", text)
         return
-    size = f"{figures(height / 1000, 3)} km" if height > HIGHEST_M else f"{figures(height)} m"
+    size = f"{figures(height / 1000, 3)} km" if height > MAX_HEIGHT_M else f"{figures(height)} m"
     where = f"The cameras come out {size} above the ground (median)"
-    units = [unit for unit, one_m in UNITS_M.items() if LOW_M <= height * one_m <= HIGH_M]
+    units = [
+        unit
+        for unit, one_m in UNITS_M.items()
+        if USUAL_MIN_HEIGHT_M <= height * one_m <= USUAL_MAX_HEIGHT_M
+    ]
     if len(adjustment.problem.line_index) and units:
         text = (
             f"{where}, as with lengths in {listed(units, link='or')}: in metres that would be "
@@ -150,7 +163,7 @@ def _odd_height(adjustment: Adjustment) -> Iterator[Message]:
     yield Message("warning", "odd-height", text)
 
 
-def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
+def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
     """Report left-out picks of the remaining frames, and each frame without any pick once."""
     frames: dict[str, Counter[str]] = {}
     stayed = set(refined.adjustment.survey.frame_id)
@@ -190,9 +203,9 @@ def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
         )
 
 
-def _removal(removal: Removal, before: Refined) -> Message:
+def _removal_message(removal: Removal, before: Refined) -> Message:
     if removal.cause is not None:
-        return _mended(removal.cause, *removal.mended)
+        return _correction_message(removal.cause, *removal.mended)
     names = Names(before.adjustment)
     what = names.observation(removal.suspicion.accused)
     plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
@@ -218,7 +231,7 @@ def _removal(removal: Removal, before: Refined) -> Message:
     )
 
 
-def _mended(cause: Cause, before: str, after: str) -> Message:
+def _correction_message(cause: Cause, before: str, after: str) -> Message:
     """Report a cause, with the correction that was made."""
     first, _, rest = cause.message.text.removesuffix(".").partition(". ")
     done = f"It was mended, look whether rightly: {before}; now {after}"
@@ -226,7 +239,7 @@ def _mended(cause: Cause, before: str, after: str) -> Message:
     return replace(cause.message, text=f"{text}.", several=None, mend=None, instead=())
 
 
-def not_located(refined: Refined, suspicion: Suspicion) -> Message:
+def not_located_message(refined: Refined, suspicion: Suspicion) -> Message:
     """Report a blunder that no test can separate from its neighbours."""
     names = Names(refined.adjustment)
     text = (
@@ -244,7 +257,7 @@ def not_located(refined: Refined, suspicion: Suspicion) -> Message:
     )
 
 
-def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Message:
+def indispensable_message(refined: Refined, removal: Removal, why: GeometryError) -> Message:
     """Report a suspected blunder that is needed to determine the survey.
 
     Parameters
@@ -264,10 +277,10 @@ def indispensable(refined: Refined, removal: Removal, why: GeometryError) -> Mes
     return Message("warning", "blunder-kept", text, **names.subjects(accused))
 
 
-def _ambiguity(refined: Refined) -> Iterator[Message]:
+def _report_ambiguity(refined: Refined) -> Iterator[Message]:
     survey = refined.adjustment.survey
     if survey.telemetry is None and survey.gauge == "world":
-        yield from _ambiguous_control(refined)
+        yield from _report_ambiguous_control(refined)
         return
     if refined.alternatives:
         within = "" if survey.telemetry is None else " within what the telemetry allows"
@@ -277,11 +290,13 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
         changes = [distance_changes(refined.adjustment, one) for one in refined.alternatives]
         text = (
             f"The {what} {len(refined.alternatives) + 1} camera positions about equally well"
-            f"{within}: {_differences(changes)}. Tape another line that does not close a "
+            f"{within}: {_difference_text(changes)}. Tape another line that does not close a "
             f"triangle{also}{how_else}. The measured values of the others stand under alternatives."
         )
         largest = max(largest for _, largest in changes)
-        yield Message("warning" if largest > SAME_SCENE else "info", "ambiguous-pose", text)
+        yield Message(
+            "warning" if largest > SAME_SCENE_TOLERANCE else "info", "ambiguous-pose", text
+        )
     lines = len(refined.adjustment.problem.line_index)
     if survey.telemetry is None and known_rows(survey) + lines == 3:
         if survey.known:
@@ -292,7 +307,7 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
             )
             yield Message("warning", "three-known", text)
             return
-        best, ends = _suggestion(refined)
+        best, ends = _suggest_length(refined)
         text = (
             "Three lengths alone: nothing checks them, and they may have several solutions. Tape "
             f"a fourth line that does not close a triangle{best}."
@@ -300,7 +315,7 @@ def _ambiguity(refined: Refined) -> Iterator[Message]:
         yield Message("warning", "three-lengths", text, labels=ends)
 
 
-def _differences(changes: Sequence[tuple[float, float]]) -> str:
+def _difference_text(changes: Sequence[tuple[float, float]]) -> str:
     """Describe by how much alternatives change the distances between the points."""
     one_each = "; ".join(
         f"{figures(100 * median)} % at the median and up to {figures(100 * largest)} %"
@@ -309,7 +324,7 @@ def _differences(changes: Sequence[tuple[float, float]]) -> str:
     return f"distances between the points change by {one_each}"
 
 
-def _weak_lengths(refined: Refined) -> Iterator[Message]:
+def _report_weak_lengths(refined: Refined) -> Iterator[Message]:
     """Report lengths that determine the scene's distances poorly, and the line to tape next."""
     adjustment = refined.adjustment
     survey, used = adjustment.survey, adjustment.problem.line_index
@@ -320,20 +335,20 @@ def _weak_lengths(refined: Refined) -> Iterator[Message]:
     ends = point[survey.line_start[used]], point[survey.line_end[used]]
     faults = () if known_rows(survey) else line_faults(*ends, point)
     advice = next_line(adjustment)
-    if advice is None or (advice.relative_sigma < WEAK and not faults):
+    if advice is None or (advice.relative_sigma < WEAK_SIGMA and not faults):
         return
     what = "; ".join(faults) or "they say little of the scene's shape"
     known = "lengths and things" if survey.known else "lengths"
-    best, labels = _suggestion(refined)
+    best, labels = _suggest_length(refined)
     text = (
         f"The known {known} are weak as a set: {what}. Distances between the points are known to "
         f"{figures(100 * advice.relative_sigma)} %. Tape another line{best}."
     )
-    level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK else "info"
+    level: Literal["info", "warning"] = "warning" if advice.relative_sigma >= WEAK_SIGMA else "info"
     yield Message(level, "weak-lengths", text, labels=labels)
 
 
-def _suggestion(refined: Refined) -> tuple[str, tuple[str, ...]]:
+def _suggest_length(refined: Refined) -> tuple[str, tuple[str, ...]]:
     """Suggest the line to tape next and its effect, as the end of a sentence; return its ends."""
     advice = next_line(refined.adjustment)
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
@@ -348,7 +363,7 @@ def _suggestion(refined: Refined) -> tuple[str, tuple[str, ...]]:
     return text, (start, end)
 
 
-def _ambiguous_control(refined: Refined) -> Iterator[Message]:
+def _report_ambiguous_control(refined: Refined) -> Iterator[Message]:
     if not refined.alternatives:
         return
     text = (
@@ -359,7 +374,7 @@ def _ambiguous_control(refined: Refined) -> Iterator[Message]:
     yield Message("warning", "ambiguous-pose", text)
 
 
-def too_many(removed: int) -> Message:
+def too_many_message(removed: int) -> Message:
     """Report that the removal was stopped: the fault is not a single observation."""
     text = (
         f"{removed} picks and lengths were taken out and still others do not fit, so that was "
@@ -367,3 +382,129 @@ def too_many(removed: int) -> Message:
         "the camera file, the ground, times."
     )
     return Message("error", "too-many-blunders", text)
+
+
+MIN_LENGTHS = 3
+"""Least number of lengths that determine their common scale, which the log may miss."""
+
+ODD_RATIO = 30.0
+"""Ratio of a length to the others of its frame that perspective alone cannot explain."""
+
+
+def find_length_ratios(survey: Survey, keep: Bools) -> Floats:
+    """Compute logarithms (L,) of lengths over their view by a camera that looks straight down.
+
+    Each is relative to the median in its frame, for frames that show three or more; NaN for other
+    lengths.
+    """
+    seen = seen_lines(survey)
+    usable = np.flatnonzero(keep[seen.start] & keep[seen.end])
+    number = np.bincount(seen.frame[usable], minlength=len(survey.frame_id))
+    rows = usable[number[seen.frame[usable]] >= MIN_LENGTHS]
+    frame, line = seen.frame[rows], seen.line[rows]
+    pixel = survey.pixel_px[np.concatenate([seen.start[rows], seen.end[rows]])]
+    calibration = survey.calibration
+    ray = back_project(calibration.model, calibration.parameters, pixel)
+    # Distance of the ends in the image plane z = 1.
+    apart = np.linalg.norm(ray[: len(rows)] - ray[len(rows) :], axis=1)
+    # Log ratios relative to the median of their frame, then the median over frames.
+    ratio = np.log(survey.length_m[line] / apart)
+    ratio -= group_medians(ratio, frame, len(survey.frame_id))[frame]
+    shown = np.bincount(line, minlength=len(survey.line_start)) > 0
+    return np.where(shown, group_medians(ratio, line, len(survey.line_start)), np.nan)
+
+
+def find_odd_lengths(ratio: Floats) -> Bools:
+    """Mark the ratios (L,) that no perspective explains."""
+    return np.asarray(np.abs(ratio) > np.log(ODD_RATIO))
+
+
+def group_medians(value: Floats, group: Ints, groups: int) -> Floats:
+    """Compute the lower median of the values of each group; 0 where it has none.
+
+    Parameters
+    ----------
+    value
+        (n,) values, in any unit.
+    group
+        (n,) group of each.
+    groups
+        Number of groups.
+    """
+    if not len(value):
+        return np.zeros(groups)
+    order = np.lexsort((value, group))
+    number = np.bincount(group, minlength=groups)
+    first = np.cumsum(number) - number
+    middle = np.minimum(first + np.maximum(number - 1, 0) // 2, len(value) - 1)
+    return np.where(number > 0, value[order][middle], 0.0)
+
+
+REPORTED_SIGMAS = 3.0
+"""Sigmas from zero beyond which a value is reported."""
+
+LEVEL_DEG = 2.0
+"""Slope [deg] up to which people call a ground level."""
+
+SHUTTER_FOUND = (
+    "The camera reads its rows one after the other (a rolling shutter): tie points fit much better "
+    "so. Taken into account as far as they show it; what they cannot show, how long a photo takes "
+    "to read and how far the drone flew meanwhile, is in the sigmas. Name the flight's log "
+    "(`log:`), or state `readout_ms` in the camera file."
+)
+
+
+def report_learnt(adjustment: Adjustment) -> Iterator[Message]:
+    """Report a rolling shutter, and ground that slopes."""
+    if adjustment.minimum.converged:
+        sure = REPORTED_SIGMAS * _error_ratio(adjustment)
+        yield from _report_shutter(adjustment, sure)
+        yield from _report_slopes(adjustment, sure)
+
+
+def _error_ratio(adjustment: Adjustment) -> float:
+    """Return the ratio of actual to stated errors, at least 1: a wrong pick may tilt a plane."""
+    fit = core_fit(adjustment)
+    return float(np.sqrt(max(fit.squares / max(fit.degrees, 1.0), 1.0)))
+
+
+def _report_shutter(adjustment: Adjustment, sure: float) -> Iterator[Message]:
+    rolling, layout = adjustment.survey.rolling, adjustment.problem.layout
+    if rolling is None or not layout.readout or rolling.readout.value_s:
+        return
+    if rolling.by_photos:
+        yield Message("info", "shutter-found", SHUTTER_FOUND)
+        return
+    found_s = float(adjustment.state.readout[0])
+    sigma_s = float(np.sqrt(adjustment.shared(layout.first_readout, 1)[0, 0]))
+    if abs(found_s) > sure * sigma_s:
+        text = (
+            f"The camera reads its rows one after the other, in {1e3 * abs(found_s):.0f} ± "
+            f"{1e3 * sigma_s:.0f} ms (a rolling shutter): taken into account. Where the camera's "
+            "own time is known, state it in the camera file, as readout_ms."
+        )
+        yield Message("info", "shutter-found", text)
+
+
+def _report_slopes(adjustment: Adjustment, sure: float) -> Iterator[Message]:
+    layout, survey = adjustment.problem.layout, adjustment.survey
+    if not layout.plane:
+        return
+    plane = adjustment.state.plane.reshape(-1, PLANE_SIZE)
+    fixed = len(plane) - layout.plane // PLANE_SIZE
+    for area in range(fixed, len(plane)):
+        # Sigma of the slope in its own direction; angle = atan(slope).
+        slope = plane[area, 1:]
+        first = layout.first_plane + PLANE_SIZE * (area - fixed) + 1
+        size = float(np.linalg.norm(slope))
+        toward = slope / size if size else slope
+        sigma = float(np.sqrt(toward @ adjustment.shared(first, 2) @ toward))
+        angle, error = np.degrees([np.arctan(size), sigma / (1.0 + size**2)])
+        usual = np.degrees(REPORTED_SIGMAS * survey.grounds[area].slope_sigma_rad)
+        if angle > min(LEVEL_DEG, usual) and angle > sure * error:
+            name = survey.grounds[area].name
+            where = f"The ground of area {name!r}" if len(plane) > 1 else "The ground"
+            text = (
+                f"{where} slopes by {angle:.1f} ± {figures(error, 1)} degrees: taken into account."
+            )
+            yield Message("info", "ground-slopes", text)

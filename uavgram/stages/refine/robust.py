@@ -46,16 +46,16 @@ from uavgram.stages.refine.annealing import (
     squared_misfits,
     weighted_minimum,
 )
-from uavgram.stages.refine.continued import carried
-from uavgram.stages.refine.left_out import control_left_out, heights_left_out
+from uavgram.stages.refine.left_out import report_control_left_out, report_heights_left_out
 from uavgram.stages.refine.minima import (
-    TRIAL,
+    TRIAL_ITERATIONS,
     Participants,
-    best_minima,
-    minima_from,
-    trial_adjustment,
+    adjust_on_trial,
+    find_best_minima,
+    find_minima_from,
 )
-from uavgram.stages.refine.off_ground.shown import photos_of
+from uavgram.stages.refine.off_ground import count_photos
+from uavgram.stages.refine.readjustment import convert_state
 
 ORDINARY_SIGMAS = 5.0
 """Standardised misfit up to which an ordinary adjustment is accepted without a robust one."""
@@ -141,8 +141,8 @@ class Robust:
 
     def messages(self, survey: Survey) -> Iterator[Message]:
         """Report control and heights that were left out, and picks that contradict each other."""
-        yield from control_left_out(survey, self.refined, self.control)
-        yield from heights_left_out(survey, self.refined, self.heights)
+        yield from report_control_left_out(survey, self.refined, self.control)
+        yield from report_heights_left_out(survey, self.refined, self.heights)
         for label in self.contradicting:
             own = survey.pick_label == survey.label.index(label)
             frames = tuple(dict.fromkeys(survey.frame_id[k] for k in survey.pick_frame[own]))
@@ -184,7 +184,7 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
     """
     failed: GeometryError | None = None
     try:
-        plain = plain or best_minima(taking)
+        plain = plain or find_best_minima(taking)
     except GeometryError as why:
         failed = why
     if plain is None or not _is_in_order(taking, plain):
@@ -451,13 +451,13 @@ def _from_softened(taking: Participants) -> Iterator[Candidate]:
     """
     whole = replace(taking, survey=_softer(taking.survey, 1.0))
     try:
-        first = best_minima(replace(taking, survey=_softer(taking.survey, SCHEDULE[0])))
+        first = find_best_minima(replace(taking, survey=_softer(taking.survey, SCHEDULE[0])))
     except GeometryError:
         return
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
             placed, problem = _stated_problem(adjustment, first, whole)
-            annealed = anneal(problem, carried(adjustment, problem))
+            annealed = anneal(problem, convert_state(adjustment, problem))
             yield Candidate(taking, placed, annealed)
     with suppress(SingularError, ValueError):
         placed, problem = _stated_problem(first.adjustment, first, whole)
@@ -466,7 +466,7 @@ def _from_softened(taking: Participants) -> Iterator[Candidate]:
         # ground.
         grounds = [replace(one, roughness_sigma_m=ANYWHERE_M) for one in survey.grounds]
         anywhere = _with_ground(problem, tuple(grounds))
-        start = carried(first.adjustment, anywhere)
+        start = convert_state(first.adjustment, anywhere)
         found = anneal(anywhere, start, on_ground=False)
         is_off = _clear_of_ground(survey, found.minimum.state.point)[problem.third.rough]
         weight = {**found.weight, "roughness": np.where(is_off, NEARLY_NONE, 1.0)}
@@ -491,7 +491,7 @@ def _from_reduced(
         Sum of squares of the part beyond which it is skipped; few iterations show whether it is.
     """
     try:
-        first = best_minima(reduced, TRIAL if most < np.inf else None)
+        first = find_best_minima(reduced, TRIAL_ITERATIONS if most < np.inf else None)
     except GeometryError:
         return
     if first.adjustment.minimum.cost > most:
@@ -503,7 +503,7 @@ def _from_reduced(
             placed, problem = _stated_problem(adjustment, first, whole)
             weight = _weights_without(problem, adjustment, first, reduced)
             weight["pixels"] = np.where(np.isin(placed.pick_index, used), 1.0, NEARLY_NONE)
-            minimum = weighted_minimum(problem, carried(adjustment, problem), weight)
+            minimum = weighted_minimum(problem, convert_state(adjustment, problem), weight)
             yield Candidate(taking, placed, decide(problem, minimum, weight))
 
 
@@ -566,7 +566,7 @@ def _with_ground(problem: SurveyProblem, grounds: tuple[Ground, ...]) -> SurveyP
 
 def _clear_of_ground(survey: Survey, point_m: Floats) -> Bools:
     """Mark labels (K,), seen in two photos, clear of the plane of most labels of their area."""
-    seen = np.flatnonzero((photos_of(survey) > 1) & ~survey.off_ground)
+    seen = np.flatnonzero((count_photos(survey) > 1) & ~survey.off_ground)
     is_off = np.zeros(len(survey.label), dtype=np.bool_)
     for area in np.unique(survey.area[seen]):
         own = seen[survey.area[seen] == area]
@@ -852,7 +852,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     placed = left.without_picks(unplaced)
     results = [_adjusted(placed, found)]
     if unplaced:  # without the gross errors, first values may have a place for all picks
-        results.append(trial_adjustment(left, None))
+        results.append(adjust_on_trial(left, None))
     number = int(left.keep.sum())
     refined = min(filter(None, results), key=lambda one: _cost_of_all(one, number), default=None)
     if refined is None:
@@ -864,9 +864,9 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:
     """Adjust the rest, from the robust adjustment where other first values fail."""
     with suppress(GeometryError):
-        return best_minima(left)
+        return find_best_minima(left)
     with suppress(GeometryError):
-        return minima_from(left, lambda survey: [_first_values(found, survey)])
+        return find_minima_from(left, lambda survey: [_first_values(found, survey)])
     return None
 
 

@@ -24,7 +24,7 @@ Faults = Sequence[LogFault]
 _UNKNOWN_RAD = np.pi
 
 
-class Freed(NamedTuple):
+class FreedPriors(NamedTuple):
     """Variances to add.
 
     Attributes
@@ -50,7 +50,7 @@ class Freed(NamedTuple):
         return np.asarray((self.position > 0).any(axis=1) | (self.attitude > 0).any(axis=1))
 
 
-def freed_by(faults: Faults, time_s: Floats, unsure_s: Floats) -> Freed:
+def free_priors(faults: Faults, time_s: Floats, unsure_s: Floats) -> FreedPriors:
     """Compute the variances that faults of a log add to N frames.
 
     Horizontal directions are treated alike: the size of a jump is known, but not which of the
@@ -77,10 +77,10 @@ def freed_by(faults: Faults, time_s: Floats, unsure_s: Floats) -> Freed:
         part = turned if fault.is_of_attitude else position
         part[inside] += _square(np.array(fault.change))
     turned = np.minimum(turned, _UNKNOWN_RAD**2)
-    return Freed(position, turned, position_bias, float(min(turned_bias[2], _UNKNOWN_RAD**2)))
+    return FreedPriors(position, turned, position_bias, float(min(turned_bias[2], _UNKNOWN_RAD**2)))
 
 
-def unsure_s(frames: Frames) -> Floats:
+def find_unsure_s(frames: Frames) -> Floats:
     """Return possible errors (N,) of the instants of the matched frames: three sigmas."""
     own_s = np.nan_to_num(frames.sigma_time_s[frames.matched], nan=0.0)
     return np.asarray(3.0 * np.hypot(own_s, frames.clock_offset_sigma_s))
@@ -118,7 +118,7 @@ _LOOK = (
 )
 
 
-def fault_messages(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
+def report_faults(faults: Faults, evidence: FlightEvidence, frames: Frames) -> Iterator[Message]:
     """Report each fault, with the photos whose log prior it weakens.
 
     Also report resets by the autopilot amid the photos without any trace in the track.
@@ -230,7 +230,7 @@ def _why(fault: LogFault) -> str:
 
 def _freed(faults: list[LogFault], frames: Frames) -> tuple[str, ...]:
     matched = np.flatnonzero(frames.matched)
-    freed = freed_by(faults, frames.time_utc_s[matched], unsure_s(frames)).frames
+    freed = free_priors(faults, frames.time_utc_s[matched], find_unsure_s(frames)).frames
     return tuple(frames.frame_id[k] for k in matched[freed])
 
 

@@ -24,11 +24,11 @@ from uavgram.model.flight.pose import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 
-BESIDE = 4.0
+MAX_MISFIT_SIGMAS = 4.0
 """Largest misfit of tied poses to the positions, in sigmas (root mean square)."""
 
 
-def attitudes_by_ties(survey: Survey) -> Floats | None:
+def find_attitudes_by_ties(survey: Survey) -> Floats | None:
     """Return world from camera (F, 3, 3) by ties; NaN for untied frames; None if undetermined.
 
     Poses from ties alone, transformed onto the positions of the seeds.
@@ -44,23 +44,23 @@ def attitudes_by_ties(survey: Survey) -> Floats | None:
         return None
     off = (placed.center - seeds.center_world_m)[placed.placed]
     variance = np.einsum("fii->fi", seeds.covariance)[placed.placed, :3]
-    fits = np.mean(off**2 / variance) <= BESIDE**2
+    fits = np.mean(off**2 / variance) <= MAX_MISFIT_SIGMAS**2
     return placed.rotation if fits else None
 
 
-def turns_about_up(rotation: Floats, seed: Floats) -> Floats:
+def measure_turns(rotation: Floats, seed: Floats) -> Floats:
     """Compute rotations (F,) about up between attitudes (F, 3, 3) and others; NaN where missing."""
     turn = rotation @ seed.transpose(0, 2, 1)
     return np.asarray(np.arctan2(turn[:, 1, 0] - turn[:, 0, 1], turn[:, 0, 0] + turn[:, 1, 1]))
 
 
-def tilts_between(rotation: Floats, seed: Floats) -> Floats:
+def measure_tilts(rotation: Floats, seed: Floats) -> Floats:
     """Compute angles (F,) between the ups of attitudes (F, 3, 3) and others; NaN where missing."""
     cosine = np.einsum("fi,fi->f", rotation[:, 2], seed[:, 2])
     return np.asarray(np.arccos(np.clip(cosine, -1.0, 1.0)))
 
 
-def with_attitudes(survey: Survey, rotation: Floats, which: Bools) -> Survey:
+def add_attitudes(survey: Survey, rotation: Floats, which: Bools) -> Survey:
     """Replace attitudes of some photos, as first values of unknown attitudes.
 
     Parameters
@@ -100,10 +100,10 @@ def with_attitudes(survey: Survey, rotation: Floats, which: Bools) -> Survey:
 UNKNOWN_RAD = 1.0
 """Sigma of a heading [rad] above which it counts as unknown."""
 
-CONTRADICTED = 4.0
+CONTRADICTION_SIGMAS = 4.0
 """Sigmas by which the points must contradict a course before it counts as unknown."""
 
-LOWEST = np.sin(np.radians(5.0))
+MIN_SINE_BELOW_HORIZON = np.sin(np.radians(5.0))
 """Sine of the angle below the horizon under which a ray's place on the ground is unusable."""
 
 
@@ -137,21 +137,21 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     if not free.any():
         return survey, ()
     turn = search_turns(_plan(survey, track.sigma_attitude_rad[row, 0], sigma), free)
-    tied = attitudes_by_ties(survey)
+    tied = find_attitudes_by_ties(survey)
     if tied is not None:
-        by_ties = turns_about_up(tied, survey.seeds.world_from_camera)
+        by_ties = measure_turns(tied, survey.seeds.world_from_camera)
         turn = np.where(free & np.isfinite(by_ties), by_ties, turn)
-    doubted = free & (sigma <= UNKNOWN_RAD) & (np.abs(turn) > CONTRADICTED * sigma)
+    doubted = free & (sigma <= UNKNOWN_RAD) & (np.abs(turn) > CONTRADICTION_SIGMAS * sigma)
     survey_turned = _turned(survey, track, turn, doubted)
     messages = tuple(_messages(survey, turn, doubted))
     if tied is None:
         return survey_turned, messages
-    off = tilts_between(tied, survey.seeds.world_from_camera)
-    limit = CONTRADICTED * track.sigma_attitude_rad[row, 0]
+    off = measure_tilts(tied, survey.seeds.world_from_camera)
+    limit = CONTRADICTION_SIGMAS * track.sigma_attitude_rad[row, 0]
     tilted = track.by_course[row] & (np.nan_to_num(off) > limit)
     if not tilted.any():
         return survey_turned, messages
-    return with_attitudes(survey_turned, tied, tilted), (
+    return add_attitudes(survey_turned, tied, tilted), (
         *messages,
         _tilt_message(survey, off, tilted),
     )
@@ -174,7 +174,9 @@ def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
     )
     offset = ground[:, :2] - seeds.center_world_m[frame, :2]
     down = -direction[:, 2] / np.linalg.norm(direction, axis=1)
-    usable = np.isfinite(offset).all(axis=1) & (down > LOWEST) & ~survey.is_free[label]
+    usable = (
+        np.isfinite(offset).all(axis=1) & (down > MIN_SINE_BELOW_HORIZON) & ~survey.is_free[label]
+    )
     above = np.maximum(seeds.center_world_m[:, 2] - height, 1.0)
     variance = np.einsum("fii->fi", seeds.covariance)
     rise = np.sqrt(variance[:, 2] + survey.ground.height_sigma_m**2) / above

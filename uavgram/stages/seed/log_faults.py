@@ -21,7 +21,7 @@ from uavgram.geometry.motion.rotation import log_so3, matrix_from_xyzw
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import FaultKind, FlightEvidence, LogFault, Track
 
-FEWEST_ROWS = 8
+MIN_ROWS = 8
 FROZEN_STEPS = 4
 """Number of repetitions that are no standstill yet: some firmware logs faster than it estimates."""
 _FROZEN_S = 1.0
@@ -31,7 +31,7 @@ _NEARLY = 0.2  # of a stated movement
 _UNUSUAL, _ABOUT = 5.0, 61
 
 
-def stands_still(change: Floats, stated: Floats, least: Floats) -> Bools:
+def is_frozen(change: Floats, stated: Floats, least: Floats) -> Bools:
     """Mark steps (M,) without any change, or with hardly any of a movement that the log states.
 
     Parameters
@@ -58,9 +58,9 @@ def _closed(still: Bools) -> Bools:
     return closed
 
 
-def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
+def find_frozen_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
     """Return first and last row of each long standstill of steps (M,); none if most stand still."""
-    if len(time) < FEWEST_ROWS:
+    if len(time) < MIN_ROWS:
         return []
     if same.mean() > 0.5:
         return []
@@ -72,7 +72,7 @@ def still_runs(time: Floats, same: Bools) -> Sequence[tuple[int, int]]:
     return [(int(a), int(b)) for a, b in runs[long]]
 
 
-def stated_way(known: Floats, velocity: Floats, time: Floats) -> Floats:
+def compute_stated_way(known: Floats, velocity: Floats, time: Floats) -> Floats:
     """Integrate the stated velocity between instants (M, 3); NaN outside its samples.
 
     Parameters
@@ -106,7 +106,7 @@ def spacing(known: Floats, time: Floats) -> Floats:
     return np.diff(known)[row]
 
 
-def unlike_neighbours(time: Floats, change: Floats) -> Floats:
+def differs_from_neighbours(time: Floats, change: Floats) -> Floats:
     """Subtract the closest prediction by neighbouring rates from changes (M, 3)."""
     step_s = np.diff(time)[:, None]
     rate = change / step_s
@@ -116,7 +116,9 @@ def unlike_neighbours(time: Floats, change: Floats) -> Floats:
     return np.asarray(left[kindest, np.arange(len(change))])
 
 
-def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tuple[Floats, Floats]:
+def compute_stated_turn(
+    evidence: FlightEvidence, time: Floats, rotation: Floats
+) -> tuple[Floats, Floats]:
     """Integrate the stated rates between instants, NaN without them; and bound the error.
 
     Parameters
@@ -136,24 +138,24 @@ def stated_turn(evidence: FlightEvidence, time: Floats, rotation: Floats) -> tup
     """
     known, rate = evidence.turn_time_s, evidence.turn_body_rad_s
     step_s = np.diff(time)
-    body = stated_way(known, rate, time)
+    body = compute_stated_way(known, rate, time)
     body[spacing(known, time) > 2.0 * step_s] = np.nan
     if not len(known):
         return body, np.zeros(len(step_s))
     four = sliding_window_view(
-        np.pad(interpolated(time, known, rate), ((1, 1), (0, 0)), "edge"), 4, axis=0
+        np.pad(interpolate(time, known, rate), ((1, 1), (0, 0)), "edge"), 4, axis=0
     )
     world = np.einsum("mij,mj->mi", rotation[:-1], body)
     return world, np.asarray(np.linalg.norm(np.ptp(four, axis=2), axis=1) * step_s)
 
 
-def usual_size(size: Floats) -> Floats:
+def compute_usual_size(size: Floats) -> Floats:
     """Return the limits (M, K) above which sizes (M, K) are unusual among those around them."""
     about = min(_ABOUT, len(size))
     return np.asarray(_UNUSUAL * running_rank(size, about, about * 9 // 10))
 
 
-def interpolated(at: Floats | float, time: Floats, value: Floats) -> Floats:
+def interpolate(at: Floats | float, time: Floats, value: Floats) -> Floats:
     """Interpolate values (..., K) linearly at other times.
 
     Parameters
@@ -235,9 +237,9 @@ def _places(
     frozen = []
     keep = np.ones(len(time), dtype=np.bool_)
     step_s = np.diff(time)
-    still = stands_still(np.diff(place, axis=0), stated_way(*known, time), _SLOW_M_S * step_s)
-    for start, end in still_runs(time, still):
-        flown = stated_way(*known, time[[start, end]])[0]
+    still = is_frozen(np.diff(place, axis=0), compute_stated_way(*known, time), _SLOW_M_S * step_s)
+    for start, end in find_frozen_runs(time, still):
+        flown = compute_stated_way(*known, time[[start, end]])[0]
         if np.isnan(flown).any():  # extrapolate the previous speed
             before = max(start - FROZEN_STEPS, 0)
             share = (time[end] - time[start]) / max(time[start] - time[before], 1e-9)
@@ -251,18 +253,18 @@ def _places(
 
 def _place_steps(track: Track, evidence: FlightEvidence, time: Floats, place: Floats) -> _Steps:
     """Compute changes between positions (N, 3) less the stated velocity, or neighbouring rates."""
-    if len(time) < FEWEST_ROWS:
+    if len(time) < MIN_ROWS:
         return _no_steps()
     change, step_s = np.diff(place, axis=0), np.diff(time)
     known = evidence.velocity_time_s
-    flown = stated_way(known, evidence.velocity_world_m_s, time)
+    flown = compute_stated_way(known, evidence.velocity_world_m_s, time)
     stated = np.asarray(np.isfinite(flown).all(axis=1))
-    by_rates = unlike_neighbours(time, change)
+    by_rates = differs_from_neighbours(time, change)
     change = np.where(stated[:, None], change - np.nan_to_num(flown), by_rates)
     known_s = np.where(stated, np.minimum(step_s, spacing(known, time)), step_s)
     floor = np.maximum(_SMALLEST_M, 0.5 * _ACCELERATION_M_S2 * known_s**2)
     allowed = np.maximum(floor[:, None], _sigma(track, time[1:]))
-    return _Steps(time, change, np.maximum(allowed, usual_size(_sizes(change))))
+    return _Steps(time, change, np.maximum(allowed, compute_usual_size(_sizes(change))))
 
 
 def _attitudes(
@@ -271,7 +273,7 @@ def _attitudes(
     """Find constant attitudes, and rotations that stated and neighbouring rates do not explain."""
     rows = _within(track.attitude_time_s, first, last)
     time, xyzw = track.attitude_time_s[rows], track.world_from_body_xyzw[rows]
-    if len(time) < FEWEST_ROWS:
+    if len(time) < MIN_ROWS:
         return [], _no_steps()
     rotation = matrix_from_xyzw(xyzw)
     # about the world's axes: R' = exp(turn) R
@@ -279,9 +281,9 @@ def _attitudes(
     frozen = []
     keep = np.ones(len(time), dtype=np.bool_)
     turn[(np.diff(xyzw, axis=0) == 0).all(axis=1)] = 0.0  # exact, without rounding errors
-    stated = stated_turn(evidence, time, rotation)
-    still = stands_still(turn, stated[0], _TURNING_RAD_S * np.diff(time))
-    for start, end in still_runs(time, still):
+    stated = compute_stated_turn(evidence, time, rotation)
+    still = is_frozen(turn, stated[0], _TURNING_RAD_S * np.diff(time))
+    for start, end in find_frozen_runs(time, still):
         keep[start + 1 : end + 1] = False
         if time[end] >= first and time[start] <= last:
             caught_up = np.abs(turn[min(end, len(turn) - 1)])
@@ -306,7 +308,7 @@ def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _S
     """
     by_gyroscopes, uneven = stated
     known = np.isfinite(by_gyroscopes).all(axis=1)
-    change = unlike_neighbours(time, np.nan_to_num(turn))
+    change = differs_from_neighbours(time, np.nan_to_num(turn))
     by_rates = np.nan_to_num(turn - by_gyroscopes)
     better = known & (np.linalg.norm(by_rates, axis=1) < np.linalg.norm(change, axis=1))
     change = np.where(better[:, None], by_rates, change)
@@ -317,7 +319,7 @@ def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _S
     # A jump is isolated: next to other fast rotations it is a rotation.
     turning = np.delete(windows(_sizes(np.nan_to_num(turn)), 5), 2, axis=-1).max(axis=-1)
     slack = np.where(known, _UNEVEN * uneven, _CALM * turning.max(axis=1))
-    allowed = np.maximum(floor[:, None], usual_size(_sizes(change))) + slack[:, None]
+    allowed = np.maximum(floor[:, None], compute_usual_size(_sizes(change))) + slack[:, None]
     return _Steps(time, change, allowed)
 
 
@@ -370,9 +372,9 @@ def _receiver_apart(
     time = evidence.receiver_time_s[inside]
     known = (time >= span[0]) & (time <= span[1])
     time, other = time[known], evidence.receiver_world_m[inside][known]
-    if len(time) < 2 * FEWEST_ROWS:
+    if len(time) < 2 * MIN_ROWS:
         return
-    here = interpolated(time, track.position_time_s, track.position_world_m)
+    here = interpolate(time, track.position_time_s, track.position_world_m)
     apart = (here - other)[:, :2]
     way = np.gradient(here[:, :2], time, axis=0)
     apart = apart - np.median(apart, axis=0)
@@ -422,4 +424,4 @@ def _no_steps() -> _Steps:
 
 def _sigma(track: Track, time: Floats | float) -> Floats:
     """Interpolate stated sigmas of positions, horizontal and vertical, (..., 2)."""
-    return interpolated(time, track.sigma_time_s, track.sigma_position_m)
+    return interpolate(time, track.sigma_time_s, track.sigma_position_m)

@@ -15,7 +15,7 @@ EARTH_M = 6.371e6
 """Radius of the earth [m], for speeds."""
 
 
-def positions_at(frames: Frames, boot: Boot, clock: BootClock) -> PhotoPoses:
+def compute_positions(frames: Frames, boot: Boot, clock: BootClock) -> PhotoPoses:
     """Interpolate the log's positions at the matched frames, without attitudes.
 
     The error of each photo is independent within the uncertainty of its instant, as poses of photos

@@ -20,11 +20,11 @@ from uavgram.model.flight.pose import Poses
 from uavgram.model.message import Message
 from uavgram.model.survey.survey import Survey
 
-BETTER = 0.2
+MAX_SCATTER_RATIO = 0.2
 """Largest remaining share of the scatter for another mount to be reported. Errors of the log
 scatter the points alike under every mount."""
 
-SEEN = 0.9
+MIN_SHARE_ON_GROUND = 0.9
 """Share of the picks whose rays must meet the ground under the other mount."""
 
 _TURNS = [
@@ -34,7 +34,7 @@ _TURNS = [
 mount."""
 
 
-def turned_mount(survey: Survey) -> Message | None:
+def find_turned_mount(survey: Survey) -> Message | None:
     """Report another mount that reduces the scatter of points in several photos by far.
 
     Parameters
@@ -57,7 +57,7 @@ def turned_mount(survey: Survey) -> Message | None:
     heading = _turned_heading(survey, ray, min(stated, turned[best]))
     if heading is not None:
         return heading
-    if not turned[best] < BETTER * stated:
+    if not turned[best] < MAX_SCATTER_RATIO * stated:
         return None
     tilt, turn = best
     how = [f"{turn:+d} degrees about the optical axis (mount.yaw_deg)"] if turn else []
@@ -92,7 +92,7 @@ def _turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Messa
         there = replace(seeds, world_from_camera=world @ seeds.world_from_camera)
         scatter[turn] = _scatter_m(survey, there, ray_camera, np.eye(3))
     best = min(scatter, key=scatter.__getitem__)
-    if not scatter[best] < BETTER * least_m:
+    if not scatter[best] < MAX_SCATTER_RATIO * least_m:
         return None
     apart = f"{least_m:.1f} m apart" if np.isfinite(least_m) else "partly in the sky"
     text = (
@@ -123,7 +123,7 @@ def _scatter_m(
         survey.height_above_m[label],
     )[:, :2]
     meets = np.isfinite(ground).all(axis=1)
-    if meets.mean() < SEEN:
+    if meets.mean() < MIN_SHARE_ON_GROUND:
         return np.inf
     meets &= ~survey.is_free[label]
     place, owner = ground[meets], label[meets]

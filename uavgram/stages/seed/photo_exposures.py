@@ -18,7 +18,7 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.pose import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.stated_mount import with_stated_mount
+from uavgram.stages.seed.stated_mount import apply_stated_mount
 
 HORIZONTAL_SIGMA_M, VERTICAL_SIGMA_M = 3.0, 3.0
 TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0
@@ -27,7 +27,7 @@ TILT_SIGMA_DEG, YAW_SIGMA_DEG = 3.0, 3.0
 COURSE_TILT_SIGMA_DEG, COURSE_YAW_SIGMA_DEG, TURN_YAW_SIGMA_DEG = 6.0, 15.0, 30.0
 UNKNOWN_YAW_SIGMA_DEG = 180.0
 UNKNOWN_HEIGHT_SIGMA_M = 1000.0
-ABOVE_GROUND_M = 60.0
+DEFAULT_HEIGHT_M = 60.0
 """Usual flying height of a survey by drone [m]: the law limits it to 120 m in most countries, and
 few fly below 20 m."""
 CLOSE_S = 5.0
@@ -103,7 +103,7 @@ def place_photos(
     nose = poses.vehicle_ypr_rad[:, 0]
     course, turning = np.where(np.isfinite(nose), nose, course), turning & np.isnan(nose)
     heading = np.where(has_attitude & np.isnan(nose), poses.ypr_rad[:, 0], course)
-    ypr, stated = with_stated_mount(mount, poses.ypr_rad, heading, poses.source)
+    ypr, stated = apply_stated_mount(mount, poses.ypr_rad, heading, poses.source)
     messages = (*_messages(poses, has_attitude, course), *stated)
     ned_from_body = _vehicle(poses, heading)
     # Attitude of the camera: stated, or by the mount on a level vehicle.
@@ -162,7 +162,7 @@ def _heights(poses: PhotoPoses, origin: Origin) -> tuple[Floats, Bools]:
     home = np.median(take_off) if take_off.size else origin[2]
     height = np.where(np.isfinite(poses.height_m), poses.height_m, home + poses.height_home_m)
     known = np.isfinite(height)
-    usual = np.median(height[known]) if known.any() else origin[2] + ABOVE_GROUND_M
+    usual = np.median(height[known]) if known.any() else origin[2] + DEFAULT_HEIGHT_M
     return np.where(known, height, usual), known
 
 

@@ -20,7 +20,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.pose import Flight, PhotoExposures, Poses, Telemetry, TelemetryPrior
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.fault_effects import Faults, freed_by, unsure_s
+from uavgram.stages.seed.fault_effects import Faults, find_unsure_s, free_priors
 
 STEADY_CLOCK = 1e-9
 """Drift sigma of a flight's own instants: an unknown needs one, and no quartz is better."""
@@ -61,7 +61,7 @@ def seed(
     gimbal = isinstance(flight, PhotoExposures) or len(flight.gimbal_time_s) > 0
     mount_from_camera = nominal_mount(mount, gimbal=gimbal)
     shared, shared_sigma = _shared(frames, mount, telemetry)
-    freed = freed_by(faults, time_s, unsure_s(frames))
+    freed = free_priors(faults, time_s, find_unsure_s(frames))
     shared_sigma[POSITION_BIAS] = np.sqrt(shared_sigma[POSITION_BIAS] ** 2 + freed.position_bias)
     shared_sigma[HEADING_BIAS] = np.sqrt(shared_sigma[HEADING_BIAS] ** 2 + freed.heading_bias)
     middle_s = float(time_s.min() + time_s.max()) / 2.0 if len(time_s) else 0.0

@@ -10,7 +10,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import MountOptions
 
 
-def with_stated_mount(
+def apply_stated_mount(
     mount: MountOptions, ypr_rad: Floats, heading_rad: Floats, source: str
 ) -> tuple[Floats, tuple[Message, ...]]:
     """Replace angles of a gimbal by those that the project states, and report the difference.

@@ -29,7 +29,7 @@ from uavgram.model.flight.log import (
 )
 from uavgram.model.message import Message
 from uavgram.model.options import MountOptions, TelemetryOptions
-from uavgram.stages.seed.stated_mount import with_stated_mount
+from uavgram.stages.seed.stated_mount import apply_stated_mount
 
 _NONE = np.zeros(0), np.zeros((0, 3))
 
@@ -244,7 +244,7 @@ def _gimbal_track(
     # Yaw from north, not from the nose.
     ypr = np.stack([gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad], axis=1)[inside]
     ypr[:, 0] += heading if gimbal.yaw_frame == "vehicle" else 0.0
-    ypr, stated = with_stated_mount(mount, ypr, heading, gimbal.source)
+    ypr, stated = apply_stated_mount(mount, ypr, heading, gimbal.source)
     xyzw = xyzw_from_matrix(ENU_FROM_NED @ matrix_from_ypr(*ypr.T))
     span = (float(vehicle_time[0]), float(vehicle_time[-1]))
     time, xyzw, held = _held_to(time, xyzw, span, gimbal.source)

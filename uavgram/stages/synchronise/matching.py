@@ -18,9 +18,9 @@ from uavgram.model.flight.log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import apart, has_events, usable_boots
-from uavgram.stages.synchronise.by_ties import by_ties
 from uavgram.stages.synchronise.event_times import placed_frames, unmatched_messages
-from uavgram.stages.synchronise.timing import by_alignment, by_offset, by_order
+from uavgram.stages.synchronise.tied_times import synchronise_by_ties
+from uavgram.stages.synchronise.timing import match_by_alignment, match_by_offset, match_by_order
 
 Ties = Callable[[], TiedPoses | None]
 
@@ -77,13 +77,13 @@ def synchronise(
     apart_s, both = apart(photos.file_time_s - known_s, usable)
     try:
         if options.source == "events" or photos.time_source == "none":
-            chosen, timing = by_order(photos, usable, options)
+            chosen, timing = match_by_order(photos, usable, options)
         elif options.offset_s == "auto" and ties is not None and not has_events(log):
-            chosen, timing = by_ties(photos, usable, options, ties())
+            chosen, timing = synchronise_by_ties(photos, usable, options, ties())
         elif options.offset_s == "auto":
-            chosen, timing = by_alignment(photos, usable, options)
+            chosen, timing = match_by_alignment(photos, usable, options)
         else:
-            chosen, timing = by_offset(photos, usable, options, known_s)
+            chosen, timing = match_by_offset(photos, usable, options, known_s)
     except UavgramError as fault:
         raise UavgramError(both if abs(apart_s) > DAY_S else str(fault)) from fault
     messages = (*chosen.messages, *timing.messages)

@@ -23,7 +23,7 @@ from uavgram.stages.synchronise.event_times import (
 )
 
 
-def by_order(
+def match_by_order(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions
 ) -> tuple[ClockedBoot, Timing]:
     """Pair photo i with event i, by the order of the names, only where both are equally many.
@@ -63,7 +63,7 @@ def _confirmed(boot: Boot) -> int:
     return 0 if boot.events is None else int((boot.events.confirmed > 0).sum())
 
 
-def by_offset(
+def match_by_offset(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions, offset_s: float
 ) -> tuple[ClockedBoot, Timing]:
     """Apply a stated offset; coarse file times take the time of their event.
@@ -127,7 +127,7 @@ def _snapped(
     return event_timing(photos, chosen, alignment, options, (message,))
 
 
-def by_alignment(
+def match_by_alignment(
     photos: Photos, usable: list[ClockedBoot], options: TimeOptions
 ) -> tuple[ClockedBoot, Timing]:
     """Estimate the offset of the camera's clock from the log's camera events.

@@ -189,7 +189,7 @@ SHARED = 12
 
 BESIDE = 8
 """Points beside each pick, which show the height of the ground there; see
-stages/refine/near_ties."""
+stages/refine/ground_from_ties."""
 
 NEAR = 0.05
 """Largest distance of these from the pick, as a share of the photo's width."""

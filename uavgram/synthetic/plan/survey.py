@@ -21,7 +21,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import KnownLines, Picks
 from uavgram.model.target_families import CORNERS, corner_label
 from uavgram.stages.assemble import assemble
-from uavgram.stages.plate_sides import OWN_SHARE, SIDES, SQUARE, TAPE, own_scale
+from uavgram.stages.plate_sides import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, own_scale_sigma
 from uavgram.stages.seed.poses import seed
 from uavgram.synthetic.plan.cameras import Cameras, Seen, large_enough, seen
 from uavgram.synthetic.plan.scene import Logged, PlanScene
@@ -158,16 +158,16 @@ def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Line
                 length_m=length,
                 sigma_m=np.full(
                     len(length),
-                    OWN_SHARE * plates.sigma_m if lines.of_plates else scene.tape_sigma_m,
+                    OWN_SIGMA_SHARE * plates.sigma_m if lines.of_plates else scene.tape_sigma_m,
                 ),
                 adjust=np.ones(len(length), dtype=np.bool_),
-                tape=(TAPE,) * len(length) if lines.of_plates else (),
+                tape=(PLATE_TAPE,) * len(length) if lines.of_plates else (),
             ),
             telemetry=None if exposures is None else _telemetry(frames, exposures, scene),
             ground=replace(scene.ground, height_m=scene.height_m),
             picks_sigma_px=scene.picks_sigma_px,
             tape=scene.tape,
-            own_scale_sigma=own_scale(SQUARE * plates.side_m, plates.sigma_m)
+            own_scale_sigma=own_scale_sigma(SQUARE * plates.side_m, plates.sigma_m)
             if lines.of_plates
             else (),
             photos=name,

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.result.reliability import Noise
 from uavgram.model.result.result import Alternative, Result
-from uavgram.stages.measure import BIAS_OFF, SIGMA_OFF
+from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
 from uavgram.views.survey.reliability import second_order_rows
 from uavgram.views.units import units_of
 from uavgram.views.wording import computed_first, number, relief_text, shift_text
@@ -122,7 +122,7 @@ def second_order_note(result: Result) -> SecondOrderNote | None:
         f"Second-order terms were computed for each of them: they change a sigma by "
         f"{100 * change.max(initial=0.0):.1f} % at most, and move a mean by "
         f"{shift.max(initial=0.0):.2f} sigma at most. First order is good enough up to "
-        f"{100 * SIGMA_OFF:.0f} % and {BIAS_OFF} sigma."
+        f"{100 * MAX_SIGMA_DIFFERENCE:.0f} % and {MAX_BIAS_SIGMAS} sigma."
     )
     advice = (
         "run again with --monte-carlo and use its intervals"

@@ -14,7 +14,7 @@ from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
-from uavgram.stages.refine.causes.photos.mirrored import reflected
+from uavgram.stages.refine.causes.mirrored_photos import reflect
 
 PAIRS = (*((k, k + 6) for k in range(6)), (0, 1), (2, 3), (4, 5))
 
@@ -85,7 +85,7 @@ def test_the_mirror_image_of_a_state_shows_mirrored_pixels() -> None:
     parameters = np.array(scene.survey.calibration.parameters)
     parameters[2] = (scene.survey.calibration.width_px - 1.0) / 2.0  # no middle beside the middle
     parameters[4:] = 0.0
-    image = reflected(scene.truth)
+    image = reflect(scene.truth)
     places = []
     for state in (scene.truth, image):
         world = np.column_stack([state.point[:, :2], scene.world[:, 2]])

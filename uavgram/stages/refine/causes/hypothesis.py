@@ -20,18 +20,18 @@ from uavgram.model.message import Message
 from uavgram.model.survey.mend import Mend
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine.begin.doubt import LOST
+from uavgram.stages.refine.first_values import LOST_PICK_COST
 from uavgram.stages.refine.minima import Participants
 
 PRICE = 6.0
 """Logarithm of the odds against a gross error of an observed number at its specific value: the
 range of gross errors over the sigma of the number."""
 
-SPOILT = (LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
+CONTRADICTING = (LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
 """Causes of left-out picks that a person should check."""
 
 
-class Standing(NamedTuple):
+class Diagnosis(NamedTuple):
     """Adjusted survey whose misfits are to be explained.
 
     Attributes
@@ -60,7 +60,7 @@ class Standing(NamedTuple):
         """Picks (P,) that were left out because they contradict the rest."""
         out = np.zeros(len(self.survey.pick_frame), dtype=np.bool_)
         for index, why in self.refined.pick_reason.items():
-            out[index] = why.cause in SPOILT
+            out[index] = why.cause in CONTRADICTING
         return out
 
     @property
@@ -69,7 +69,7 @@ class Standing(NamedTuple):
         used = np.zeros(len(self.taking.keep), dtype=np.bool_)
         used[self.refined.pick_index] = True
         lost = int((self.taking.keep & ~used & ~self.spoilt).sum())
-        return self.adjustment.minimum.cost + 2.0 * PRICE * self.left_out + LOST * lost
+        return self.adjustment.minimum.cost + 2.0 * PRICE * self.left_out + LOST_PICK_COST * lost
 
     @property
     def left_out(self) -> int:
@@ -83,7 +83,7 @@ class Hypothesis:
 
     Attributes
     ----------
-    tell
+    message
         Function that makes the message from the result of the linear test (None where there is
         none). None for a hypothesis that is not a cause to be reported, but a competitor: a single
         wrong pick or length, which the tests of the residuals report.
@@ -113,7 +113,7 @@ class Hypothesis:
         Least share of its directions that has to show in the residuals (see `explained`).
     settled
         Function that returns its unknowns (q,) and their covariance (q, q) in the adjustment of the
-        freed survey, for `tell`; None: those of the linear test are reported.
+        freed survey, for `message`; None: those of the linear test are reported.
     price
         Logarithm of the number of possible hypotheses of its kind, and of the prior range of its
         unknowns over their posterior range (see `PRICE`).
@@ -124,7 +124,7 @@ class Hypothesis:
         Lengths and frames, by name, whose misfit it explains.
     """
 
-    tell: Callable[[Explained | None], Message] | None
+    message: Callable[[Explained | None], Message] | None
     mend: Mend | None = None
     remedy: Mend | None = None
     is_clear: bool = True
@@ -141,8 +141,12 @@ class Hypothesis:
     settles: frozenset[str] = frozenset()
 
 
-def mended(
-    standing: Standing, mend: Mend, back: frozenset[int] = frozenset(), *, lines_back: bool = False
+def correct_participants(
+    diagnosis: Diagnosis,
+    mend: Mend,
+    back: frozenset[int] = frozenset(),
+    *,
+    lines_back: bool = False,
 ) -> Participants:
     """Return the participating observations of the corrected survey.
 
@@ -151,7 +155,7 @@ def mended(
 
     Parameters
     ----------
-    standing
+    diagnosis
         The survey under diagnosis.
     mend
         Correction, by index into its survey.
@@ -160,24 +164,26 @@ def mended(
     lines_back
         Whether lengths that were left out take part again.
     """
-    taking, refined = standing.taking, standing.refined
-    survey = mended_survey(standing.survey, mend)
+    taking, refined = diagnosis.taking, diagnosis.refined
+    survey = correct_survey(diagnosis.survey, mend)
     used = np.zeros(len(survey.pick_frame), dtype=np.bool_)
     used[refined.pick_index] = True
     used[list(mend.picks | back)] = True
     used[list(mend.without_picks)] = False
     removed = refined.line_removed & (not lines_back)
-    removed[lines_touched(standing.survey, mend)] = False
+    removed[find_changed_lines(diagnosis.survey, mend)] = False
     removed[list(mend.without_lines)] = True
     reason = {
         i: why
         for i, why in refined.pick_reason.items()
         if not used[i] and i not in mend.without_picks
     }
-    return Participants(survey, used & taking_part(taking), removed, reason, taking.known_removed)
+    return Participants(
+        survey, used & find_usable_picks(taking), removed, reason, taking.known_removed
+    )
 
 
-def lines_touched(survey: Survey, mend: Mend) -> Bools:
+def find_changed_lines(survey: Survey, mend: Mend) -> Bools:
     """Mark lengths (L,) that a correction changes, or that end at a fully relabelled point."""
     relabelled = np.zeros(len(survey.pick_label), dtype=np.bool_)
     relabelled[list(mend.label_of_pick)] = True
@@ -187,7 +193,7 @@ def lines_touched(survey: Survey, mend: Mend) -> Bools:
     return touched
 
 
-def taking_part(taking: Participants) -> Bools:
+def find_usable_picks(taking: Participants) -> Bools:
     """Mark the picks (P,) within the lens, which may take part."""
     may = np.ones(len(taking.keep), dtype=np.bool_)
     beyond = [i for i, why in taking.reason.items() if why.cause is LeftOutCause.BEYOND_LENS]
@@ -195,7 +201,7 @@ def taking_part(taking: Participants) -> Bools:
     return may
 
 
-def mended_survey(survey: Survey, mend: Mend) -> Survey:
+def correct_survey(survey: Survey, mend: Mend) -> Survey:
     """Apply a correction to the observations, without removing any.
 
     Parameters

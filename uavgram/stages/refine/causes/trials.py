@@ -10,21 +10,21 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import Explained, explained
 from uavgram.estimation.reliability.redundancy import core_fit
 from uavgram.model.survey.mend import Mend
-from uavgram.stages.refine.causes.detection import MISFIT
+from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
+from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
     PRICE,
+    Diagnosis,
     Hypothesis,
-    Standing,
-    lines_touched,
-    mended,
+    correct_participants,
+    find_changed_lines,
 )
-from uavgram.stages.refine.causes.readjusted import BENT, readjusted
-from uavgram.stages.refine.minima import trial_adjustment
-from uavgram.stages.refine.noise import with_noise_learnt
+from uavgram.stages.refine.minima import adjust_on_trial
+from uavgram.stages.refine.noise import estimate_noise
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class JudgedHypothesis:
     """Hypothesis with its evidence.
 
     Attributes
@@ -45,10 +45,10 @@ class Judged:
     found: Explained | None
     gain: float
     odds: float
-    after: Standing | None = None
+    after: Diagnosis | None = None
     noise: float = 1.0
 
-    def at_noise(self, noise: float) -> Judged:
+    def at_noise(self, noise: float) -> JudgedHypothesis:
         """Rescale the odds to a remaining variance factor, the same for all hypotheses."""
         if self.after is None:
             return self
@@ -56,12 +56,14 @@ class Judged:
         return replace(self, gain=gain, odds=gain / 2.0 - self.hypothesis.price)
 
 
-def screened(standing: Standing, hypotheses: Iterable[Hypothesis]) -> list[Judged]:
+def screen_hypotheses(
+    diagnosis: Diagnosis, hypotheses: Iterable[Hypothesis]
+) -> list[JudgedHypothesis]:
     """Judge hypotheses in the linear model, and return the most promising first.
 
     Parameters
     ----------
-    standing
+    diagnosis
         The survey under diagnosis.
     hypotheses
         All possible mistakes.
@@ -70,28 +72,30 @@ def screened(standing: Standing, hypotheses: Iterable[Hypothesis]) -> list[Judge
     found: dict[int, Explained] = {}
     for checked in {one.checked for one in every}:
         linear = [one for one in every if one.moved and one.checked == checked]
-        if standing.adjustment.minimum.converged:
-            tests = explained(standing.adjustment, [one.moved for one in linear], checked)
+        if diagnosis.adjustment.minimum.converged:
+            tests = explained(diagnosis.adjustment, [one.moved for one in linear], checked)
             found |= dict(zip(map(id, linear), tests, strict=True))
-    judged = [_judged(standing, one, found.get(id(one))) for one in every]
+    judged = [_judge(diagnosis, one, found.get(id(one))) for one in every]
     return sorted(judged, key=lambda one: -one.odds)
 
 
-def _left_out(standing: Standing) -> frozenset[int]:
+def _contradicting_picks(diagnosis: Diagnosis) -> frozenset[int]:
     """Return picks that were left out because they contradict the rest."""
-    return frozenset(np.flatnonzero(standing.spoilt).tolist())
+    return frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
 
 
-def _judged(standing: Standing, hypothesis: Hypothesis, found: Explained | None) -> Judged:
+def _judge(
+    diagnosis: Diagnosis, hypothesis: Hypothesis, found: Explained | None
+) -> JudgedHypothesis:
     gain = hypothesis.promise if found is None else max(hypothesis.promise, found.gain)
     if found is not None and hypothesis.amount is not None:
         away = hypothesis.amount - float(found.value[0])
         gain -= away**2 / float(found.covariance[0, 0])
-    back = _brought_back(standing, hypothesis, gain)
-    return Judged(hypothesis, found, gain, gain / 2.0 + PRICE * back - hypothesis.price)
+    back = _count_explained(diagnosis, hypothesis, gain)
+    return JudgedHypothesis(hypothesis, found, gain, gain / 2.0 + PRICE * back - hypothesis.price)
 
 
-def _brought_back(standing: Standing, hypothesis: Hypothesis, gain: float) -> int:
+def _count_explained(diagnosis: Diagnosis, hypothesis: Hypothesis, gain: float) -> int:
     """Count left-out numbers that a hypothesis accounts for.
 
     An error common to a flight may have spoilt any of them: if it explains participating
@@ -99,80 +103,82 @@ def _brought_back(standing: Standing, hypothesis: Hypothesis, gain: float) -> in
     """
     if hypothesis.freed is not None and hypothesis.moved:
         shows = gain / 2.0 > hypothesis.price
-        return standing.left_out if shows or core_fit(standing.adjustment).degrees < 1.0 else 0
+        return diagnosis.left_out if shows or core_fit(diagnosis.adjustment).degrees < 1.0 else 0
     mend = hypothesis.mend or Mend()
     back = mend.picks | mend.without_picks | hypothesis.back
-    picks = int(standing.spoilt[list(back)].sum())
-    lines = int((standing.refined.line_removed & lines_touched(standing.survey, mend)).sum())
+    picks = int(diagnosis.spoilt[list(back)].sum())
+    lines = int((diagnosis.refined.line_removed & find_changed_lines(diagnosis.survey, mend)).sum())
     return 2 * picks + lines
 
 
-def tried(standing: Standing, judged: Judged) -> Judged:
+def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypothesis:
     """Judge a hypothesis by an adjustment of the corrected survey.
 
     Parameters
     ----------
-    standing
+    diagnosis
         The survey under diagnosis.
     judged
         The hypothesis, as judged in the linear model.
     """
     hypothesis = judged.hypothesis
     if hypothesis.mend is None and hypothesis.freed is None:
-        return screened(standing, [hypothesis])[0]
+        return screen_hypotheses(diagnosis, [hypothesis])[0]
     mend = hypothesis.mend or Mend()
     # A freed unknown may account for all left-out observations.
     lines_back = hypothesis.freed is not None or hypothesis.is_of_all
-    back = hypothesis.back | (_left_out(standing) if lines_back else frozenset())
-    taking = mended(standing, mend, back, lines_back=lines_back)
+    back = hypothesis.back | (_contradicting_picks(diagnosis) if lines_back else frozenset())
+    taking = correct_participants(diagnosis, mend, back, lines_back=lines_back)
     if hypothesis.freed is not None:
         taking = replace(taking, survey=hypothesis.freed(taking.survey))
-    refined = readjusted(standing, taking, hypothesis)
+    refined = readjust_corrected(diagnosis, taking, hypothesis)
     # A freed unknown may end along a valley: its gain is at least that of its present state.
     if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
-        return Judged(hypothesis, judged.found, 0.0, -np.inf)
-    after = Standing(taking, refined)
+        return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
+    after = Diagnosis(taking, refined)
     # Variance factor of the corrected survey, where its core still does not fit.
     fit = core_fit(refined.adjustment)
-    noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT else 1.0
-    gain, found = standing.cost - after.cost, judged.found
+    noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT_PROBABILITY else 1.0
+    gain, found = diagnosis.cost - after.cost, judged.found
     if found is not None and hypothesis.freed is not None:
         # Bound the gain, as `freed` may remove more prior knowledge than that of the unknowns.
-        gain = min(gain, judged.gain + 2.0 * PRICE * standing.left_out)
+        gain = min(gain, judged.gain + 2.0 * PRICE * diagnosis.left_out)
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
         found = Explained(gain, len(value), value, covariance)
-    one = Judged(hypothesis, found, gain, 0.0, after, max(1.0, noise))
+    one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, max(1.0, noise))
     return one.at_noise(one.noise)
 
 
-def as_noisy_as_it_is(standing: Standing) -> Standing:
+def explain_by_noise(diagnosis: Diagnosis) -> Diagnosis:
     """Return the survey with the noise of the picks, and the relief, that would explain the misfit.
 
     A hypothesis of little gain then is no mistake: uneven ground distorts everything around it, and
     some of many picks and lengths always reduce that misfit.
     """
-    survey, refined = with_noise_learnt(standing.survey, standing.refined)
-    if survey is standing.survey:
-        return standing
-    return Standing(replace(standing.taking, survey=survey), refined)
+    survey, refined = estimate_noise(diagnosis.survey, diagnosis.refined)
+    if survey is diagnosis.survey:
+        return diagnosis
+    return Diagnosis(replace(diagnosis.taking, survey=survey), refined)
 
 
-def without_lengths(standing: Standing) -> Standing:
+def adjust_without_lengths(diagnosis: Diagnosis) -> Diagnosis:
     """Adjust the survey without any length, where the adjustment with lengths is of no use.
 
     This is the case where it does not converge or is distorted, or where no length is left in it.
     The difference of the lengths from log and photos then shows the mistake.
     """
-    survey, minimum = standing.survey, standing.adjustment.minimum
-    is_bent = standing.spoilt.any() and core_fit(standing.adjustment).probability < BENT
+    survey, minimum = diagnosis.survey, diagnosis.adjustment.minimum
+    is_bent = (
+        diagnosis.spoilt.any() and core_fit(diagnosis.adjustment).probability < MIN_FIT_PROBABILITY
+    )
     of_use = minimum.converged and "lengths" in minimum.blocks and not is_bent
-    if of_use or survey.telemetry is None or standing.refined.line_removed.all():
-        return standing
-    everything = mended(standing, Mend(), _left_out(standing))
+    if of_use or survey.telemetry is None or diagnosis.refined.line_removed.all():
+        return diagnosis
+    everything = correct_participants(diagnosis, Mend(), _contradicting_picks(diagnosis))
     taking = everything.without_lines(range(len(survey.line_start)))
-    refined = trial_adjustment(taking)
+    refined = adjust_on_trial(taking)
     if refined is None or not refined.adjustment.minimum.converged:
-        return standing
-    without = Standing(taking, refined)
-    return without if core_fit(refined.adjustment).probability > MISFIT else standing
+        return diagnosis
+    without = Diagnosis(taking, refined)
+    return without if core_fit(refined.adjustment).probability > MISFIT_PROBABILITY else diagnosis

@@ -1,0 +1,102 @@
+"""What all lengths have in common: told with its size, and not where it is chance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import Scene
+from scipy.stats import chi2
+
+from uavgram.estimation.reliability.hypotheses import explained
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.common_length_errors import (
+    MIN_SHARE_IN_RESIDUALS,
+    _list_common_errors,
+    has_common_misfit,
+)
+from uavgram.stages.refine.causes.hypothesis import Diagnosis
+from uavgram.stages.refine.causes.identification import identify_causes
+from uavgram.stages.refine.minima import Participants, find_best_minima
+
+PAIRS = (*((k, k + 6) for k in range(6)), (0, 1), (2, 3), (4, 5))
+LEVEL = 1e-4
+
+
+def diagnosis(survey: Survey) -> Diagnosis:
+    nothing = np.zeros(len(survey.line_start), dtype=np.bool_)
+    taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), nothing, {})
+    return Diagnosis(taking, find_best_minima(taking))
+
+
+def off_by(survey: Survey, factor: float, offset_m: float) -> Survey:
+    return replace(survey, length_m=survey.length_m * (1.0 + factor) + offset_m)
+
+
+def test_a_factor_and_an_offset_are_found_within_their_sigmas(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    squares: dict[bool, list[float]] = {True: [], False: []}
+    for seed in range(10):
+        survey = scene_factory(seed, frames=3, ends=PAIRS).survey
+        for is_factor, truth in ((True, 0.01), (False, 0.05)):
+            wrong = off_by(survey, truth * is_factor, truth * (not is_factor))
+            adjustment = diagnosis(wrong).adjustment
+            (one,) = (
+                each for each in _list_common_errors(adjustment) if each.is_factor == is_factor
+            )
+            (found,) = explained(adjustment, [one.moved], MIN_SHARE_IN_RESIDUALS)
+            off = float(found.value[0]) - truth
+            squares[is_factor].append(off**2 / float(found.covariance[0, 0]))
+    for square in squares.values():
+        low, high = chi2.ppf(np.array([LEVEL / 2, 1 - LEVEL / 2]), len(square))
+        assert low < np.sum(square) < high
+
+
+@pytest.mark.parametrize("offset_m", [0.4, -0.4])
+def test_a_hook_is_told_with_its_size_and_sigma(
+    scene_factory: Callable[..., Scene], offset_m: float
+) -> None:
+    survey = scene_factory(3, frames=4, ends=PAIRS).survey
+    survey = replace(survey, line_name=tuple(f"L{k}" for k in range(9)))
+    cause = identify_causes(diagnosis(off_by(survey, 0.0, 0.5 * offset_m))).causes[0]
+    assert cause.message.code == "lengths-offset"
+    assert ("long" if offset_m > 0 else "short") in cause.message.text
+    assert ("subtract it from" if offset_m > 0 else "add it to") in cause.message.text
+    assert cause.settles == set(survey.line_name)
+    if cause.mend is not None:
+        right = [cause.mend.length_m[k] for k in range(9)]
+        np.testing.assert_allclose(right, survey.length_m, atol=0.2 * abs(offset_m))
+
+
+def test_an_offset_below_four_sigmas_is_not_told(scene_factory: Callable[..., Scene]) -> None:
+    survey = scene_factory(3, frames=4, ends=PAIRS).survey
+    given = diagnosis(off_by(survey, 0.0, -0.125))
+    (one,) = (each for each in _list_common_errors(given.adjustment) if not each.is_factor)
+    (found,) = explained(given.adjustment, [one.moved], MIN_SHARE_IN_RESIDUALS)
+    assert 3.0 < -found.value[0] / np.sqrt(found.covariance[0, 0]) < 4.0
+    assert identify_causes(given).causes == ()
+
+
+def test_nothing_common_is_told_of_right_lengths(scene_factory: Callable[..., Scene]) -> None:
+    for seed in range(6):
+        given = diagnosis(scene_factory(seed, frames=3, ends=PAIRS).survey)
+        assert not has_common_misfit(given.adjustment)
+        assert identify_causes(given).causes == ()
+
+
+@pytest.mark.parametrize("roughness_m", [0.0, 0.08])
+def test_without_a_log_a_factor_is_checked_by_nothing(
+    scene_factory: Callable[..., Scene], roughness_m: float
+) -> None:
+    """Nor by how uneven the ground is, which the survey learns from itself."""
+    alone = {"telemetry": False, "gauge": "plane", "roughness": roughness_m}
+    survey = scene_factory(1, frames=5, labels=40, ends=PAIRS, **alone).survey
+    given = diagnosis(replace(survey, length_sigma_m=np.full(len(PAIRS), 0.05)))
+    (factor,) = (one for one in _list_common_errors(given.adjustment) if one.is_factor)
+    (found,) = explained(given.adjustment, [factor.moved], MIN_SHARE_IN_RESIDUALS)
+    assert np.isinf(found.covariance[0, 0])
+    assert found.gain == 0.0
+    assert not has_common_misfit(given.adjustment)

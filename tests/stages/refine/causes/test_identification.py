@@ -1,0 +1,169 @@
+"""Which hypothesis is told: not a tape where labels do as well, and not noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import cast
+
+import numpy as np
+import pytest
+from scenes import Scene, make_scene
+
+from uavgram.estimation.reliability.hypotheses import Explained, Moved
+from uavgram.model.message import Message
+from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes import identification as room
+from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.identification import (
+    MAX_TRIED,
+    MAX_TRIED_OF_A_KIND,
+    SURE_LOG_ODDS,
+    identify_causes,
+)
+from uavgram.stages.refine.causes.trials import JudgedHypothesis
+from uavgram.stages.refine.minima import Participants, find_best_minima
+
+TAPE, LABELS = Mend(length_m={0: 3.0}), Mend(label_of_pick={0: 1})
+
+
+def told_as(code: str) -> Callable[[Explained | None], Message]:
+    return lambda _: Message("warning", code, f"The {code} is wrong: look there. And more.")
+
+
+def judged(
+    code: str, mend: Mend | None, *, odds: float = 50.0, cost: float | None = 10.0
+) -> JudgedHypothesis:
+    """A hypothesis that was tried, with what is left of the misfit; `code` empty: a competitor."""
+    after = None if cost is None else cast("Diagnosis", SimpleNamespace(cost=cost))
+    tell = told_as(code) if code else None
+    return JudgedHypothesis(Hypothesis(message=tell, mend=mend), None, 2.0 * odds, odds, after)
+
+
+def code_of(one: JudgedHypothesis | None) -> str | None:
+    return one.hypothesis.message(None).code if one and one.hypothesis.message else None
+
+
+def pair(best: JudgedHypothesis, *others: JudgedHypothesis) -> tuple[str | None, str | None]:
+    first, rival = room._with_rival(best, [best, *others])
+    return code_of(first), code_of(rival)
+
+
+def test_a_tape_is_not_told_first_where_labels_explain_as_much() -> None:
+    tape, labels = judged("tape", TAPE), judged("labels", LABELS, odds=40.0)
+    assert pair(tape, labels) == ("labels", "tape")
+    assert pair(labels, tape) == ("labels", "tape")
+    assert pair(judged("tape", Mend(without_lines=frozenset([2]))), labels) == ("labels", "tape")
+    assert pair(tape, judged("other", TAPE), labels) == ("labels", "tape")
+
+
+@pytest.mark.parametrize("more", [2.0 * SURE_LOG_ODDS - 0.1, 2.0 * SURE_LOG_ODDS + 0.1])
+def test_a_rival_leaves_no_larger_misfit(more: float) -> None:
+    worse = judged("labels", LABELS, odds=40.0, cost=10.0 + more)
+    is_rival = more < 2.0 * SURE_LOG_ODDS
+    assert pair(judged("tape", TAPE), worse) == (("labels", "tape") if is_rival else ("tape", None))
+
+
+def test_of_two_tapes_the_likelier_comes_first() -> None:
+    assert pair(judged("tape", TAPE), judged("other", TAPE, odds=45.0)) == ("tape", "other")
+
+
+def test_a_single_wrong_reading_that_does_as_well_is_told_instead() -> None:
+    best = judged("labels", LABELS)
+    for odds in (50.0 - SURE_LOG_ODDS + 0.1, 50.0 - SURE_LOG_ODDS - 0.1):
+        single = judged("", None, odds=odds)
+        first, rival = room._with_rival(best, [best, single])
+        assert rival is None
+        assert first is (single if odds > 50.0 - SURE_LOG_ODDS else best)
+
+
+def test_all_tapes_are_not_blamed_where_another_cause_does_as_well() -> None:
+    moved = (Moved("lengths", np.array([0]), np.ones((1, 1, 1))),)
+    hook = JudgedHypothesis(Hypothesis(message=told_as("hook"), moved=moved), None, 100.0, 50.0)
+    for odds in (50.0 - SURE_LOG_ODDS + 0.1, 50.0 - SURE_LOG_ODDS - 0.1):
+        first, _ = room._with_rival(hook, [hook, judged("zoom", LABELS, odds=odds)])
+        assert code_of(first) == ("zoom" if odds > 50.0 - SURE_LOG_ODDS else "hook")
+
+
+def test_what_was_not_adjusted_has_no_rival() -> None:
+    assert pair(judged("clock", None, cost=None), judged("labels", LABELS)) == ("clock", None)
+    assert pair(judged("", None), judged("labels", LABELS)) == (None, None)
+
+
+def test_the_cause_says_that_nothing_tells_which() -> None:
+    cause = room._cause(judged("labels", LABELS), judged("tape", TAPE))
+    assert cause.message.code == "labels"
+    assert cause.message.text.endswith(" Or else, and nothing tells which: The tape is wrong.")
+    assert cause.mend is None  # it would be a guess
+    assert room._cause(judged("labels", LABELS), None).mend is LABELS
+    assert "Or else" not in room._cause(judged("labels", LABELS), None).message.text
+
+
+def diagnosis(survey: Survey) -> Diagnosis:
+    every = np.ones(len(survey.pick_frame), dtype=np.bool_)
+    none = np.zeros(len(survey.line_start), dtype=np.bool_)
+    taking = Participants(survey, every, none, {})
+    return Diagnosis(taking, find_best_minima(taking))
+
+
+@pytest.mark.parametrize(
+    ("promised", "come", "trials"),
+    [
+        ([40.0, 39.0, 38.0], [10.0, 10.0, 10.0], 3),
+        ([40.0, 30.0, 20.0], [30.0 + SURE_LOG_ODDS + 0.1, 0.0, 0.0], 1),
+        ([40.0, 30.0, 20.0], [30.0 + SURE_LOG_ODDS - 0.1, 0.0, 0.0], 2),
+        ([40.0, -1.0, -2.0], [0.0, 0.0, 0.0], 1),
+        ([40.0 - k / 10 for k in range(MAX_TRIED + 3)], [1.0] * (MAX_TRIED + 3), MAX_TRIED),
+    ],
+)
+def test_trials_end_where_the_rest_promises_less(
+    monkeypatch: pytest.MonkeyPatch, promised: list[float], come: list[float], trials: int
+) -> None:
+    every = [Hypothesis(message=told_as("a"), promise=2.0 * odds) for odds in promised]
+    tried: list[float] = []
+
+    def try_one(_: Diagnosis, one: JudgedHypothesis) -> JudgedHypothesis:
+        tried.append(one.odds)
+        return replace(one, odds=come[len(tried) - 1])
+
+    stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
+    kinds = [lambda _, one=one: [one] for one in reversed(every)]
+    monkeypatch.setattr(room, "HYPOTHESES", kinds)
+    monkeypatch.setattr(room, "explain_by_noise", lambda one: one)
+    monkeypatch.setattr(room, "try_hypothesis", try_one)
+    room._find_likeliest(stands)
+    assert tried == promised[:trials]
+
+
+def test_of_a_kind_only_the_most_promising_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    crowd = [Hypothesis(message=told_as("a"), promise=80.0 + k) for k in range(9)]
+    other = Hypothesis(message=told_as("b"), promise=20.0)
+    tried: list[Hypothesis] = []
+
+    def try_one(_: Diagnosis, one: JudgedHypothesis) -> JudgedHypothesis:
+        tried.append(one.hypothesis)
+        return replace(one, odds=0.0)
+
+    stands = diagnosis(make_scene(3, frames=2, labels=8, lines=2).survey)
+    monkeypatch.setattr(room, "HYPOTHESES", (lambda _: crowd, lambda _: [other]))
+    monkeypatch.setattr(room, "explain_by_noise", lambda one: one)
+    monkeypatch.setattr(room, "try_hypothesis", try_one)
+    room._find_likeliest(stands)
+    assert tried == [*reversed(crowd[-MAX_TRIED_OF_A_KIND:]), other]
+
+
+def on_rough_ground(make: Callable[..., Scene], seed: int) -> Survey:
+    """Points on ground that is rougher than anybody said."""
+    survey = make(seed, frames=5, labels=14, lines=8, roughness=0.15).survey
+    (ground,) = survey.grounds
+    return replace(survey, grounds=(replace(ground, roughness_sigma_m=0.0),))
+
+
+def test_on_rough_ground_nothing_is_told(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    """Here the height of a point would be, were the noise not asked."""
+    causes = identify_causes(diagnosis(on_rough_ground(scene_factory, 1))).causes
+    assert [one.message.code for one in causes] == []

@@ -1,0 +1,66 @@
+"""Swapped labels of a photo that was left out, or spoilt everything, beside one other photo."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from scenes import Scene
+
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
+from uavgram.stages.refine.causes.identification import identify_causes
+from uavgram.stages.refine.causes.swapped_labels import _misfit, propose_swapped_by_two_views
+from uavgram.stages.refine.minima import Participants, find_best_minima
+
+OPTIONS = {"frames": 2, "labels": 10, "lines": 8, "spread": 6.0, "tilt": 0.2}
+
+
+def without_the_second_photo(survey: Survey) -> Diagnosis:
+    """The survey as it stands where its second photo was left out."""
+    first = survey.pick_frame == 0
+    taking = Participants(survey, first, np.zeros(len(survey.line_start), dtype=np.bool_), {})
+    return Diagnosis(taking, find_best_minima(taking))
+
+
+@pytest.mark.parametrize("seed", [11, 12, 13])
+def test_two_labels_that_changed_places_in_one_of_two_photos_are_told_and_put_back(
+    scene_factory: Callable[..., Scene], seed: int
+) -> None:
+    survey = scene_factory(seed, **OPTIONS).survey
+    survey = replace(survey, line_name=tuple(f"L{k}" for k in range(len(survey.line_start))))
+    second = np.flatnonzero(survey.pick_frame == 1)
+    picks = np.random.default_rng(seed).permutation(second)[:2]
+    label = survey.pick_label.copy()
+    label[picks] = label[picks[::-1]]
+    wrong = replace(survey, pick_label=label)
+
+    assert list(propose_swapped_by_two_views(without_the_second_photo(survey))) == []
+    (cause,) = identify_causes(without_the_second_photo(wrong)).causes
+    assert (cause.message.code, cause.message.frames) == ("labels-swapped", ("f1",))
+    assert set(cause.message.labels) == {survey.label[k] for k in label[picks]}
+    assert cause.message.mend is not None
+    assert cause.message.mend.words.startswith("Swap ")
+    assert cause.mend is not None
+    assert correct_survey(wrong, cause.mend).pick_label.tolist() == survey.pick_label.tolist()
+
+
+def test_a_homography_fits_where_opencv_finds_one() -> None:
+    """Points of a plane seen twice; with two of them exchanged there is none."""
+    rng = np.random.default_rng(5)
+    turn = np.array([[1.1, 0.2, 0.3], [-0.1, 0.9, -0.2], [0.05, -0.04, 1.0]])
+    x = rng.uniform(-1, 1, (8, 2))
+    y = cv2.perspectiveTransform(x[None], turn)[0]
+    order = np.arange(8)
+    order[[2, 5]] = 5, 2
+
+    fits, exchanged = _misfit(np.stack([x, x[order]]), y)
+
+    assert fits < 1e-20
+    matrix, _ = cv2.findHomography(x[order], y)
+    away = cv2.perspectiveTransform(x[order][None], matrix)[0] - y
+    assert exchanged > 1e-4
+    assert np.abs(away).max() > 0.05

@@ -1,0 +1,117 @@
+"""Photos of which all picks are wrong in one way, told as such, with the mend of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scenes import Scene
+
+from uavgram.model.arrays import Floats
+from uavgram.model.options import SolveOptions
+from uavgram.model.survey.mend import Cause
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine import refine
+from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
+from uavgram.stages.refine.causes.identification import identify_causes
+from uavgram.stages.refine.causes.turned_photos import propose_turned_photos
+from uavgram.stages.refine.minima import Participants, find_best_minima
+from uavgram.stages.refine.robust import MISPLACED
+
+OPTIONS = {"frames": 6, "labels": 10, "lines": 4, "spread": 6.0, "tilt": 0.2}
+WIDTH, HEIGHT = 2000, 1500
+
+
+def without_the_photo(survey: Survey) -> Diagnosis:
+    """The survey adjusted without all picks of f2, as they contradict the rest."""
+    none = np.zeros(len(survey.line_start), dtype=np.bool_)
+    taking = Participants(survey, np.ones(len(survey.pick_frame), dtype=np.bool_), none, {})
+    taking = taking.without_frame(2, MISPLACED)
+    return Diagnosis(taking, find_best_minima(taking))
+
+
+def cause_of(survey: Survey) -> Cause:
+    (cause,) = identify_causes(without_the_photo(survey)).causes
+    assert cause.message.frames == ("f2",)
+    assert cause.settles == {"f2"}
+    return cause
+
+
+def with_pixels(survey: Survey, pixel_px: Floats) -> Survey:
+    pixel = np.array(survey.pixel_px)
+    pixel[survey.pick_frame == 2] = pixel_px
+    return replace(survey, pixel_px=pixel)
+
+
+@pytest.mark.parametrize(
+    ("code", "shown"),
+    [
+        ("photo-mirrored", lambda u, v: (WIDTH - 1 - u, v)),
+        ("photo-turned", lambda u, v: (WIDTH - 1 - u, HEIGHT - 1 - v)),
+        # The top edge of what is shown is the left edge of the photo, from its bottom upwards.
+        ("photo-turned", lambda u, v: (HEIGHT - 1 - v, u)),
+        ("photo-turned", lambda u, v: (v, WIDTH - 1 - u)),
+    ],
+)
+def test_a_photo_that_was_mirrored_or_turned_is_put_back(
+    scene_factory: Callable[..., Scene],
+    code: str,
+    shown: Callable[[Floats, Floats], tuple[Floats, Floats]],
+) -> None:
+    survey = scene_factory(3001, **OPTIONS).survey
+    assert (survey.calibration.width_px, survey.calibration.height_px) == (WIDTH, HEIGHT)
+    right = survey.pixel_px[survey.pick_frame == 2]
+    wrong = with_pixels(survey, np.stack(shown(*right.T), axis=1))
+    (hypothesis,) = propose_turned_photos(without_the_photo(wrong))
+    assert hypothesis.message is not None
+    assert hypothesis.message(None).code == code
+    assert hypothesis.mend is not None
+    assert correct_survey(wrong, hypothesis.mend).pixel_px == pytest.approx(survey.pixel_px)
+
+
+def test_a_turned_photo_that_nothing_but_the_log_contradicts_is_told(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = scene_factory(3001, **OPTIONS).survey
+    wrong = with_pixels(survey, [WIDTH - 1, HEIGHT - 1] - survey.pixel_px[survey.pick_frame == 2])
+    _, messages = refine(wrong, SolveOptions(noise="stated"))
+    assert (messages[0].code, messages[0].frames) == ("photo-turned", ("f2",))
+
+
+def test_labels_in_disorder_are_put_in_order(scene_factory: Callable[..., Scene]) -> None:
+    survey = scene_factory(3001, **OPTIONS).survey
+    label = np.array(survey.pick_label)
+    picks = np.flatnonzero(survey.pick_frame == 2)
+    label[picks] = np.roll(label[picks], 3)
+    wrong = replace(survey, pick_label=label)
+    cause = cause_of(wrong)
+    assert cause.message.code == "labels-swapped"
+    assert cause.mend is not None
+    assert correct_survey(wrong, cause.mend).pick_label.tolist() == survey.pick_label.tolist()
+
+
+def test_labels_that_fit_a_few_picks_only_put_no_photo_right(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    survey = scene_factory(3001, **OPTIONS | {"labels": 24}).survey
+    label = np.array(survey.pick_label)
+    picks = np.flatnonzero(survey.pick_frame == 2)
+    shown, anywhere = picks[: len(picks) * 2 // 5], picks[len(picks) * 2 // 5 :]
+    label[shown] = np.roll(label[shown], 3)
+    pixel = survey.pixel_px.copy()
+    pixel[anywhere] = np.random.default_rng(5).uniform(100.0, 1400.0, (len(anywhere), 2))
+    cause = cause_of(replace(survey, pick_label=label, pixel_px=pixel))
+
+    assert cause.message.code == "photo-elsewhere"
+
+
+def test_a_photo_of_another_place_is_told_as_such(scene_factory: Callable[..., Scene]) -> None:
+    survey = scene_factory(3001, **OPTIONS).survey
+    picks = np.flatnonzero(survey.pick_frame == 2)
+    anywhere = np.random.default_rng(5).uniform(100.0, 1400.0, (len(picks), 2))
+    cause = cause_of(with_pixels(survey, anywhere))
+    assert cause.message.code == "photo-elsewhere"
+    assert cause.mend is not None
+    assert cause.mend.without_picks == frozenset(picks.tolist())

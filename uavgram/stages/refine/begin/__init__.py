@@ -1,1 +1,0 @@
-"""First values of adjustments, and the way from them to the minimum."""

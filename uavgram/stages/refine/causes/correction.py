@@ -1,0 +1,243 @@
+"""Apply corrections to a survey, record each change, and readjust the corrected survey."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.reliability.redundancy import core_fit
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.lengths import named_ends
+from uavgram.estimation.survey.observations.observation import Member, Suspicion
+from uavgram.estimation.survey.selection import Selection, select_picks, without_known
+from uavgram.estimation.survey.unknowns import State
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane import intersect_ground
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
+from uavgram.stages.refine.minima import TRIAL_ITERATIONS, Participants, adjust_on_trial
+from uavgram.stages.refine.readjustment import convert_state
+from uavgram.stages.refine.staged_sigmas import iterate
+
+MAX_LISTED = 4
+"""Changes of a correction that are listed; the cause's message names the rest."""
+
+
+class CorrectedSurvey(NamedTuple):
+    """Corrected survey.
+
+    Attributes
+    ----------
+    survey
+        The survey with the corrections.
+    without
+        (P,) picks that were removed.
+    removals
+        A record of each correction.
+    """
+
+    survey: Survey
+    without: Bools
+    removals: tuple[Removal, ...]
+
+
+def apply_corrections(survey: Survey, causes: Sequence[Cause], before: Refined) -> CorrectedSurvey:
+    """Apply all possible corrections of certain causes.
+
+    Parameters
+    ----------
+    survey
+        The survey before the corrections.
+    causes
+        Causes of its misfits, in the order in which they were found.
+    before
+        Its adjustment.
+    """
+    without = np.zeros(len(survey.pick_frame), dtype=np.bool_)
+    removals = []
+    for cause in causes:
+        if cause.mend is None:
+            continue
+        is_now = correct_survey(survey, cause.mend)
+        without[list(cause.mend.without_picks)] = True
+        size = float(np.sqrt(max(cause.gain, 0.0)))
+        removals.append(
+            Removal(
+                kind="mend",
+                index=-1,
+                suspicion=Suspicion(Member("mend", -1, 0), size, (), ()),
+                before=before,
+                cause=cause,
+                mended=(_describe_values(survey, cause.mend), _describe_values(is_now, cause.mend)),
+            )
+        )
+        survey = is_now
+    return CorrectedSurvey(survey, without, tuple(removals))
+
+
+def _describe_values(survey: Survey, mend: Mend) -> str:
+    """Describe a survey's values of all items that a correction changes."""
+    label, frame = survey.label, survey.frame_id
+    parts = [
+        f"{label[survey.pick_label[pick]]!r} in {frame[survey.pick_frame[pick]]!r} at "
+        f"({survey.pixel_px[pick, 0]:.1f}, {survey.pixel_px[pick, 1]:.1f}) px"
+        for pick in sorted(mend.picks | mend.without_picks)
+    ]
+    for line in sorted(mend.lines | mend.without_lines):
+        name = survey.line_name[line] if survey.line_name else ""
+        ends = named_ends(name, label[survey.line_start[line]], label[survey.line_end[line]])
+        parts.append(f"length {ends} {survey.length_m[line]:.3f} m")
+    for of in sorted(mend.free):
+        height = "at a height to be found" if survey.is_free[of] else "on the ground"
+        parts.append(f"{label[of]!r} {height}")
+    more = len(parts) - MAX_LISTED
+    return "; ".join(parts[:MAX_LISTED]) + (f"; and {more} more" if more > 0 else "")
+
+
+MIN_FIT_PROBABILITY = 1e-5
+"""Probability of the core's squares below which a state is unsuitable as first values."""
+
+
+def readjust_corrected(
+    diagnosis: Diagnosis, taking: Participants, hypothesis: Hypothesis
+) -> Refined | None:
+    """Adjust the participating observations from the present state; None without a result.
+
+    It begins from first values instead where the present state is of no use: it did not converge or
+    is distorted by misfits, the hypothesis changes everything, or ties have other points.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    taking
+        Participating observations of the changed survey.
+    hypothesis
+        The hypothesis by which it was changed.
+    """
+    present = diagnosis.adjustment
+    survey = without_known(taking.survey, taking.known_removed)
+    selection = select_picks(survey, taking.keep)
+    if hypothesis.is_of_all:
+        return adjust_on_trial(taking, None)
+    is_bent = core_fit(present).probability < MIN_FIT_PROBABILITY and hypothesis.begun is None
+    if is_bent or not present.minimum.converged or _has_ties(selection):
+        return adjust_on_trial(taking)
+    start = _initial_state(diagnosis, selection)
+    if start is None:
+        return adjust_on_trial(taking)
+    if hypothesis.begun is not None:
+        start = hypothesis.begun(start)
+    used = ~taking.line_removed[selection.line_index]
+    problem = SurveyProblem(selection.survey, present.problem.pivot_m, used)
+    try:
+        # Express the interior orientation in the basis of the changed survey.
+        lens = np.linalg.pinv(problem.intrinsic_basis) @ present.problem.intrinsic_basis
+        start = replace(start, intrinsic=lens @ start.intrinsic)
+        present = replace(present, minimum=replace(present.minimum, state=start))
+        minimum = iterate(problem, convert_state(present, problem), TRIAL_ITERATIONS)
+        adjustment = Adjustment(problem, minimum, minimum.factor.covariance())
+    except (SingularError, ValueError):
+        return None
+    return Refined(
+        adjustment=adjustment,
+        pick_index=selection.pick_index,
+        line_index=selection.line_index,
+        removals=(),
+        pick_removed=np.zeros(0, dtype=np.bool_),
+        line_removed=taking.line_removed,
+        pick_reason=taking.reason,
+        alternatives=(),
+        undetermined=frozenset(),
+        known_removed=taking.known_removed,
+    )
+
+
+def _has_ties(selection: Selection) -> bool:
+    return bool(selection.survey.matches.points + selection.survey.ties.points)
+
+
+def _initial_state(diagnosis: Diagnosis, selection: Selection) -> State | None:
+    """Return the present state for the frames and labels of a selection; None if not placed."""
+    present, survey = diagnosis.adjustment, selection.survey
+    state, ground = present.state, present.survey
+    frame = np.array([_row(ground.frame_id, name) for name in survey.frame_id], dtype=np.int64)
+    label = _former_labels(diagnosis, selection)
+    point = state.point[label].copy()
+    center, rotation = state.center[frame].copy(), state.rotation[frame].copy()
+    known = label >= 0
+    # Frames that took no part: resection from the points on the ground.
+    for new in np.flatnonzero(frame < 0).tolist():
+        picks = np.flatnonzero((survey.pick_frame == new) & known[survey.pick_label])
+        pose = _resect_photo(present, selection, picks, label[survey.pick_label[picks]])
+        if pose is None:
+            return None
+        center[new], rotation[new] = pose
+    # Labels that took no part: intersection of a ray with the ground.
+    for new in np.flatnonzero(~known).tolist():
+        pick = int(np.flatnonzero(survey.pick_label == new)[0])
+        at = survey.pick_frame[pick]
+        ray = back_project(
+            survey.calibration.model, survey.calibration.parameters, survey.pixel_px[[pick]]
+        )
+        area = survey.area[new]
+        there = intersect_ground(
+            center[at],
+            (rotation[at] @ ray[0]),
+            state.plane[3 * area : 3 * area + 3],
+            present.problem.pivot_m[area],
+            survey.height_above_m[new],
+        )
+        if not np.isfinite(there).all():
+            return None
+        point[new, :2], point[new, 2:] = there[:2], 0.0
+    turning = np.zeros((len(frame), state.turning.shape[1]))
+    turning[frame >= 0] = state.turning[frame[frame >= 0]]
+    return replace(state, point=point, center=center, rotation=rotation, turning=turning)
+
+
+def _row(names: tuple[str, ...], name: str) -> int:
+    return names.index(name) if name in names else -1
+
+
+def _former_labels(diagnosis: Diagnosis, selection: Selection) -> Ints:
+    """Find the labels (K,) of the adjustment for the points of a selection; -1 where there is none.
+
+    Where all picks of a label had another one before, the point is that of the other label.
+    """
+    survey = selection.survey
+    before = diagnosis.survey.pick_label[selection.pick_index]
+    own = diagnosis.adjustment.label_rows(survey.label)
+    whole = diagnosis.adjustment.label_rows(diagnosis.survey.label)
+    for label in range(len(survey.label)):
+        picks = np.flatnonzero(survey.pick_label == label)
+        former = np.array([diagnosis.survey.label[k] for k in before[picks]])
+        if not (former == survey.label[label]).any():
+            own[label] = whole[before[picks[0]]]
+    return own
+
+
+def _resect_photo(
+    present: Adjustment, selection: Selection, picks: Ints, label: Ints
+) -> tuple[Floats, Floats] | None:
+    """Compute the pose of a photo that took no part from its points on the ground."""
+    survey = selection.survey
+    on_ground = ~survey.off_ground[survey.pick_label[picks]]
+    picks, label = picks[on_ground], label[on_ground]
+    camera = survey.calibration
+    ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
+    if len(picks) < 4 or not np.isfinite(ray).all():
+        return None
+    pose = resect_from_plane(present.state.point[label, :2], ray)
+    if pose is None or pose[0][2] <= 0:
+        return None
+    height = present.points_with_jacobian(label)[0][:, 2].mean()
+    return pose[0] + np.array([0.0, 0.0, height]), pose[1]

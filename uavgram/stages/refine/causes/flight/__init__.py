@@ -1,1 +1,0 @@
-"""Hypotheses on mistakes in the flight log, and in the camera file."""

@@ -1,0 +1,333 @@
+"""Identify the likeliest causes of misfits, one after another, until the rest fits.
+
+Detection, identification, adaptation (Teunissen 1990, "Quality control in integrated navigation
+systems"). Where a survey does not fit:
+
+1. Hypotheses of all kinds are tested in the linear model (`screened`).
+2. The most promising ones are tested by an adjustment of the corrected survey (`tried`), all at the
+   stated noise.
+3. The likeliest one is reported, and the next is looked for in the survey corrected for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.message import Message
+from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.common_length_errors import (
+    propose_common_errors,
+    propose_taped_level,
+)
+from uavgram.stages.refine.causes.detection import needs_cause
+from uavgram.stages.refine.causes.flight_log import (
+    propose_position_step,
+    propose_shifted_control,
+    propose_shifted_heights,
+    propose_turned_camera,
+    propose_wrong_clock,
+)
+from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.length_ends import find_label_exchange_instead, propose_other_ends
+from uavgram.stages.refine.causes.length_readings import propose_slips, propose_wrong_lengths
+from uavgram.stages.refine.causes.mirrored_photos import propose_all_mirrored
+from uavgram.stages.refine.causes.other_camera import propose_other_camera_file, propose_other_zoom
+from uavgram.stages.refine.causes.swapped_labels import (
+    propose_swapped_by_two_views,
+    propose_swapped_everywhere,
+)
+from uavgram.stages.refine.causes.trials import (
+    JudgedHypothesis,
+    adjust_without_lengths,
+    explain_by_noise,
+    screen_hypotheses,
+    try_hypothesis,
+)
+from uavgram.stages.refine.causes.turned_photos import (
+    propose_photos_elsewhere,
+    propose_photos_in_disorder,
+    propose_photos_in_order,
+    propose_photos_turned_together,
+    propose_turned_photos,
+)
+from uavgram.stages.refine.causes.wrong_heights import propose_heights
+from uavgram.stages.refine.causes.wrong_picks import (
+    propose_other_places,
+    propose_swapped_in_photo,
+    propose_wrong_picks,
+)
+from uavgram.stages.remedies import add_remedies
+
+MAX_CAUSES, MAX_TRIED, MAX_TRIED_OF_A_KIND, MAX_TRIED_WITH_NOISE = 6, 9, 3, 2
+"""Largest numbers of reported causes; of hypotheses that are tested by an adjustment each time, and
+of each kind among them; and of those that are also tested with the noise that would explain the
+misfit instead."""
+
+SURE_LOG_ODDS = float(np.log(20.0))
+"""Logarithm of the odds above which a hypothesis is reported, or a less likely one no longer
+tried."""
+
+HYPOTHESES: tuple[Callable[[Diagnosis], Iterable[Hypothesis]], ...] = (
+    propose_wrong_picks,
+    propose_wrong_lengths,
+    propose_swapped_in_photo,
+    propose_swapped_by_two_views,
+    propose_slips,
+    propose_other_ends,
+    propose_common_errors,
+    propose_taped_level,
+    propose_other_places,
+    propose_swapped_everywhere,
+    propose_heights,
+    propose_photos_in_order,
+    propose_turned_photos,
+    propose_photos_turned_together,
+    propose_photos_in_disorder,
+    propose_all_mirrored,
+    propose_wrong_clock,
+    propose_turned_camera,
+    propose_shifted_control,
+    propose_shifted_heights,
+    propose_position_step,
+    propose_other_camera_file,
+    propose_other_zoom,
+)
+"""Functions that propose hypotheses, by kind, for a survey that does not fit."""
+
+
+class IdentifiedCauses(NamedTuple):
+    """Result of the identification.
+
+    Attributes
+    ----------
+    causes
+        Causes, likeliest first; none where everything fits.
+    freed
+        For each cause, the function that removes wrong prior knowledge for further adjustments;
+        None: no prior is wrong.
+    wrong, right
+        Picks that take part and are wrong, and those that were left out because of them.
+    lines
+        Lengths because of which picks were left out.
+    """
+
+    causes: tuple[Cause, ...]
+    freed: tuple[Callable[[Survey], Survey] | None, ...]
+    wrong: frozenset[int] = frozenset()
+    right: frozenset[int] = frozenset()
+    lines: frozenset[int] = frozenset()
+
+
+def identify_causes(diagnosis: Diagnosis) -> IdentifiedCauses:
+    """Identify the causes of the misfits of a survey.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey as it is adjusted at the stated noise.
+    """
+    found = _identify_in_turn(diagnosis)
+    if not (found.causes or found.right) and needs_cause(diagnosis):
+        # A wrong length against a log is visible only in an adjustment without it.
+        without = adjust_without_lengths(diagnosis)
+        other = found if without is diagnosis else _identify_in_turn(without)
+        if other.causes:
+            right = frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
+            mends = [cause.mend for cause in other.causes if cause.mend is not None]
+            lines = frozenset(line for mend in mends for line in mend.lines)
+            found = other._replace(right=right, lines=lines)
+    rest = propose_photos_elsewhere(diagnosis, found.causes, found.right)
+    return found._replace(
+        causes=(*found.causes, *rest), freed=(*found.freed, *(None for _ in rest))
+    )
+
+
+def _identify_in_turn(diagnosis: Diagnosis) -> IdentifiedCauses:
+    """Identify the likeliest cause, then that of the remaining misfit, until the rest fits."""
+    causes: list[Cause] = []
+    freed: list[Callable[[Survey], Survey] | None] = []
+    wrong, right = frozenset[int](), frozenset[int]()
+    stated = diagnosis
+    for _ in range(MAX_CAUSES):
+        is_asked = needs_cause(diagnosis) or _are_taped_level(diagnosis)
+        found = _find_likeliest(diagnosis) if is_asked else None
+        if found is None:
+            break
+        best, rival = found
+        if best.hypothesis.message is not None:
+            causes.append(_with_remedies(_cause(best, rival), best, rival, stated.survey))
+            # With two causes that explain as much, the result uses neither.
+            freed.append(best.hypothesis.freed if rival is None else None)
+        if best.hypothesis.back and best.hypothesis.mend is not None and rival is None:
+            wrong |= best.hypothesis.mend.picks
+            right |= best.hypothesis.back
+        if best.after is None:
+            break
+        diagnosis = best.after
+    return IdentifiedCauses(tuple(causes), tuple(freed), wrong, right)
+
+
+def _are_taped_level(diagnosis: Diagnosis) -> bool:
+    """Return whether the linear test alone shows lengths taped level, without another misfit."""
+    return any(
+        one.odds > SURE_LOG_ODDS
+        for one in screen_hypotheses(diagnosis, propose_taped_level(diagnosis))
+    )
+
+
+def _cause(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> Cause:
+    """Describe the likeliest hypothesis for people, and mention one that explains as much."""
+    hypothesis = best.hypothesis
+    assert hypothesis.message is not None  # noqa: S101  (the caller asked)
+    message = hypothesis.message(best.found)
+    if rival is not None and rival.hypothesis.message is not None:
+        other = rival.hypothesis.message(rival.found).text.split(": ")[0]
+        message = replace(
+            message, text=f"{message.text} Or else, and nothing tells which: {other}."
+        )
+    return Cause(
+        message=message,
+        # An ambiguous cause is reported, but not corrected.
+        mend=(hypothesis.remedy or hypothesis.mend) if hypothesis.is_clear and not rival else None,
+        gain=best.gain,
+        settles=hypothesis.settles,
+    )
+
+
+def _with_remedies(
+    cause: Cause, best: JudgedHypothesis, rival: JudgedHypothesis | None, written: Survey
+) -> Cause:
+    """Add corrections for the cause, and for its rivals."""
+    one, rivals = best.hypothesis, [] if rival is None else [rival.hypothesis]
+    if rival is not None and _blames_tapes(rival) and not _blames_tapes(best):
+        rivals = []  # never offer to change a right reading
+    mends = [each.remedy or each.mend for each in (one, *rivals)]
+    message = cause.message
+    if (
+        mends[0] is not None
+        and (swapped := find_label_exchange_instead(written, mends[0])) is not None
+    ):
+        mends.append(swapped)
+        message = _of_both(message, written, swapped)
+    if not one.is_clear:
+        lines = (k for k, name in enumerate(written.line_name) if name in one.settles)
+        mends.append(Mend(without_lines=frozenset(lines)))
+    return replace(cause, message=add_remedies(message, written, mends))
+
+
+def _of_both(message: Message, written: Survey, swapped: Mend) -> Message:
+    """Mention in the message on another end that two labels may be swapped instead.
+
+    Then the measurements at either of them are in doubt, too.
+    """
+    pair = [written.label[k] for k in sorted(set(swapped.label_of_pick.values()))]
+    named = " and ".join(map(repr, pair))
+    return replace(
+        message,
+        text=f"{message.text} Or the labels {named} are swapped in all photos, and nothing shows "
+        "which: look which point is which.",
+        labels=tuple(dict.fromkeys((*message.labels, *pair))),
+    )
+
+
+def _find_likeliest(
+    diagnosis: Diagnosis,
+) -> tuple[JudgedHypothesis, JudgedHypothesis | None] | None:
+    """Return the likeliest hypothesis, unless chance or noise explains as much; and its rival."""
+    kinds = [
+        _nearly_as_likely(screen_hypotheses(diagnosis, propose(diagnosis)))
+        for propose in HYPOTHESES
+    ]
+    every = sorted((one for kind in kinds for one in kind), key=lambda one: -one.odds)
+    proposed = list(_drop_duplicates(diagnosis.survey, every))
+    trials: list[JudgedHypothesis] = []
+    for one in proposed[:MAX_TRIED]:
+        best = max((each.odds for each in trials if not _blames_tapes(each)), default=-np.inf)
+        # Before a tape is reported as wrong, try less likely hypotheses that explain as much.
+        accused = any(each.odds > SURE_LOG_ODDS and _blames_tapes(each) for each in trials)
+        if one.odds < (-SURE_LOG_ODDS if accused else 0.0) or best > one.odds + SURE_LOG_ODDS:
+            break  # the others promise less in the linear model
+        trials.append(try_hypothesis(diagnosis, one))
+    # The rest may still be noisier than stated. Use the same noise for all trials; otherwise it
+    # would decide between two that explain nearly all.
+    noise = min((one.noise for one in trials if one.after is not None), default=1.0)
+    trials = [one.at_noise(noise) for one in trials]
+    sure = [one for one in trials if one.odds > SURE_LOG_ODDS]
+    noisy: Diagnosis | None = None
+    for one in sorted(sure, key=lambda one: -one.odds)[:MAX_TRIED_WITH_NOISE]:
+        if one.after is not None and not needs_cause(one.after):
+            return _with_rival(one, trials)  # it explains all, without more noise
+        noisy = noisy or explain_by_noise(diagnosis)
+        if noisy is diagnosis or try_hypothesis(noisy, one).odds > SURE_LOG_ODDS:
+            return _with_rival(one, trials)
+    return None
+
+
+def _nearly_as_likely(kind: Sequence[JudgedHypothesis]) -> list[JudgedHypothesis]:
+    """Return the likeliest of one kind, and others of nearly the same odds in the linear model."""
+    return [
+        one for one in kind[:MAX_TRIED_OF_A_KIND] if one.odds > kind[0].odds - 2.0 * SURE_LOG_ODDS
+    ]
+
+
+def _drop_duplicates(
+    survey: Survey, proposed: Iterable[JudgedHypothesis]
+) -> Iterator[JudgedHypothesis]:
+    """Drop hypotheses with the same relabelling as an earlier one: none is its own rival."""
+    known: set[frozenset[tuple[int, int]]] = set()
+    for one in proposed:
+        mend = one.hypothesis.mend or Mend()
+        right = ((k, v) for k, v in mend.label_of_pick.items() if survey.pick_label[k] != v)
+        if changed := frozenset(right):
+            if changed in known and not mend.without_picks:
+                continue
+            known.add(changed)
+        yield one
+
+
+def _with_rival(
+    best: JudgedHypothesis, trials: Sequence[JudgedHypothesis]
+) -> tuple[JudgedHypothesis, JudgedHypothesis | None]:
+    """Return the hypothesis to report, and another one that leaves no larger misfit.
+
+    If the observations cannot separate them, one that assumes no wrong tape comes first.
+    """
+    if best.hypothesis.message is None:
+        return best, None
+    others = [one for one in trials if one is not best and one.odds > -SURE_LOG_ODDS]
+    single = [one for one in others if one.hypothesis.message is None]
+    if best.after is not None and any(one.odds > best.odds - SURE_LOG_ODDS for one in single):
+        return max(single, key=lambda one: one.odds), None  # one wrong reading is enough
+    rivals = [
+        one for one in others if one.hypothesis.message is not None and _does_as_well(one, best)
+    ]
+    if not rivals:
+        return best, None
+    rival = max(rivals, key=lambda one: (not _blames_tapes(one), one.odds))
+    if _blames_tapes(best) and not _blames_tapes(rival):
+        return rival, best
+    return best, rival if best.after is not None else None
+
+
+def _does_as_well(one: JudgedHypothesis, best: JudgedHypothesis) -> bool:
+    """Return whether a hypothesis does as well as the best: by the remaining cost, or by its odds.
+
+    Against a hypothesis that changes the whole survey by a known amount, such as the ratio of two
+    units, one with free unknowns leaves an equally small cost, but is less likely.
+    """
+    if one.after is None or best.after is None or best.hypothesis.is_of_all:
+        return one.odds > best.odds - SURE_LOG_ODDS
+    return one.after.cost < best.after.cost + 2.0 * SURE_LOG_ODDS
+
+
+def _blames_tapes(judged: JudgedHypothesis) -> bool:
+    hypothesis = judged.hypothesis
+    if any(moved.kind == "lengths" for moved in hypothesis.moved):
+        return True
+    mend = hypothesis.mend
+    return mend is not None and bool(mend.lines | mend.without_lines)

@@ -1,1 +1,0 @@
-"""Hypotheses on picks, their labels and the heights of their points."""

@@ -1,0 +1,262 @@
+"""Hypotheses on wrong readings of known lengths, by the kind of slip."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from itertools import combinations, pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.stated_values import CONVERSIONS, DECIMALS, UNITS
+from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.survey.observations.lengths import named_ends
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.naming import listed
+from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.flight_log import scale_by_heights
+from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.suspect_lengths import (
+    MAX_SLIP_SIGMAS,
+    MessageWords,
+    SuspectLengths,
+    find_suspect_lengths,
+)
+
+MAX_WRONG_LENGTHS = 4
+"""Largest number of single wrong lengths that are proposed."""
+
+MIN_LENGTHS_FOR_ALL = 3
+"""Number of lengths above which a mistake in every one of them is reported for all together."""
+
+MISREAD_STEPS = ((10.0, "ten metres"), (1.0, "one metre"), (0.1, "one decimetre"))
+"""Errors of miscounted or misheard readings [m]."""
+
+
+class WrongUnit(NamedTuple):
+    """Unit of the readings: its number in a metre, a description, and the remedy."""
+
+    size: float
+    words: str
+    undo: str
+
+
+WRONG_UNITS = (
+    *(WrongUnit(n, f"in {unit}, not in metres", "write them in metres") for n, unit in UNITS),
+    *(WrongUnit(n, words, "write them as they were before") for n, words in CONVERSIONS),
+)
+
+
+class Slip(NamedTuple):
+    """Correct reading [m], and a description of the mistake."""
+
+    right_m: float
+    words: str
+
+
+def propose_wrong_lengths(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose a reading error of any amount for the participating lengths of largest misfit."""
+    adjustment = diagnosis.adjustment
+    block = adjustment.minimum.blocks.get("lengths")
+    if block is None:
+        return
+    lines = diagnosis.refined.line_index[adjustment.problem.line_index]
+    fall = falls_without(block, adjustment.covariance)
+    for row in np.argsort(-fall, kind="stable")[:MAX_WRONG_LENGTHS].tolist():
+        yield Hypothesis(
+            message=None,
+            mend=Mend(without_lines=frozenset([int(lines[row])])),
+            promise=float(fall[row]),
+            price=PRICE + float(np.log(len(lines))),
+        )
+
+
+def propose_slips(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose slips: lengths in another unit, with a wrong digit, or with exchanged readings."""
+    found = find_suspect_lengths(diagnosis)
+    yield from _propose_units(found)
+    yield from _propose_unit_of_all(diagnosis)
+    yield from _propose_digits(found)
+    yield from _exchanged(found)
+
+
+def _propose_units(found: SuspectLengths) -> Iterator[Hypothesis]:
+    for unit in WRONG_UNITS:
+        right = found.reading_m / unit.size
+        error = found.reading_m - right
+        rows = [k for k in range(len(error)) if found.off([k], error[[k]]) < MAX_SLIP_SIGMAS**2]
+        together = [tuple(rows)] if len(rows) > 1 else []
+        for some in (*((k,) for k in rows), *together):
+            tell = partial(_unit_message, found, some, unit)
+            yield from _propose_slip(found, some, right[list(some)], len(WRONG_UNITS), tell)
+
+
+def _propose_unit_of_all(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that all lengths are in another unit, where the log's heights show its scale.
+
+    Then no single length has a misfit, as all other observations may have followed them.
+    """
+    scale = scale_by_heights(diagnosis.adjustment)
+    if scale is None:
+        return
+    survey = diagnosis.survey
+    for unit in WRONG_UNITS:
+        off = float(np.log(scale.ratio / unit.size)) / scale.relative_sigma
+        right_m = survey.length_m / unit.size
+        if abs(off) > MAX_SLIP_SIGMAS:
+            continue
+        yield Hypothesis(
+            message=partial(_unit_of_all_message, survey, unit),
+            mend=Mend(length_m=dict(enumerate(right_m.tolist()))),
+            is_of_all=True,
+            promise=scale.gain - off**2,
+            price=float(np.log(len(WRONG_UNITS))),
+            settles=frozenset(survey.line_name),
+        )
+
+
+def _propose_digits(found: SuspectLengths) -> Iterator[Hypothesis]:
+    for k in range(len(found.line)):
+        least = MAX_SLIP_SIGMAS * found.sigma_m[k]
+        reading = float(found.reading_m[k])
+        slips = [one for one in list_slips(reading) if abs(one.right_m - reading) > least]
+        for slip in slips:
+            tell = partial(_digit_message, found, k, slip)
+            yield from _propose_slip(found, (k,), np.array([slip.right_m]), len(slips), tell)
+
+
+def _exchanged(found: SuspectLengths) -> Iterator[Hypothesis]:
+    others = max(1, len(found.diagnosis.survey.line_start) - 1)
+    for i, j in combinations(range(len(found.line)), 2):
+        tell = partial(_exchanged_message, found, (i, j))
+        yield from _propose_slip(found, (i, j), found.reading_m[[j, i]], others, tell)
+
+
+def _propose_slip(
+    found: SuspectLengths,
+    rows: tuple[int, ...],
+    right_m: Floats,
+    alternatives: int,
+    tell: Callable[[Explained | None], Message],
+) -> Iterator[Hypothesis]:
+    """Propose that some lengths have other readings, if that is likely enough.
+
+    Parameters
+    ----------
+    found, rows
+        The lengths that do not fit, and rows among them.
+    right_m
+        (m,) correct readings.
+    alternatives
+        Number of possible slips of that kind.
+    tell
+        Function that makes the message.
+    """
+    error = found.reading_m[list(rows)] - right_m
+    price = found.price(rows, alternatives, found.off(rows, error))
+    if price is not None:
+        lines = found.line[list(rows)].tolist()
+        yield Hypothesis(
+            message=tell,
+            mend=Mend(length_m=dict(zip(lines, right_m.tolist(), strict=True))),
+            promise=found.fall(rows, error),
+            price=price,
+            settles=found.settled(rows),
+        )
+
+
+def list_slips(reading_m: float) -> tuple[Slip, ...]:
+    """Return correct readings for a missed digit, a misplaced point, or transposed digits."""
+    slips = [Slip(reading_m / size, words) for size, words in DECIMALS]
+    for step, words in MISREAD_STEPS:
+        slips.append(Slip(reading_m - step, f"it is {words} too long"))
+        slips.append(Slip(reading_m + step, f"it is {words} too short"))
+    text = max(f"{reading_m:.10g}", f"{reading_m:.2f}", key=len)
+    digits = [k for k, each in enumerate(text) if each.isdigit()]
+    for first, second in pairwise(digits):
+        if text[first] != text[second]:
+            other = list(text)
+            other[first], other[second] = text[second], text[first]
+            written = "".join(other)
+            slips.append(Slip(float(written), f"two digits are transposed, {text} for {written}"))
+    return tuple(slip for slip in slips if slip.right_m > 0)
+
+
+def _unit_message(
+    found: SuspectLengths, rows: Sequence[int], unit: WrongUnit, _: Explained | None
+) -> Message:
+    """Report lengths in another unit."""
+    right = [f"{found.reading_m[k] / unit.size:.2f} m" for k in rows]
+    each = [f"{found.what(k)} would be {m}" for k, m in zip(rows, right, strict=True)]
+    seem = f"seem to be {unit.words}"
+    survey = found.diagnosis.survey
+    if len(rows) >= MIN_LENGTHS_FOR_ALL and len(rows) == len(survey.line_start):
+        return _unit_of_all_message(survey, unit)
+    if len(rows) > 1:
+        text = f"{len(rows)} lengths {seem}: {unit.undo}. {'; '.join(each)}."
+        told = MessageWords(text, ("", "", ""), f"{listed(map(found.short, rows))} {seem}.")
+        return found.told("line-wrong-unit", rows, told)
+    text = (
+        f"The length {found.what(rows[0])} seems to be {unit.words}: write {right[0]}. It "
+        f"{found.compared(rows[0])}."
+    )
+    several = (f"{{count}} lengths {seem}", each[0], f"{unit.undo.capitalize()}.")
+    plain = f"{found.short(rows[0])} seems to be {unit.words}."
+    return found.told("line-wrong-unit", rows, MessageWords(text, several, plain))
+
+
+def _unit_of_all_message(survey: Survey, unit: WrongUnit, _: Explained | None = None) -> Message:
+    """Report that all lengths are in another unit."""
+    ends = zip(survey.line_start.tolist(), survey.line_end.tolist(), strict=True)
+    names = survey.line_name or ("",) * len(survey.line_start)
+    each = [
+        f"{named_ends(name, survey.label[start], survey.label[end])} would be {m / unit.size:.2f} m"
+        for name, (start, end), m in zip(names, ends, survey.length_m.tolist(), strict=True)
+    ]
+    what = f"All lengths seem to be {unit.words}"
+    text = f"{what}: {unit.undo}. {'; '.join(each[:2])}, and so on."
+    labels = dict.fromkeys(survey.label[k] for k in (*survey.line_start, *survey.line_end))
+    return Message(
+        "warning",
+        "lengths-wrong-unit",
+        text,
+        lengths=survey.line_name,
+        labels=tuple(labels),
+        plain=f"{what}.",
+    )
+
+
+def _digit_message(found: SuspectLengths, k: int, slip: Slip, _: Explained | None) -> Message:
+    """Report a length with a wrong digit."""
+    text = (
+        f"The length {found.what(k)} seems to be misread or miswritten: {slip.words}. Look at "
+        f"the notes, and write {slip.right_m:.10g} m if they bear it out; else look at the picks "
+        f"of its ends. It {found.compared(k)}."
+    )
+    item = f"{found.what(k)} reads {found.reading_m[k]:.10g} m instead of {slip.right_m:.10g} m"
+    opening = "{count} lengths seem to be misread or miswritten"
+    ending = "Look at the notes, and at the picks of their ends."
+    plain = (
+        f"{found.short(k)} seems misread: it says {found.reading_m[k]:.10g} m, and should say "
+        f"{slip.right_m:.10g} m."
+    )
+    return found.told("line-wrong-digit", [k], MessageWords(text, (opening, item, ending), plain))
+
+
+def _exchanged_message(
+    found: SuspectLengths, rows: tuple[int, int], _: Explained | None
+) -> Message:
+    """Report two lengths with exchanged readings."""
+    first, second = (found.what(k) for k in rows)
+    text = (
+        f"The readings of the lengths {first} and {second} seem to be exchanged: look at the "
+        f"notes, and swap them. The first {found.compared(rows[0])}; the second "
+        f"{found.compared(rows[1])}."
+    )
+    opening, ending = "{count} pairs of lengths seem to have each other's readings", "Swap them."
+    several = (opening, f"{first} and {second}", ending)
+    return found.told("lines-exchanged", rows, MessageWords(text, several))

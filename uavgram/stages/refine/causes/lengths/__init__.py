@@ -1,1 +1,0 @@
-"""Hypotheses on known lengths: readings, ends, and common errors."""

@@ -1,0 +1,143 @@
+"""Hypothesis that all photos were mirrored when picked: the survey is then its own mirror image.
+
+Distances and areas stay right, coordinates do not. Only a log shows it, by the positions and
+directions of the photos: over a straight flight with a camera that looks straight down it does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats
+from uavgram.model.message import Message
+from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
+from uavgram.stages.refine.minima import TRIAL_ITERATIONS
+from uavgram.stages.refine.readjustment import find_used_lines
+from uavgram.stages.refine.staged_sigmas import iterate
+
+PRIOR_LOG_ODDS = float(np.log(200.0))
+"""Logarithm of the odds against photos that were all mirrored."""
+
+UNDECIDED_DIFFERENCE = 2.0 * float(np.log(20.0))
+"""Difference of the sums of squares below which neither solution has odds of 20 to 1."""
+
+MAX_MEAN_SQUARE = 2.0
+"""Mean square of the log's residuals, in sigmas, above which the log excludes a mirror image."""
+
+
+def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that all photos were mirrored when they were picked."""
+    adjustment, survey = diagnosis.adjustment, diagnosis.survey
+    if not adjustment.minimum.converged or _reflect_problem(adjustment) is None:
+        return
+    blocks = adjustment.minimum.blocks
+    strained = sum(
+        float(np.sum(blocks[kind].residual ** 2)) for kind in ("telemetry", *TELEMETRY_PARTS)
+    )
+    pixel = _mirrored_message(survey)
+    yield Hypothesis(
+        message=_told,
+        mend=Mend(pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}),
+        begun=reflect,
+        promise=strained,  # upper limit: all residuals of the log
+        price=PRIOR_LOG_ODDS,
+        settles=frozenset(survey.frame_id),
+    )
+
+
+def find_mirrored_solution(adjustment: Adjustment) -> Adjustment | None:
+    """Return the solution of mirrored photos if the log does not exclude it; otherwise None."""
+    image = _reflect_problem(adjustment)
+    if image is None:
+        return None
+    problem, state = image
+    try:
+        blocks = problem.evaluate(state)
+        if blocks is None or np.mean(blocks["telemetry"].residual ** 2) > MAX_MEAN_SQUARE:
+            return None
+        minimum = iterate(problem, state, TRIAL_ITERATIONS)
+        if minimum.cost > adjustment.minimum.cost + UNDECIDED_DIFFERENCE:
+            return None
+        return Adjustment(problem, minimum, minimum.factor.covariance())
+    except (SingularError, ValueError):
+        return None
+
+
+def report_undecided() -> Message:
+    """Report that photos and log fit mirrored photos as well."""
+    text = (
+        "Photos that were all mirrored when they were picked would fit the log as well, as over a "
+        "straight flight: coordinates and directions would be mirrored across it, distances and "
+        "areas would stay. Look at one photo in the page: writing has to read from left to right."
+    )
+    return Message("info", "mirrored-undecided", text)
+
+
+def reflect(state: State) -> State:
+    """Reflect a state across a vertical plane through the middle of the cameras.
+
+    The plane is parallel to the columns of most photos, so that the directions of cameras that look
+    straight down do not change.
+    """
+    # Mean axis (modulo 180 degrees) of the image columns, by doubled angles.
+    up = -state.rotation[:, :2, 1]
+    angle = 0.5 * np.angle(np.sum((up @ np.array([1.0, 1.0j])) ** 2))
+    along = np.array([np.cos(angle), np.sin(angle)])
+    mirror = np.eye(3)
+    mirror[:2, :2] = 2.0 * np.outer(along, along) - np.eye(2)
+    middle = state.center[:, :2].mean(axis=0)
+
+    def across(place: Floats) -> Floats:
+        image = place.copy()
+        image[:, :2] = middle + (place[:, :2] - middle) @ mirror[:2, :2]
+        return image
+
+    plane = state.plane.copy().reshape(-1, 3)
+    plane[:, 1:] = plane[:, 1:] @ mirror[:2, :2]
+    return replace(
+        state,
+        point=across(state.point),
+        tie=across(state.tie),
+        center=across(state.center),
+        rotation=mirror @ state.rotation @ np.diag([-1.0, 1.0, 1.0]),
+        plane=plane.ravel(),
+        turning=np.zeros_like(state.turning),
+    )
+
+
+def _reflect_problem(adjustment: Adjustment) -> tuple[SurveyProblem, State] | None:
+    """Return the likelihood of mirrored picks, and the reflected state; None without a log."""
+    survey, problem = adjustment.survey, adjustment.problem
+    if survey.telemetry is None or survey.matches.points or survey.ties.points:
+        return None
+    if len(survey.control_label):
+        return None
+    other = replace(survey, pixel_px=_mirrored_message(survey))
+    image = SurveyProblem(other, problem.pivot_m, find_used_lines(adjustment))
+    return image, reflect(adjustment.state)
+
+
+def _mirrored_message(survey: Survey) -> Floats:
+    pixel = survey.pixel_px.copy()
+    pixel[:, 0] = survey.calibration.width_px - 1.0 - pixel[:, 0]
+    return pixel
+
+
+def _told(_: Explained | None) -> Message:
+    text = (
+        "All photos seem to have been mirrored when they were picked: the log fits only then. Pick "
+        "them anew in the original files, as the camera wrote them. Until then coordinates and "
+        "directions are mirrored."
+    )
+    return Message("warning", "photos-mirrored", text)

@@ -1,0 +1,290 @@
+"""Hypotheses on the camera: another zoom or camera, of all photos (the file) or of single ones."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
+from uavgram.estimation.reliability.redundancy import redundancy_of
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.message import Message, Several
+from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.label_assignment import MIN_PICKS, project_plane
+from uavgram.stages.refine.causes.stray_picks import labels_of
+from uavgram.stages.refine.causes.turned_photos import (
+    find_misplaced_photos,
+    find_photos_against_log,
+    picks_of,
+)
+
+MIN_DECREASE, MAX_PHOTOS = 16.0, 4
+"""Least decrease of the sum of squares by a zoom of its own, for a photo to be examined; and
+largest number of such photos."""
+
+ZOOM_FACTORS = np.exp(np.linspace(-1.0, 1.0, 101))
+"""Factors of the focal length that are tried for a photo."""
+
+MIN_DIFFERENCE = 0.03
+"""Least relative difference of the focal length from that of all others for another zoom."""
+
+
+def propose_other_zoom(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose another focal length for single photos."""
+    survey, camera = diagnosis.survey, diagnosis.survey.calibration
+    middle = camera.parameters[2:4]
+    for frame, gain in _find_strained_photos(diagnosis).items():
+        picks = picks_of(diagnosis, frame)
+        factor = _find_zoom(diagnosis, frame, picks)
+        if factor is None or abs(factor - 1.0) < MIN_DIFFERENCE:
+            continue
+        pixel = middle + (survey.pixel_px[picks] - middle) / factor
+        places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
+        yield Hypothesis(
+            message=partial(_told, survey.frame_id[frame], factor),
+            mend=Mend(pixel_of_pick=places),
+            remedy=Mend(without_picks=frozenset(picks.tolist())),
+            promise=gain,
+            price=PRICE + float(np.log(len(survey.frame_id))),
+            settles=frozenset([survey.frame_id[frame]]),
+        )
+
+
+def _find_strained_photos(diagnosis: Diagnosis) -> dict[int, float]:
+    """Find photos of the survey that need a zoom of their own, and the gain."""
+    adjustment = diagnosis.adjustment
+    found = dict.fromkeys(find_misplaced_photos(diagnosis).tolist(), 0.0) | find_photos_against_log(
+        diagnosis
+    )
+    if adjustment.minimum.converged:
+        small = adjustment.survey
+        middle = small.calibration.parameters[2:4]
+        away = (small.pixel_px - middle) / small.pick_sigma_px[:, None]
+        rows = [np.flatnonzero(small.pick_frame == k) for k in range(len(small.frame_id))]
+        tests = explained(adjustment, [(Moved("pixels", r, away[r, :, None]),) for r in rows])
+        index = {name: k for k, name in enumerate(diagnosis.survey.frame_id)}
+        gains = {index[n]: t.gain for n, t in zip(small.frame_id, tests, strict=True)}
+        found |= {
+            k: gain for k, gain in gains.items() if gain > max(MIN_DECREASE, found.get(k, 0.0))
+        }
+    worst = sorted(found, key=lambda k: -found[k])[:MAX_PHOTOS]
+    return {k: found[k] for k in worst}
+
+
+def _find_zoom(diagnosis: Diagnosis, frame: int, picks: Ints) -> float | None:
+    """Find a photo's factor of the focal length that fits points and log best; None without pose.
+
+    Parameters
+    ----------
+    diagnosis, frame
+        The survey, and one of its photos.
+    picks
+        (n,) its picks.
+    """
+    survey, camera = diagnosis.survey, diagnosis.survey.calibration
+    label = labels_of(diagnosis)[survey.pick_label[picks]]
+    known = np.flatnonzero((label >= 0) & ~survey.off_ground[survey.pick_label[picks]])
+    if len(known) <= MIN_PICKS:
+        return None
+    world = diagnosis.adjustment.state.point[label[known], :2]
+    middle = camera.parameters[2:4]
+    # Scale the pixels before the distortion is removed, as that belongs to the lens.
+    pixel = middle + (survey.pixel_px[picks[known]] - middle) / ZOOM_FACTORS[:, None, None]
+    ray = back_project(camera.model, camera.parameters, pixel.reshape(-1, 2))
+    every = (ray / ray[:, 2:]).reshape(*pixel.shape[:2], 3)
+    sigma = survey.pick_sigma_px[picks[known]] / camera.parameters[0]
+    center, whitening = _by_the_log(diagnosis, frame)
+    cost = np.full(len(ZOOM_FACTORS), np.inf)
+    for k, factor in enumerate(ZOOM_FACTORS):
+        zoomed = every[k]
+        pose = resect_from_plane(world, zoomed) if np.isfinite(zoomed).all() else None
+        if pose is None or pose[0][2] <= 0:
+            continue
+        off = (project_plane(world, pose) - zoomed[:, :2]) * factor / sigma[:, None]
+        lifted = pose[0] + np.array([0.0, 0.0, diagnosis.adjustment.state.plane[0]])
+        cost[k] = np.sum(off**2) + np.sum((whitening @ (lifted - center)) ** 2)
+    best = int(np.argmin(cost))
+    if not 0 < best < len(ZOOM_FACTORS) - 1 or not np.isfinite(cost[best - 1 : best + 2]).all():
+        return None
+    # vertex of the parabola through the three lowest
+    low, middle, high = cost[best - 1 : best + 2]
+    part = 0.5 * (low - high) / max(low - 2.0 * middle + high, 1e-12)
+    return float(
+        np.exp(np.log(ZOOM_FACTORS[best]) + part * np.log(ZOOM_FACTORS[1] / ZOOM_FACTORS[0]))
+    )
+
+
+def _by_the_log(diagnosis: Diagnosis, frame: int) -> tuple[Floats, Floats]:
+    """Return a photo's camera position (3,) by the log, with common biases; and its whitening.
+
+    All zeros where there is no log.
+    """
+    adjustment, survey = diagnosis.adjustment, diagnosis.survey
+    names = adjustment.survey.frame_id
+    block, telemetry = adjustment.minimum.blocks.get("telemetry"), adjustment.survey.telemetry
+    name = survey.frame_id[frame]
+    if block is None or telemetry is None or name not in names:
+        return np.zeros(3), np.zeros((3, 3))
+    at = names.index(name)
+    row = int(np.flatnonzero(telemetry.frame_index == at)[0])
+    white = adjustment.problem.telemetry_whitening[row]
+    off = np.linalg.solve(white, block.residual[row])[:3]
+    covariance = np.linalg.inv(white.T @ white)[:3, :3]
+    own = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
+    return adjustment.state.center[at] - off, own
+
+
+def _told(frame: str, factor: float, _: Explained | None) -> Message:
+    text = (
+        f"The photo {frame!r} was taken at another zoom, or with another camera, than the others: "
+        "take it out, or give photos of each camera a project of their own. It fits where its "
+        f"focal length is {factor:.2f} times that of the camera file."
+    )
+    return Message(
+        "warning",
+        "other-camera",
+        text,
+        frames=(frame,),
+        several=Several(
+            "{count} photos were taken at another zoom, or with another camera, than the others",
+            f"{frame!r} ({factor:.2f} times the focal length)",
+            ending="Take them out, or give photos of each camera a project of their own.",
+        ),
+    )
+
+
+ZOOM_SIGMA, CENTRE_SIGMA = 0.4, 0.1
+"""Prior sigmas of the factor of both focal lengths, and of the principal point as a share of the
+photo's width, for a useless camera file."""
+
+MIN_ZOOM_SIGMAS, MIN_ZOOM_SHARE = 5.0, 0.015
+"""Least deviation of the factor from one for another zoom, in its own sigmas and as a share."""
+
+MIN_REDUNDANCY = 30.0
+"""Redundancy of the picks below which camera parameters could absorb a wrong pick or two."""
+
+
+def propose_other_camera_file(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose another focal length than in the camera file, or also another principal point."""
+    adjustment = diagnosis.adjustment
+    if (
+        redundancy_of(adjustment, "pixels") < MIN_REDUNDANCY
+        or not adjustment.problem.layout.intrinsics
+    ):
+        return
+    stated = adjustment.survey.calibration
+    for unknowns, tell in (
+        (zoom_direction(stated)[:, None], other_zoom_message),
+        (_frame_directions(stated), _other_camera_message),
+    ):
+        yield Hypothesis(
+            message=partial(tell, adjustment.survey),
+            moved=(calibration_derivative(adjustment, unknowns),),
+            settled=partial(_find_deviation, unknowns=unknowns),
+            freed=partial(remove_camera_prior, unknowns),
+            price=unknowns.shape[1] * PRICE,
+        )
+
+
+def calibration_derivative(adjustment: Adjustment, unknowns: Floats) -> Moved:
+    """Return the derivative of the interior orientation's prior by unknowns (P, q)."""
+    along: Floats = np.linalg.pinv(adjustment.problem.intrinsic_basis) @ unknowns
+    return Moved("calibration", np.arange(len(along)), -along[:, None])
+
+
+def _find_deviation(adjustment: Adjustment, *, unknowns: Floats) -> tuple[Floats, Floats]:
+    """Compute a camera's deviation from its file in units of unknowns (P, q), and covariance."""
+    problem, layout = adjustment.problem, adjustment.problem.layout
+    to_unknowns = np.linalg.pinv(unknowns) @ problem.intrinsic_basis
+    covariance = adjustment.shared(layout.first_intrinsic, layout.intrinsics)
+    value = to_unknowns @ adjustment.state.intrinsic
+    return value, to_unknowns @ covariance @ to_unknowns.T
+
+
+def remove_camera_prior(unknowns: Floats, survey: Survey) -> Survey:
+    """Remove the prior of some combinations (P, q) of the interior orientation."""
+    stated = survey.calibration
+    covariance = stated.covariance + unknowns @ unknowns.T
+    return replace(survey, calibration=replace(stated, covariance=covariance))
+
+
+def zoom_direction(camera: Calibration) -> Floats:
+    """Return the change (P,) of the interior orientation by a prior sigma of the zoom."""
+    change = np.zeros(len(camera.parameters))
+    change[:2] = ZOOM_SIGMA * camera.parameters[:2]
+    return change
+
+
+def _frame_directions(camera: Calibration) -> Floats:
+    """Return the changes (P, 3) by a prior sigma of the zoom, and of the principal point."""
+    change = np.zeros((len(camera.parameters), 3))
+    change[:, 0] = zoom_direction(camera)
+    change[2, 1] = change[3, 2] = CENTRE_SIGMA * camera.width_px
+    return change
+
+
+def other_zoom_message(survey: Survey, found: Explained | None) -> Message:
+    """Report photos of another zoom.
+
+    Parameters
+    ----------
+    survey
+        Survey with the camera as stated.
+    found
+        Difference of its focal length, in units of `ANY_ZOOM`.
+    """
+    assert found is not None  # noqa: S101  (it is judged by its linear test)
+    stated = float(survey.calibration.parameters[0])
+    factor = 1.0 + ZOOM_SIGMA * float(found.value[0])
+    sigma = ZOOM_SIGMA * float(np.sqrt(found.covariance[0, 0]))
+    return zoom_message(survey.calibration.name, stated, factor, sigma)
+
+
+def zoom_message(name: str, stated_px: float, factor: float, sigma: float) -> Message:
+    """Report photos of another zoom.
+
+    Parameters
+    ----------
+    name, stated_px
+        Name of the camera; its stated focal length.
+    factor, sigma
+        Estimated factor of the focal length, and its sigma.
+    """
+    text = (
+        f"These photos were taken at another zoom than the camera file {name!r} describes: its "
+        f"focal length would be {factor * stated_px:.0f} ± {sigma * stated_px:.0f} px, "
+        f"{stated_px:.0f} px is stated. Look at zoom, focus and size of the "
+        "photos, and calibrate the camera as it was used."
+    )
+    return Message("warning", "other-zoom", text)
+
+
+def _other_camera_message(survey: Survey, found: Explained | None) -> Message:
+    assert found is not None  # noqa: S101
+    camera = survey.calibration
+    sigma = np.sqrt(found.covariance.diagonal())
+    size = np.array([ZOOM_SIGMA * camera.parameters[0], *[CENTRE_SIGMA * camera.width_px] * 2])
+    names = ("fx", "cx", "cy")
+    said = ", ".join(
+        f"{name} {stated + one * value:.0f} ± {one * s:.0f} px instead of {stated:.0f}"
+        for name, stated, one, value, s in zip(
+            names, camera.parameters[[0, 2, 3]], size, found.value, sigma, strict=True
+        )
+        if np.isfinite(s)
+    )
+    return Message(
+        "warning",
+        "camera-contradicted",
+        f"The camera file {camera.name!r} does not belong to these photos: it would have to say "
+        f"{said}. Look whether it is the file of this camera, and whether the "
+        "photos were cut, stabilised or made smaller; calibrate the camera as it was used.",
+    )

@@ -1,1 +1,0 @@
-"""Hypotheses on a whole photo: rotated, in disorder, of another place or camera."""

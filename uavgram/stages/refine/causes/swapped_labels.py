@@ -1,0 +1,353 @@
+"""Hypotheses on two labels that are swapped: in all photos by lengths, in one by another photo.
+
+Where an adjustment does not converge, or left a photo out, its points are useless. Two photos of a
+plane still differ by a homography: with two labels swapped no homography fits, and of all exchanges
+the right one makes it fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.redundancy import core_fit
+from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.message import Message, Several
+from uavgram.model.survey.mend import Mend
+from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis, find_usable_picks
+from uavgram.stages.refine.causes.stray_picks import labels_of
+from uavgram.stages.refine.causes.wrong_picks import swapped_message
+
+WRONG_DECREASE = 16.0
+"""Decrease of the sum of squares without a length, above which its ends are examined."""
+
+DISTORTION = 0.03
+"""Relative error of distances in a survey distorted by lengths between wrong labels."""
+
+MAX_PAIRS = 3
+"""Pairs of labels that are proposed: those of largest gain with the points as adjusted."""
+
+
+def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose pairs of labels that are swapped in all photos, so that lengths fit better."""
+    survey = diagnosis.survey
+    wrong = _wrong_lengths(diagnosis)
+    ends = np.union1d(survey.line_start[wrong], survey.line_end[wrong])
+    ends = ends[labels_of(diagnosis)[ends] >= 0]
+    if not len(ends):
+        return
+    spoilt = frozenset(np.flatnonzero(diagnosis.spoilt).tolist())
+    first, second, better = _gains(diagnosis, ends)
+    labels = len(diagnosis.adjustment.survey.label)
+    best = np.argsort(-better, kind="stable")[:MAX_PAIRS]
+    # Left-out lengths do not distort the points, so their places as adjusted are sufficient;
+    # a decrease above the whole cost means that the linear model does not hold.
+    none_left_out = (
+        diagnosis.adjustment.minimum.converged and not diagnosis.refined.line_removed.any()
+    )
+    pairs = zip(first[best].tolist(), second[best].tolist(), better[best].tolist(), strict=True)
+    for a, b, easier in pairs:
+        touched = _touch(survey.line_start, a, b) ^ _touch(survey.line_end, a, b)
+        lines = np.flatnonzero(touched & wrong)
+        # A single length between wrong labels explains as much if no other ends at either.
+        alone = PRICE if touched.sum() < 2 else 0.0
+        right = {int(k): b for k in np.flatnonzero(survey.pick_label == a)}
+        right |= {int(k): a for k in np.flatnonzero(survey.pick_label == b)}
+        fall, cost = _fall(diagnosis, a, b), diagnosis.adjustment.minimum.cost
+        yield Hypothesis(
+            message=partial(_swapped_everywhere_message, diagnosis, (a, b), lines),
+            mend=Mend(label_of_pick=right),
+            is_clear=not alone,
+            back=spoilt,  # lengths between wrong labels distort everything, including whole photos
+            promise=max(min(fall, cost), 0.0 if none_left_out else easier),
+            price=float(np.log(labels * (labels - 1) / 2.0)) + alone,
+            settles=frozenset(survey.line_name[k] for k in lines if survey.line_name),
+        )
+
+
+def _wrong_lengths(diagnosis: Diagnosis) -> Bools:
+    """Mark lengths (L,) that were left out, or do not fit."""
+    wrong = diagnosis.refined.line_removed.copy()
+    adjustment = diagnosis.adjustment
+    block = adjustment.minimum.blocks.get("lengths")
+    if block is not None:
+        row = diagnosis.refined.line_index[adjustment.problem.line_index]
+        wrong[row[falls_without(block, adjustment.covariance) > WRONG_DECREASE]] = True
+    return wrong
+
+
+def _touch(end: Ints, a: int, b: int) -> Bools:
+    return np.asarray((end == a) | (end == b))
+
+
+def _gains(diagnosis: Diagnosis, ends: Ints) -> tuple[Ints, Ints, Floats]:
+    """Pair some ends with all labels; return the pairs (n,), (n,) and their gains (n,)."""
+    known = np.flatnonzero(labels_of(diagnosis) >= 0)
+    first, second = (each.ravel() for each in np.meshgrid(ends, known, indexing="ij"))
+    use = (first < second) | ((first > second) & ~np.isin(second, ends))
+    first, second = first[use], second[use]
+    return first, second, _gain_of(diagnosis, first, second)
+
+
+def _gain_of(diagnosis: Diagnosis, first: Ints, second: Ints) -> Floats:
+    """Compute the better fit (n,) of the lengths with two labels exchanged, points as adjusted.
+
+    The logarithm prevents one length of large misfit from outweighing several others.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    first, second
+        (n,) labels of the survey.
+    """
+    survey, at = diagnosis.survey, labels_of(diagnosis)
+    place = diagnosis.adjustment.points_with_jacobian(at[at >= 0])[0]
+    world = np.full((len(at), 3), np.nan)
+    world[at >= 0] = place
+    gain = np.zeros(len(first))
+    for line, (start, end) in enumerate(zip(survey.line_start, survey.line_end, strict=True)):
+        if at[start] < 0 or at[end] < 0:
+            continue  # it takes no part, so its fit is unknown
+        row = np.flatnonzero(np.isin(first, (start, end)) | np.isin(second, (start, end)))
+        swapped = [_exchanged(label, first[row], second[row]) for label in (start, end)]
+        apart = [np.linalg.norm(world[a] - world[b], axis=-1) for a, b in ((start, end), swapped)]
+        sigma = np.hypot(survey.length_sigma_m[line], DISTORTION * survey.length_m[line])
+        squares = [((each - survey.length_m[line]) / sigma) ** 2 for each in apart]
+        now, then = (np.log1p(np.nan_to_num(each, nan=np.inf)) for each in squares)
+        gain[row] += now - then
+    return gain
+
+
+def _fall(diagnosis: Diagnosis, first: int, second: int) -> float:
+    """Compute the decrease of the sum of squares with two labels exchanged, in the linear model.
+
+    Without the lengths A that end at one of them it decreases by v^T Q^-1 v, with Q = I - A S A^T
+    and S the inverse of the normal matrix; between the other labels, with derivatives B, they add
+    r^T (I + B S' B^T)^-1 r. S' = S + S A^T Q^-1 A S and the residuals r are those without them.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    first, second
+        Labels of the survey.
+    """
+    survey, at = diagnosis.survey, labels_of(diagnosis)
+    touched = _touch(survey.line_start, first, second) ^ _touch(survey.line_end, first, second)
+    known = (at[survey.line_start] >= 0) & (at[survey.line_end] >= 0)
+    used = np.zeros(len(known), dtype=np.bool_)
+    used[diagnosis.refined.line_index[diagnosis.adjustment.problem.line_index]] = True
+    old, new = np.flatnonzero(touched & used), np.flatnonzero(touched & known)
+    if not len(new):
+        return 0.0
+    ends = survey.line_start, survey.line_end
+    a, v = _rows(diagnosis, old, at[ends[0][old]], at[ends[1][old]])
+    pair = np.array(first), np.array(second)
+    # Derivatives of the old lengths (a) and of the exchanged ones (b).
+    b, r = _rows(diagnosis, new, *(at[_exchanged(each[new], *pair)] for each in ends))
+    solved = diagnosis.adjustment.minimum.factor.solve(np.concatenate([a, b]).T)
+    to_a, to_b = solved[:, : len(old)], solved[:, len(old) :]
+    # Q^-1; then residuals r and covariance B S' B^T of the exchanged lengths without the old ones.
+    without = np.linalg.pinv(np.eye(len(old)) - a @ to_a, rcond=1e-6, hermitian=True)
+    moved = r + b @ to_a @ without @ v
+    spread = b @ to_b + b @ to_a @ without @ (a @ to_b)
+    added = moved @ np.linalg.solve(np.eye(len(new)) + spread, moved)
+    return float(v @ without @ v - added)
+
+
+def _rows(diagnosis: Diagnosis, line: Ints, start: Ints, end: Ints) -> tuple[Floats, Floats]:
+    """Compute derivatives (n, size) and residuals (n,) of lengths between labels, whitened.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey under diagnosis.
+    line
+        (n,) lengths of the survey.
+    start, end
+        (n,) labels of the adjustment.
+    """
+    problem, state = diagnosis.adjustment.problem, diagnosis.adjustment.state
+    length, gradient, columns = problem.lengths_between(state, start, end)
+    sigma = diagnosis.survey.length_sigma_m[line]
+    dense = np.zeros((len(line), problem.layout.size))
+    np.add.at(dense, (np.arange(len(line))[:, None], columns), gradient / sigma[:, None])
+    return dense, (length - diagnosis.survey.length_m[line]) / sigma
+
+
+def _exchanged(label: int | Ints, first: Ints, second: Ints) -> Ints:
+    """Return the label (n,) that replaces a label where each pair of labels is exchanged."""
+    return np.asarray(np.where(first == label, second, np.where(second == label, first, label)))
+
+
+def _swapped_everywhere_message(
+    diagnosis: Diagnosis, labels: tuple[int, int], lines: Ints, _: Explained | None
+) -> Message:
+    """Report two labels that are exchanged in all photos.
+
+    Parameters
+    ----------
+    diagnosis, labels
+        The survey, and two of its labels.
+    lines
+        Lengths that did not fit before the exchange, but do afterwards.
+    """
+    survey = diagnosis.survey
+    first, second = (survey.label[k] for k in labels)
+    frames = np.unique(survey.pick_frame[np.isin(survey.pick_label, labels)])
+    names = tuple(survey.line_name[k] for k in lines if survey.line_name)
+    which = f" ({', '.join(map(repr, names))})" if names else ""
+    one = len(lines) == 1
+    alone = f", or the length{which} is between other points" if one else ""
+    fit = f"{'The length' if one else f'{len(lines)} lengths'}{which} {'fits' if one else 'fit'}"
+    return Message(
+        "warning",
+        "labels-swapped-everywhere",
+        f"The labels {first!r} and {second!r} seem to be swapped in all photos{alone}: look which "
+        f"point is which, and swap the labels everywhere. {fit} then.",
+        frames=tuple(survey.frame_id[k] for k in frames),
+        labels=(first, second),
+        lengths=names,
+        several=Several(
+            "{count} pairs of labels seem to be swapped in all photos",
+            f"{first!r} and {second!r}",
+            ending="Look which point is which, and swap the labels everywhere.",
+        ),
+    )
+
+
+MIN_LABELS = 6
+"""Labels needed in both photos: a homography takes four, and five fit after more than one
+exchange."""
+
+MAX_LABELS, MAX_PHOTOS = 30, 12
+"""Largest number of labels of which all pairs are tried; and of photos that are examined."""
+
+MIN_PICKS_PER_LEFT_OUT = 4
+"""A photo is in question where more than one in so many of its picks was left out."""
+
+MISFIT_PROBABILITY = 1e-5
+"""Probability of the core's squares below which every photo is in question."""
+
+MAX_MISFIT_RATIO = 0.1
+"""Largest ratio of the squares after an exchange to those before it."""
+
+
+def propose_swapped_by_two_views(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose two labels of a photo whose exchange makes it fit another photo."""
+    survey = diagnosis.survey
+    may = find_usable_picks(diagnosis.taking) & ~survey.off_ground[survey.pick_label]
+    photos = [np.flatnonzero(may & (survey.pick_frame == k)) for k in range(len(survey.frame_id))]
+    for frame in _find_photos(diagnosis)[:MAX_PHOTOS]:
+        here, there = _find_shared_picks(diagnosis, photos, frame)
+        pair = _find_exchange(diagnosis, here, there)
+        if pair is None:
+            continue
+        label, count = survey.pick_label, len(here)
+        right = {pair[0]: int(label[pair[1]]), pair[1]: int(label[pair[0]])}
+        choices = float(np.log(count * (count - 1) / 2) + np.log(len(survey.frame_id)))
+        yield Hypothesis(
+            message=partial(swapped_message, diagnosis, right),
+            # With it all picks of the photo take part again.
+            mend=Mend(label_of_pick={int(k): int(label[k]) for k in here} | right),
+            promise=diagnosis.cost,  # everything should fit then
+            price=choices - PRICE * _count_regained(diagnosis, here),
+            settles=frozenset([survey.frame_id[frame]]),
+        )
+
+
+def _count_regained(diagnosis: Diagnosis, here: Ints) -> int:
+    """Count left-out numbers that fit at their places, less those that fix the photo's pose."""
+    label, used = diagnosis.survey.pick_label, diagnosis.refined.pick_index
+    lost = np.setdiff1d(here, used[~diagnosis.spoilt[used]])
+    lost = lost[~diagnosis.spoilt[lost]]  # the others are known to be wrong
+    seen = int(np.isin(label[lost], label[used]).sum())
+    pose = 6 if len(lost) == len(here) else 0
+    return max(2 * seen - pose, 0)
+
+
+def _find_photos(diagnosis: Diagnosis) -> list[int]:
+    """Return photos that lost many of their picks for any reason; all, where nothing fits."""
+    survey, adjustment = diagnosis.survey, diagnosis.adjustment
+    few = len(survey.frame_id) <= MAX_PHOTOS  # with many, the others determine the points
+    if not adjustment.minimum.converged or (
+        few and core_fit(adjustment).probability < MISFIT_PROBABILITY
+    ):
+        return list(range(len(survey.frame_id)))
+    used = np.zeros(len(survey.pick_frame), dtype=np.bool_)
+    used[diagnosis.refined.pick_index] = True
+    every, out = (
+        np.bincount(survey.pick_frame[some], minlength=len(survey.frame_id))
+        for some in (slice(None), ~used)
+    )
+    return np.flatnonzero((every >= MIN_LABELS) & (MIN_PICKS_PER_LEFT_OUT * out > every)).tolist()
+
+
+def _find_shared_picks(diagnosis: Diagnosis, photos: list[Ints], frame: int) -> tuple[Ints, Ints]:
+    """Return picks (n,) of a photo, and those of the same labels in the photo that shares most."""
+    label = diagnosis.survey.pick_label
+    best: tuple[Ints, Ints] = (np.zeros(0, np.int64), np.zeros(0, np.int64))
+    for other, picks in enumerate(photos):
+        if other == frame:
+            continue
+        _, mine, theirs = np.intersect1d(label[photos[frame]], label[picks], return_indices=True)
+        if len(mine) > len(best[0]):
+            best = photos[frame][mine], picks[theirs]
+    return best
+
+
+def _find_exchange(diagnosis: Diagnosis, here: Ints, there: Ints) -> tuple[int, int] | None:
+    """Find the exchange of two picks of a photo that makes it fit another; None without one."""
+    count = len(here)
+    if not MIN_LABELS <= count <= MAX_LABELS:
+        return None
+    camera, survey = diagnosis.survey.calibration, diagnosis.survey
+    rays = [
+        back_project(camera.model, camera.parameters, survey.pixel_px[k]) for k in (here, there)
+    ]
+    if not all(np.isfinite(ray).all() for ray in rays):
+        return None
+    x, y = (_normalise(ray[:, :2]) for ray in rays)
+    # All exchanges of two picks, and the original order at the end.
+    first, second = np.triu_indices(count, 1)
+    order = np.tile(np.arange(count), (len(first) + 1, 1))  # the last: as they are
+    rows = np.arange(len(first))
+    order[rows, first], order[rows, second] = second, first
+    squares = _misfit(x[order], y)
+    best = int(np.argmin(squares[:-1]))
+    if not squares[best] < MAX_MISFIT_RATIO * squares[-1]:
+        return None
+    return int(here[first[best]]), int(here[second[best]])
+
+
+def _normalise(point: Floats) -> Floats:
+    """Centre points (n, 2) and scale them to a mean distance of sqrt(2) (Hartley 1997)."""
+    away = point - point.mean(axis=0)
+    size = float(np.sqrt(np.mean(np.sum(away**2, axis=1)) / 2.0))
+    scaled: Floats = away / max(size, np.finfo(float).tiny)
+    return scaled
+
+
+def _misfit(x: Floats, y: Floats) -> Floats:
+    """Compute algebraic squares (S,) of the best homographies from points (S, n, 2) to (n, 2).
+
+    Direct linear transformation (Hartley and Zisserman 2004, algorithm 4.1).
+    """
+    one = np.concatenate([x, np.ones((*x.shape[:2], 1))], axis=2)
+    zero = np.zeros_like(one)
+    u, v = y[:, :1], y[:, 1:]
+    rows = np.concatenate(
+        [
+            np.concatenate([one, zero, -u * one], axis=2),
+            np.concatenate([zero, one, -v * one], axis=2),
+        ],
+        axis=1,
+    )
+    smallest: Floats = np.linalg.svd(rows, compute_uv=False)[:, -1]
+    return np.asarray(smallest**2, dtype=np.float64)

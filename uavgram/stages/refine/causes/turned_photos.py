@@ -1,0 +1,334 @@
+"""Hypotheses on photos with all picks wrong: mirrored, rotated, or with labels in disorder."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.estimation.first_poses.homography import resect_from_plane
+from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.survey.adjustment import LeftOutCause
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.camera.calibration import Calibration
+from uavgram.model.message import Message, Several
+from uavgram.model.naming import listed_photos
+from uavgram.model.survey.mend import Cause, Mend
+from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.label_assignment import (
+    AGREEMENT_SIGMAS,
+    MIN_PICKS,
+    assign_labels,
+    project_plane,
+)
+from uavgram.stages.refine.causes.stray_picks import labels_of
+
+MAX_PHOTOS = 12
+"""Largest number of left-out photos that are examined."""
+
+
+class _Turn(NamedTuple):
+    """Transform from shown to original pixels: exchange axes first, then reverse directions."""
+
+    axes: bool
+    columns: bool
+    rows: bool
+
+
+MIRRORED = {
+    "mirrored": _Turn(axes=False, columns=True, rows=False),
+    "mirrored and upside down": _Turn(axes=False, columns=False, rows=True),
+}
+TURNED = {
+    "turned by 180 degrees": _Turn(axes=False, columns=True, rows=True),
+    "turned by 90 degrees to the right": _Turn(axes=True, columns=False, rows=True),
+    "turned by 90 degrees to the left": _Turn(axes=True, columns=True, rows=False),
+}
+"""Ways in which the photo was shown when it was picked."""
+
+STRAINED_SIGMAS, MAX_STRAINED = 10.0, 3
+"""Residual of a pose against the log, in its sigmas, above which a photo may be rotated; and
+largest number of photos that are examined for it."""
+
+TURNED_LOG_ODDS = float(np.log(20.0))
+"""Logarithm of the odds against a rotated photo, without other evidence."""
+
+MAX_HEADING_RAD = np.radians(45.0)
+"""Angle between a pose and that of the log [rad], above which it is another one."""
+
+
+def find_misplaced_photos(diagnosis: Diagnosis) -> Ints:
+    """Return photos of the survey whose picks were all left out as contradicting the rest."""
+    reasons = diagnosis.refined.pick_reason.items()
+    picks = [k for k, why in reasons if why.cause is LeftOutCause.MISPLACED_FRAME]
+    return np.unique(diagnosis.survey.pick_frame[picks])[:MAX_PHOTOS]
+
+
+def find_photos_against_log(diagnosis: Diagnosis) -> dict[int, float]:
+    """Return photos far from their pose in the log, and their squared residuals."""
+    adjustment = diagnosis.adjustment
+    block, telemetry = adjustment.minimum.blocks.get("telemetry"), adjustment.survey.telemetry
+    if block is None or telemetry is None:
+        return {}
+    away = np.abs(block.residual).max(axis=1)
+    worst = np.argsort(-away, kind="stable")[:MAX_STRAINED]
+    names = [adjustment.survey.frame_id[telemetry.frame_index[k]] for k in worst]
+    index = {name: k for k, name in enumerate(diagnosis.survey.frame_id)}
+    return {
+        index[name]: float(away[k]) ** 2
+        for k, name in zip(worst.tolist(), names, strict=True)
+        if away[k] > STRAINED_SIGMAS
+    }
+
+
+def propose_photos_in_order(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that left-out photos are right, after the correction of another mistake."""
+    for frame in find_misplaced_photos(diagnosis).tolist():
+        yield Hypothesis(
+            message=None,
+            mend=Mend(),
+            back=frozenset(picks_of(diagnosis, frame).tolist()),
+            price=TURNED_LOG_ODDS,
+            settles=frozenset([diagnosis.survey.frame_id[frame]]),
+        )
+
+
+def propose_turned_photos(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that photos were mirrored or rotated when picked."""
+    survey, camera = diagnosis.survey, diagnosis.survey.calibration
+    strained = find_photos_against_log(diagnosis)
+    promise = dict.fromkeys(find_misplaced_photos(diagnosis).tolist(), 0.0) | strained
+    for frame, gain in promise.items():
+        picks = picks_of(diagnosis, frame)
+        for how, turn in (MIRRORED | TURNED).items():
+            pixel = _rotate_back(survey.pixel_px[picks], turn, camera)
+            if not _shows_the_ground(diagnosis, frame, picks, pixel):
+                continue
+            places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
+            yield Hypothesis(
+                message=partial(_turned_message, (survey.frame_id[frame],), how),
+                mend=Mend(pixel_of_pick=places),
+                promise=gain,
+                price=float(np.log(len(MIRRORED) + len(TURNED))),
+                settles=frozenset([survey.frame_id[frame]]),
+            )
+
+
+def propose_photos_turned_together(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose that all participating photos were rotated, and the left-out ones were not."""
+    survey = diagnosis.survey
+    left_out = find_misplaced_photos(diagnosis)
+    if not len(left_out) or survey.telemetry is None:
+        return
+    names = diagnosis.adjustment.survey.frame_id
+    if len(names) > 2 * len(left_out):
+        return  # it would be odd if so many were turned
+    frames = [survey.frame_id.index(name) for name in names]
+    back = frozenset(np.concatenate([picks_of(diagnosis, k) for k in left_out]).tolist())
+    for how, turn in (TURNED | MIRRORED).items():
+        places: dict[int, tuple[float, float]] = {}
+        for frame in frames:
+            picks = picks_of(diagnosis, frame)
+            pixel = _rotate_back(survey.pixel_px[picks], turn, survey.calibration)
+            places |= {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
+        yield Hypothesis(
+            message=partial(_turned_message, names, how),
+            mend=Mend(pixel_of_pick=places),
+            back=back,
+            is_of_all=True,
+            price=float(np.log(len(MIRRORED) + len(TURNED))) + len(frames) * TURNED_LOG_ODDS,
+            settles=frozenset([*names, *(survey.frame_id[k] for k in left_out)]),
+        )
+
+
+def propose_photos_in_disorder(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose other labels for the picks of photos."""
+    survey = diagnosis.survey
+    for frame in find_misplaced_photos(diagnosis).tolist():
+        picks = picks_of(diagnosis, frame)
+        label = _complete(diagnosis, picks, assign_labels(diagnosis, frame, picks))
+        known = np.flatnonzero(label >= 0)
+        changed = known[label[known] != survey.pick_label[picks[known]]]
+        # Where most picks fit under no label, other labels are not the remedy.
+        if len(known) <= MIN_PICKS + 1 or 2 * len(known) <= len(picks) or not len(changed):
+            continue
+        mend = Mend(
+            label_of_pick={int(picks[k]): int(label[k]) for k in known},
+            without_picks=frozenset(picks[label < 0].tolist()),
+        )
+        wrong = len(picks) - len(known)
+        yield Hypothesis(
+            message=partial(
+                _disorder_message, diagnosis, {int(picks[k]): int(label[k]) for k in changed}
+            ),
+            mend=mend,
+            price=2.0 * PRICE * wrong + len(changed) * float(np.log(len(survey.label))),
+            settles=frozenset([survey.frame_id[frame]]),
+        )
+
+
+def _complete(diagnosis: Diagnosis, picks: Ints, label: Ints) -> Ints:
+    """Give the last pick without a label the last unused label (n,).
+
+    Only where no other photo shows the point of that label: then no place contradicts it.
+    """
+    survey = diagnosis.survey
+    without, left = np.flatnonzero(label < 0), np.setdiff1d(survey.pick_label[picks], label)
+    names = [survey.label[k] for k in left]
+    if len(without) != 1 or len(left) != 1 or diagnosis.adjustment.label_rows(names)[0] >= 0:
+        return label
+    completed = label.copy()
+    completed[without] = left
+    return completed
+
+
+def propose_photos_elsewhere(
+    diagnosis: Diagnosis, causes: Sequence[Cause], right: frozenset[int]
+) -> tuple[Cause, ...]:
+    """Report left-out photos without another cause: they show another place.
+
+    Parameters
+    ----------
+    diagnosis
+        The survey as it was adjusted.
+    causes
+        Causes that were found.
+    right
+        Picks that fit after all.
+    """
+    survey, found = diagnosis.survey, []
+    settled = {name for cause in causes for name in cause.settles}
+    settled |= {survey.frame_id[survey.pick_frame[pick]] for pick in right}
+    for frame in find_misplaced_photos(diagnosis).tolist():
+        name = survey.frame_id[frame]
+        if name in settled:
+            continue
+        picks = picks_of(diagnosis, frame)
+        mend = Mend(without_picks=frozenset(picks.tolist()))
+        found.append(
+            Cause(
+                message=_elsewhere_message(name),  # no automatic correction
+                mend=mend,
+                gain=4.0 * PRICE * len(picks),
+                settles=frozenset([name]),
+            )
+        )
+    return tuple(found)
+
+
+def _rotate_back(shown_px: Floats, turn: _Turn, camera: Calibration) -> Floats:
+    """Transform pixels (n, 2) of the photo as shown to those of the original photo."""
+    pixel = shown_px[:, ::-1].copy() if turn.axes else shown_px.copy()
+    if turn.columns:
+        pixel[:, 0] = camera.width_px - 1.0 - pixel[:, 0]
+    if turn.rows:
+        pixel[:, 1] = camera.height_px - 1.0 - pixel[:, 1]
+    return pixel
+
+
+def picks_of(diagnosis: Diagnosis, frame: int) -> Ints:
+    """Return picks of a photo of the survey that take part, or were left out with it."""
+    there = diagnosis.spoilt
+    there[diagnosis.refined.pick_index] = True
+    return np.flatnonzero((diagnosis.survey.pick_frame == frame) & there)
+
+
+def _shows_the_ground(diagnosis: Diagnosis, frame: int, picks: Ints, pixel: Floats) -> bool:
+    """Return whether pixels of a photo fit their labels, from above, and near the log's pose.
+
+    Parameters
+    ----------
+    diagnosis, frame
+        The survey under diagnosis; the photo.
+    picks, pixel
+        (n,) its picks, and (n, 2) their assumed pixels.
+    """
+    survey, adjustment = diagnosis.survey, diagnosis.adjustment
+    label = labels_of(diagnosis)[survey.pick_label[picks]]
+    known = np.flatnonzero((label >= 0) & ~survey.off_ground[survey.pick_label[picks]])
+    if len(known) <= MIN_PICKS:
+        return False
+    world = adjustment.state.point[label[known], :2]
+    camera = survey.calibration
+    ray = back_project(camera.model, camera.parameters, pixel[known])
+    pose = resect_from_plane(world, ray) if np.isfinite(ray).all() else None
+    if pose is None or pose[0][2] <= 0:
+        return False
+    # Residuals of the resection, by their median.
+    off = np.linalg.norm(project_plane(world, pose) - ray[:, :2], axis=1) * camera.parameters[0]
+    if (
+        not np.median(np.nan_to_num(off, nan=np.inf) / survey.pick_sigma_px[picks[known]])
+        < AGREEMENT_SIGMAS
+    ):
+        return False
+    if survey.seeds is None:
+        return True
+    # Rotation angle against the log: cos(angle) = (trace - 1) / 2.
+    turn = survey.seeds.world_from_camera[frame].T @ pose[1]
+    return bool(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)) < MAX_HEADING_RAD)
+
+
+def _turned_message(frames: Sequence[str], how: str, _: Explained | None) -> Message:
+    """Report photos that were shown mirrored or rotated."""
+    named = listed_photos(frames)
+    one = len(frames) == 1
+    what, they = (
+        (f"The photo {frames[0]!r} seems", "it was")
+        if one
+        else (f"The photos {named} seem", "they were")
+    )
+    file = "file, as the camera wrote it" if one else "files, as the camera wrote them"
+    return Message(
+        "warning",
+        "photo-mirrored" if how in MIRRORED else "photo-turned",
+        f"{what} to have been {how} when {they} picked: pick {'it' if one else 'them'} anew in the "
+        f"original {file}. {'Its' if one else 'Their'} picks fit once they are put back.",
+        frames=tuple(frames),
+        several=Several(
+            "{count} photos seem to have been mirrored or turned when they were picked",
+            f"{frames[0]!r} {how}",
+            ending="Pick them anew in the original files, as the camera wrote them.",
+        )
+        if one
+        else None,
+    )
+
+
+def _disorder_message(diagnosis: Diagnosis, right: dict[int, int], _: Explained | None) -> Message:
+    survey = diagnosis.survey
+    frame = survey.frame_id[survey.pick_frame[next(iter(right))]]
+    names = {survey.label[survey.pick_label[k]]: survey.label[v] for k, v in right.items()}
+    each = ", ".join(f"{old!r} should be {new!r}" for old, new in names.items())
+    return Message(
+        "warning",
+        "labels-swapped",
+        f"The labels in {frame!r} seem to be in disorder: look at them, and change them in this "
+        f"photo. By their places {each}.",
+        frames=(frame,),
+        labels=tuple(names),
+        several=Several(
+            "Labels seem to be swapped in {count} photos or groups of picks",
+            f"{', '.join(map(repr, names))} in {frame!r}",
+            ending="Each pick lies where another of them belongs: look, and change the labels "
+            "there.",
+        ),
+    )
+
+
+def _elsewhere_message(frame: str) -> Message:
+    return Message(
+        "warning",
+        "photo-elsewhere",
+        f"The photo {frame!r} shows another place, or its labels are in disorder: look at it, and "
+        "pick it anew or take it out. Its picks contradict all other photos in every order of "
+        "their labels that was tried, mirrored and turned too.",
+        frames=(frame,),
+        several=Several(
+            "{count} photos show another place, or their labels are in disorder",
+            repr(frame),
+            ending="Look at them, and pick them anew or take them out.",
+        ),
+    )

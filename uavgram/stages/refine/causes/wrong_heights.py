@@ -1,0 +1,93 @@
+"""Hypotheses on labels off the ground."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import partial
+
+import numpy as np
+
+from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows
+from uavgram.model.arrays import Floats, Ints
+from uavgram.model.message import Message
+from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
+from uavgram.stages.refine.causes.stray_picks import STRAY_DECREASE, find_stray_picks, labels_of
+from uavgram.stages.refine.off_ground import off_ground_message
+from uavgram.stages.refine.robust import OFF_GROUND_M
+
+STEP_M = 0.01
+"""Height step [m] for the derivatives of the pixels of a point."""
+
+MAX_LABELS = 300
+"""Largest number of labels whose heights are tested."""
+
+MIN_PICKS = 3
+"""Least number of picks of a label that separate a wrong pick from a height."""
+
+
+def find_freed_heights(survey: Survey, causes: Sequence[Cause]) -> frozenset[str]:
+    """Return the names of labels that some causes put off the ground."""
+    mends = [cause.mend for cause in causes if cause.mend is not None]
+    return frozenset(survey.label[k] for mend in mends for k, free in mend.free.items() if free)
+
+
+def propose_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
+    """Propose heights off the ground for labels with picks that do not fit."""
+    adjustment, at = diagnosis.adjustment, labels_of(diagnosis)
+    if not adjustment.minimum.converged:
+        return
+    label = np.unique(adjustment.survey.pick_label[_stray_rows(diagnosis)])
+    picks = np.bincount(adjustment.survey.pick_label, minlength=len(adjustment.survey.label))
+    asked = label[(picks[label] >= MIN_PICKS) & ~adjustment.survey.off_ground[label]]
+    if not len(asked):
+        return
+    moved = {int(k): height_derivative(diagnosis, int(k)) for k in asked[:MAX_LABELS]}
+    found = explained(adjustment, [(one,) for one in moved.values()])
+    height = dict(zip(moved, (float(one.value[0]) for one in found), strict=True))
+    index = {int(a): k for k, a in enumerate(at) if a >= 0}
+    for k, one in moved.items():
+        if abs(height[k]) < OFF_GROUND_M:
+            continue
+        yield Hypothesis(
+            message=partial(_height_message, adjustment.survey.label[k], int(picks[k])),
+            mend=Mend(free={index[k]: True}),
+            moved=(one,),
+            price=PRICE + float(np.log(len(adjustment.survey.label))),
+        )
+
+
+def _stray_rows(diagnosis: Diagnosis) -> Ints:
+    """Return picks of the adjustment that do not fit."""
+    found = find_stray_picks(diagnosis)
+    row = np.full(len(diagnosis.survey.pick_frame), -1)
+    row[diagnosis.refined.pick_index] = np.arange(len(diagnosis.refined.pick_index))
+    return row[found.pick[found.taking & (found.fall > STRAY_DECREASE)]]
+
+
+def height_derivative(diagnosis: Diagnosis, label: int) -> Moved:
+    """Compute the derivative of the picks of a label of the adjustment by its height [m]."""
+    adjustment = diagnosis.adjustment
+    survey, state = adjustment.survey, adjustment.state
+    rows = np.flatnonzero(survey.pick_label == label)
+    frame = survey.pick_frame[rows]
+    world, _, _ = adjustment.problem.world_points(state, survey.pick_label[rows])
+    poses = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
+    lens, camera = adjustment.problem.intrinsics(state), survey.calibration
+
+    def at(height_m: float) -> Floats:
+        return project_rows(camera, lens, poses, world + np.array([0.0, 0.0, height_m]))
+
+    along = (at(STEP_M) - at(-STEP_M)) / (2.0 * STEP_M) / survey.pick_sigma_px[rows, None]
+    return Moved("pixels", rows, along[..., None])
+
+
+def _height_message(label: str, photos: int, found: Explained | None) -> Message:
+    height, sigma = (
+        (float("nan"), float("nan"))
+        if found is None
+        else (float(found.value[0]), float(np.sqrt(found.covariance[0, 0])))
+    )
+    return off_ground_message(label, height, sigma, photos)

@@ -1,0 +1,329 @@
+"""First values of the adjustment: from the telemetry, from known lengths, from control points.
+
+Also frames in doubt, which begin once more: their pose may be the wrong planar solution.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.special import chdtri
+
+from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.first_points import with_free_points
+from uavgram.estimation.first_poses.homography import Pose
+from uavgram.estimation.first_poses.known_frames import PlaneNetwork, align_in_plane
+from uavgram.estimation.first_poses.network import (
+    FirstValues,
+    from_telemetry,
+    known_height,
+    length_poses,
+    lines_per_frame,
+)
+from uavgram.estimation.first_poses.prior_gate import (
+    allowed,
+    compare_with_seed,
+    seed_on_plane,
+)
+from uavgram.estimation.first_poses.tied.two_views import with_turned
+from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
+from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.ground.plane_pose import pose_above_plane
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.frame_planes import describe_missing_input, find_frame_planes
+
+MAX_TILT_RAD, MAX_HEIGHT_RATIO = 0.1, 0.15
+"""Tilt [rad], and share of the height, up to which the iterations reach a pose from the seed
+anyway."""
+
+MAX_BASES = 4
+"""Frames whose lengths begin in turn where those of the first led to no result."""
+
+BEYOND_LENS = LeftOut(LeftOutCause.BEYOND_LENS, "the calibration of the lens does not reach there")
+NO_GROUND = LeftOut(
+    LeftOutCause.NO_GROUND, "its line of sight does not meet the ground in front of the camera"
+)
+NO_HEIGHT = LeftOut(
+    LeftOutCause.UNDETERMINED,
+    "the height of its point is to be found, which takes photos from two places: pick it in "
+    "another photo, from further aside, or state its height",
+)
+NOT_JOINED = LeftOut(
+    LeftOutCause.NOT_JOINED,
+    "its frame has neither telemetry, nor three known lengths (or right angles, parallels and the "
+    "like with them), nor four points in common with the frames that do, picked where one camera "
+    "could see them",
+)
+
+
+def find_first_values(survey: Survey) -> list[FirstValues]:
+    """Compute sets of first values, most likely first; unplaced points and frames are NaN."""
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    if survey.telemetry is not None:
+        found = [from_telemetry(each, ray) for each in _seed_surveys(survey)]
+        return [with_free_points(survey, ray, values) for values in found]
+    begun = find_frame_planes(survey, ray)
+    counts, planes = begun.counts, begun.planes
+    if survey.gauge == "world":
+        return _extend_choices(survey, ray, planes, _list_choices(survey))
+    chosen = [tied for tied in _list_choices(survey)[:1] if tied]
+    if not planes and not chosen:
+        raise GeometryError(describe_missing_input(survey, begun))
+    if planes:
+        first = max(planes, key=lambda f: (counts[f], -f))
+        chosen += [{first: pose_above_plane(p)} for p in planes[first]]
+    return _extend_choices(survey, ray, planes, chosen)
+
+
+def find_other_first_values(
+    survey: Survey, known: Mapping[str, Pose], doubtful: Collection[str]
+) -> list[FirstValues]:
+    """Compute first values that differ from an adjustment with some frames in doubt.
+
+    All frames in doubt are joined to the others again. Where the others are wrong themselves, the
+    lengths of other frames begin.
+
+    Parameters
+    ----------
+    survey
+        Survey without telemetry.
+    known
+        Poses of frames (by name) as adjusted.
+    doubtful
+        Names of frames in doubt, and perhaps of others.
+
+    Raises
+    ------
+    GeometryError
+        There are none.
+    """
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    _, counts, planes = find_frame_planes(survey, ray)
+    named = dict(enumerate(survey.frame_id))
+    trusted = {f: known[name] for f, name in named.items() if name in known.keys() - doubtful}
+    chosen = [trusted]
+    if survey.gauge == "plane":
+        chosen = [trusted] if trusted else []
+        likeliest = sorted(planes, key=lambda f: (-counts[f], f))[:MAX_BASES]
+        chosen += [{f: pose_above_plane(planes[f][0])} for f in likeliest]
+    found = [
+        values
+        for values in _extend_choices(survey, ray, planes, chosen)
+        if any(_has_other_pose(values, f, known.get(name)) for f, name in named.items())
+    ]
+    if not found:
+        raise GeometryError("no first values lead elsewhere")
+    return found
+
+
+def _has_other_pose(values: FirstValues, frame: int, known: Pose | None) -> bool:
+    """Return whether a frame has a new pose, or one too far away for the iterations."""
+    if np.isnan(values.center[frame, 0]):
+        return False
+    return known is None or _is_far(known, (values.center[frame], values.rotation[frame]))
+
+
+def _is_far(one: Pose, other: Pose) -> bool:
+    """Return whether iterations may not lead from one pose to the other, by tilt and height."""
+    tilt = np.arccos(np.clip(one[1][2] @ other[1][2], -1.0, 1.0))
+    return bool(
+        tilt > MAX_TILT_RAD or abs(one[0][2] - other[0][2]) > MAX_HEIGHT_RATIO * abs(one[0][2])
+    )
+
+
+def _seed_surveys(survey: Survey) -> list[Survey]:
+    """Return the survey with its seeds and, if lengths contradict these, with seeds that fit them.
+
+    Lengths are used in a frame that shows three or more whole and whose pose they determine: of the
+    poses that explain them, those that the telemetry allows. Where such a pose and the seed are
+    close together, the iterations find it by themselves. Where they are far from the seed, or from
+    each other, each is a start of its own: for the frame with most lines; the other frames take the
+    best of theirs.
+    """
+    assert survey.seeds is not None  # noqa: S101  (the caller asked)
+    seeds, ground = survey.seeds, survey.ground
+    allowed_planes: dict[int, Floats] = {}
+    for frame, poses in length_poses(survey).items():
+        center = seeds.center_world_m[frame]
+        seed = (center, seeds.world_from_camera[frame], seeds.covariance[frame], ground)
+        known = poses.take(np.flatnonzero(poses.converged))
+        # Poses by lengths within the telemetry's prior, likeliest first.
+        compared = compare_with_seed(*seed, known)
+        order = np.argsort(known.cost + compared.squared_distance, kind="stable")
+        order = order[allowed(compared.squared_distance[order])]
+        inside, shift = known.take(order), compared.shift[order]
+        # Distance from the seed, and from the likeliest of several.
+        height, *tilt = np.concatenate([shift, shift - shift[:1]]).T
+        above = center[2] - ground.height_m
+        if (np.hypot(*tilt) > MAX_TILT_RAD).any() or (
+            np.abs(height) > MAX_HEIGHT_RATIO * above
+        ).any():
+            allowed_planes[frame] = inside.plane
+    if not allowed_planes:
+        return [survey]
+    counts = lines_per_frame(survey)
+    first = max(allowed_planes, key=lambda f: (counts[f], -f))
+    best = {frame: planes[0] for frame, planes in allowed_planes.items()}
+    return [
+        survey,
+        *(_replace_seeds(survey, best | {first: plane}) for plane in allowed_planes[first]),
+    ]
+
+
+def _replace_seeds(survey: Survey, planes: dict[int, Floats]) -> Survey:
+    """Move the seeds of some frames to the height and tilt of their planes."""
+    assert survey.seeds is not None  # noqa: S101  (the caller asked)
+    center = np.array(survey.seeds.center_world_m)
+    rotation = np.array(survey.seeds.world_from_camera)
+    for frame, plane in planes.items():
+        center[frame], rotation[frame] = seed_on_plane(
+            center[frame], rotation[frame], survey.ground, plane
+        )
+    seeds = replace(survey.seeds, center_world_m=center, world_from_camera=rotation)
+    return replace(survey, seeds=seeds)
+
+
+ChosenPoses = dict[int, Pose]
+"""Centre and rotation of some frames, world from camera."""
+
+MAX_CHOICES = 8
+"""Largest number of starts from candidate poses: each takes an adjustment."""
+
+
+def _list_choices(survey: Survey) -> list[ChosenPoses]:
+    """List every frame's best pose; then with one frame's next best, nearest rival first."""
+    frame_at = {name: k for k, name in enumerate(survey.frame_id)}
+    candidates = [
+        (frame_at[c.frame_id], c) for c in survey.candidate_poses if c.frame_id in frame_at
+    ]
+    best = {f: (c.center_world_m[0], c.world_from_camera[0]) for f, c in candidates}
+    rivals = [
+        (c.misfit[k] - c.misfit[0], f, (c.center_world_m[k], c.world_from_camera[k]))
+        for f, c in candidates
+        for k in range(1, len(c.misfit))
+    ]
+    rivals.sort(key=lambda rival: rival[:2])
+    return [best, *(best | {f: pose} for _, f, pose in rivals[: MAX_CHOICES - 1])]
+
+
+def _extend_choices(
+    survey: Survey, ray: Floats, planes: dict[int, Floats], choices: list[ChosenPoses]
+) -> list[FirstValues]:
+    """Compute first values from every choice of poses: over control points, or at the gauge.
+
+    Heights of control points above the label's own give the plane's.
+
+    Parameters
+    ----------
+    survey
+        Survey without telemetry.
+    ray
+        (P, 3) rays of its picks.
+    planes
+        (n, 3) planes of every frame that has any, likeliest first.
+    choices
+        Poses of some frames, which the others join.
+    """
+    label = survey.control_label
+    control = survey.gauge == "world"
+    height = 0.0
+    if control:
+        height = known_height(survey)
+    lift = np.array([0.0, 0.0, height])
+    values = []
+    for poses in choices:
+        network = PlaneNetwork(survey, ray)
+        if control:
+            network.point[label] = survey.control_world_m[:, :2]
+        for frame, (center, rotation) in poses.items():
+            network.place(frame, center - lift, rotation)
+        network.grow(planes)
+        nothing = np.zeros(len(survey.label))
+        poses_found = with_turned(survey, network.center + lift, network.rotation)
+        grown = FirstValues(network.point, *poses_found, height, nothing)
+        values.append(with_free_points(survey, ray, grown if control else _move_to_gauge(grown)))
+    if all(np.isnan(each.center).all() for each in values):
+        raise GeometryError(
+            "without a flight log a pose needs four control points in one frame, or two and three "
+            "known lengths, or six points on four lines of known position: pick more of them, or "
+            "give the log"
+        )
+    return values
+
+
+def _move_to_gauge(values: FirstValues) -> FirstValues:
+    """Rotate and shift first values so that the first placed frame meets the gauge's conditions."""
+    placed = int(np.flatnonzero(np.isfinite(values.center[:, 0]))[0])
+    image_up = -values.rotation[placed][:2, 1]
+    size = np.linalg.norm(image_up)
+    north = image_up / size if size > 0 else np.array([0.0, 1.0])
+    center = values.center[placed, :2]
+    turn, shift = align_in_plane(
+        np.stack([center, center + north]), np.array([[0.0, 0.0], [0.0, 1.0]])
+    )
+    return FirstValues(
+        values.point_m @ turn[:2, :2].T + shift[:2],
+        values.center @ turn.T + shift,
+        turn @ values.rotation,
+        0.0,
+        values.departure_m,
+    )
+
+
+def find_unusable_picks(survey: Survey, values: FirstValues) -> dict[int, LeftOut]:
+    """Find picks without first values in front of their camera, and the reasons."""
+    frame, label = survey.pick_frame, survey.pick_label
+    up = values.height_m + (survey.height_above_m + values.departure_m)[label]
+    world = np.column_stack([values.point_m[label], up])
+    depth = np.einsum("ni,ni->n", world - values.center[frame], values.rotation[frame][:, :, 2])
+    placed = np.isfinite(values.center[frame, 0])
+    from_above = survey.off_ground[label] | (values.center[frame, 2] > up)
+    usable = placed & (np.nan_to_num(depth, nan=-1.0) > 0) & from_above
+    one_place = survey.is_free[label] & np.isnan(values.point_m[label, 0])
+    why = np.where(one_place, 2, placed)
+    causes = (NOT_JOINED, NO_GROUND, NO_HEIGHT)
+    return {int(i): causes[why[i]] for i in np.flatnonzero(~usable)}
+
+
+def find_picks_in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
+    """Mark picks (P,) within the lens model, and return why others take no part."""
+    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+    keep: Bools = np.isfinite(ray.sum(axis=1))
+    return keep, dict.fromkeys(np.flatnonzero(~keep).tolist(), BEYOND_LENS)
+
+
+MAX_FIT_PROBABILITY = 0.001
+"""Probability below which the residuals of a frame's picks put its pose in doubt."""
+
+LOST_PICK_COST = 400.0
+"""Cost of a pick that an adjustment had to leave out: that of a poor fit."""
+
+
+def find_doubtful_frames(survey: Survey, refined: Refined) -> frozenset[str]:
+    """Find frames that an adjustment fits badly, or at whose picks it sees no ground.
+
+    The sum of squares of a frame's picks is compared with chi-square of their redundancy.
+    """
+    adjustment = refined.adjustment
+    block, names = adjustment.minimum.blocks["pixels"], adjustment.survey.frame_id
+    frame = adjustment.survey.pick_frame
+    # Redundancy of each pick: trace of its cofactor matrix.
+    own = np.einsum("nii->n", cofactors(block, adjustment.covariance))
+    redundancy = np.bincount(frame, own, len(names))
+    square = np.bincount(frame, np.sum(block.residual**2, axis=1), len(names))
+    bad = square > chdtri(np.maximum(redundancy, 1.0), MAX_FIT_PROBABILITY)
+    unseen = {
+        survey.frame_id[survey.pick_frame[pick]]
+        for pick, why in refined.pick_reason.items()
+        if why.cause is LeftOutCause.NO_GROUND
+    }
+    return frozenset(unseen | {names[k] for k in np.flatnonzero(bad)})
+
+
+def cost_with_lost(refined: Refined, picks: int) -> float:
+    """Return the cost of an adjustment of so many picks, including the left-out ones."""
+    return refined.adjustment.minimum.cost + LOST_PICK_COST * (picks - len(refined.pick_index))

@@ -1,0 +1,347 @@
+"""Detect labels off the ground, and the roughness of the ground, from matches and ties.
+
+A chain of matches determines its point in space to a centimetre, and so do ties. On a plane a roof
+would distort all connected observations, and so would a kerb. So before matches are used as points
+of the ground, those off the ground are detected, and the ground gets the roughness that the others
+show. Ties alone show that roughness as well: otherwise photos that are held by them would be bent
+until labels on uneven ground, and the lengths between them, are in a plane.
+
+One photo does not determine a height. Where several of the points in two photos were found off the
+ground, the others may be off it as well, with the same frequency and size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from uavgram.estimation.first_poses.first_points import seen_labels
+from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.survey.adjustment import Adjustment, Placed, Refined, within_survey
+from uavgram.estimation.survey.departures import heights_above_ground
+from uavgram.geometry.ground.plane import plane_of_most
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.message import Message, Several, unpicked
+from uavgram.model.survey.survey import Survey
+from uavgram.stages.refine.readjustment import readjust
+from uavgram.stages.remedies import make_height_remedy
+
+MAX_UNEVENNESS_M = 0.05
+"""Allowed distance of ground points from their plane while the plane is fitted [m]."""
+
+MIN_OFF_GROUND_M = 0.25
+"""Height [m] above which a point is off the ground, even if the ground is smooth."""
+
+OFF_GROUND_SIGMAS = 4.0
+"""Height above which a point is off the ground, in sigmas of the unevenness and of the height."""
+
+MIN_CHAINS = 6
+"""Least number of chains on the ground that show its roughness without the ties."""
+
+MIN_ROUGHNESS_M = 0.003
+"""Roughness below which a ground counts as plane [m]."""
+
+SIGNIFICANCE = 0.001
+"""Probability of such heights on a plane above which the ground counts as one."""
+
+SAME_GROUND_RADIUS = 1.25
+"""Radius about the middle of the labels within which ties count as the same ground, in units of the
+labels' own radius."""
+
+MEDIAN_SIGMAS = 0.6745
+"""Median of the absolute value of a normal variable, in sigmas."""
+
+
+@dataclass(frozen=True, eq=False)
+class GroundEvidence:
+    """Properties of the ground that matches show.
+
+    Attributes
+    ----------
+    off_ground
+        Names of labels off the ground.
+    roughness_m, probability
+        Roughness by index of the area: distance of its points from its plane, where it is
+        significant; and the probability of that by chance.
+    """
+
+    off_ground: frozenset[str] = frozenset()
+    roughness_m: Mapping[int, float] = field(default_factory=dict)
+    probability: Mapping[int, float] = field(default_factory=dict)
+
+
+def find_off_ground_labels(adjustment: Adjustment) -> GroundEvidence:
+    """Find labels off the ground, and the roughness of each area.
+
+    The area of a tie is unknown: with several areas, only chains are used.
+
+    Parameters
+    ----------
+    adjustment
+        Adjustment with chains and ties anywhere in space: see `tie_outliers.py`.
+    """
+    survey, ties = adjustment.survey, adjustment.survey.ties
+    chains = np.flatnonzero(ties.pick >= 0)
+    chains = chains[~survey.off_ground[survey.pick_label[ties.pick[chains]]]]
+    lone = _ties_near_labels(adjustment) if len(survey.grounds) == 1 else chains[:0]
+    if not len(chains) + len(lone):
+        return GroundEvidence()
+    world, sigma = _points_in_space(adjustment)
+    label = survey.pick_label[ties.pick[chains]]
+    off, roughness, probability = set[str](), dict[int, float](), dict[int, float]()
+    for area in range(len(survey.grounds)):
+        own = chains[survey.area[label] == area]
+        points = np.concatenate([own, lone])
+        if not len(points):
+            continue
+        departure = _heights_over_plane(world[points], sigma[points])
+        if departure is None:
+            continue
+        # A label off the ground is reported with its height; among many ties on the ground, a low
+        # object such as a bush or a car's bonnet is detectable.
+        least = np.where(ties.pick[points] >= 0, MIN_OFF_GROUND_M, 0.0)
+        stands = _is_off_ground(departure, sigma[points], least)
+        named = survey.pick_label[ties.pick[own[stands[: len(own)]]]]
+        off |= {survey.label[k] for k in named}
+        level = ~stands
+        if level[: len(own)].sum() >= MIN_CHAINS:
+            level[len(own) :] = False
+        level &= sigma[points] <= MIN_OFF_GROUND_M  # otherwise an error of matching is a hill
+        size, chance = _roughness(departure[level], sigma[points][level])
+        if size > survey.grounds[area].roughness_sigma_m:
+            roughness[area], probability[area] = size, chance
+    return GroundEvidence(frozenset(off), roughness, probability)
+
+
+def apply_ground_evidence(survey: Survey, shown: GroundEvidence) -> Survey:
+    """Free the heights of labels off the ground, and set the roughness of the rest.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    shown
+        Properties of the ground that its matches show.
+    """
+    grounds = tuple(
+        replace(ground, roughness_sigma_m=shown.roughness_m.get(k, ground.roughness_sigma_m))
+        for k, ground in enumerate(survey.grounds)
+    )
+    free = survey.is_free | np.isin(survey.label, sorted(shown.off_ground))
+    return replace(survey, grounds=grounds, is_free=free)
+
+
+def _ties_near_labels(adjustment: Adjustment) -> Ints:
+    """Return ties without a pick within the radius of the labels on the ground.
+
+    Objects further out, such as a bank or a meadow, are not the measured ground.
+    """
+    survey, tie = adjustment.survey, adjustment.state.tie[:, :2]
+    label = adjustment.state.point[~survey.off_ground, :2]
+    lone = np.flatnonzero(survey.ties.pick < 0)
+    if not len(label):
+        return lone[:0]
+    middle = label.mean(axis=0)
+    reach = float(np.linalg.norm(label - middle, axis=1).max())
+    near = np.linalg.norm(tie[lone] - middle, axis=1) <= SAME_GROUND_RADIUS * reach
+    return np.asarray(lone[near])
+
+
+def _points_in_space(adjustment: Adjustment) -> tuple[Floats, Floats]:
+    """Return all chains and ties (T, 3), and the sigmas (T,) of their heights within the survey."""
+    world = adjustment.state.tie
+    every = np.arange(len(world))
+    columns = adjustment.problem.layout.tie_columns(every)
+    gradient = np.broadcast_to(np.eye(3), (len(world), 3, 3))
+    own = adjustment.covariance.blocks(columns)
+    inner = within_survey(adjustment.minimum.factor, Placed(world, gradient, columns), every, own)
+    return world, np.sqrt(np.maximum(inner[:, 2, 2], 0.0))
+
+
+def _heights_over_plane(world_m: Floats, sigma_m: Floats) -> Floats | None:
+    """Compute heights (n,) over the plane of most points (n, 3); None where there is none."""
+    height = world_m[:, 2]
+    plane = plane_of_most(world_m[:, :2], height, np.hypot(sigma_m, MAX_UNEVENNESS_M))
+    return None if plane is None else height - plane
+
+
+def _is_off_ground(departure_m: Floats, sigma_m: Floats, least_m: Floats) -> Bools:
+    """Mark points (n,) too high or too low for this ground, by at least a height (n,)."""
+    near = np.abs(departure_m) < np.maximum(MIN_OFF_GROUND_M, OFF_GROUND_SIGMAS * sigma_m)
+    spread = float(np.median(np.abs(departure_m[near])) / MEDIAN_SIGMAS) if near.any() else 0.0
+    limit = np.maximum(least_m, OFF_GROUND_SIGMAS * np.hypot(spread, sigma_m))
+    return np.asarray(np.abs(departure_m) > limit)
+
+
+def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
+    """Estimate the distance of ground points from their plane, and its probability by chance.
+
+    The likeliest variance in addition to that of the heights, by Newton's steps (a variance
+    component; see estimation/reliability/variance_components.py). Zero where the ground counts as
+    plane.
+    """
+    if len(departure_m) < MIN_CHAINS:
+        return 0.0, 1.0
+    degrees = max(len(departure_m) - 3, 1)  # about their plane
+    chance = upper_tail(float(np.sum((departure_m / sigma_m) ** 2)), float(degrees))
+    variance = max(float(np.var(departure_m)) - float(np.median(sigma_m**2)), MIN_ROUGHNESS_M**2)
+    for _ in range(20):
+        # Fisher scoring: variance += sum(w^2 d^2 - w) / sum(w^2).
+        weight = 1.0 / (variance + sigma_m**2)
+        fisher = float(np.sum(weight**2))
+        variance += float(np.sum(weight**2 * departure_m**2) - np.sum(weight)) / fisher
+        variance = max(variance, 1e-8)
+    size = float(np.sqrt(variance))
+    return (size, chance) if size > MIN_ROUGHNESS_M and chance < SIGNIFICANCE else (0.0, 1.0)
+
+
+def count_photos(survey: Survey) -> Ints:
+    """Count the photos (K,) that show each label, as a pick or as a match."""
+    return np.bincount(seen_labels(survey)[1], minlength=len(survey.label))
+
+
+def set_free_heights(survey: Survey, names: Sequence[str], before: Sequence[str] = ()) -> Survey:
+    """Make the heights of labels unknowns.
+
+    Parameters
+    ----------
+    survey
+        The survey before.
+    names
+        Labels whose heights become unknowns.
+    before
+        Labels whose heights were unknowns; those that are not among `names` return to the ground.
+    """
+    free = survey.is_free & ~np.isin(survey.label, list(before))
+    return replace(survey, is_free=free | np.isin(survey.label, list(names)))
+
+
+MIN_OFF_GROUND = 3
+"""Least number of points off the ground that are not exceptions: one or two are roof corners."""
+
+
+def free_unchecked_heights(
+    survey: Survey, refined: Refined, found: Collection[str]
+) -> tuple[Survey, Refined, tuple[Message, ...]]:
+    """Give points in only one photo uncertain heights, and readjust.
+
+    Parameters
+    ----------
+    survey
+        All observations, with the detected heights free.
+    refined
+        Its adjustment.
+    found
+        Labels whose heights were found.
+    """
+    adjustment = refined.adjustment
+    photos = count_photos(adjustment.survey)
+    on_ground = ~adjustment.survey.off_ground
+    unseen = [adjustment.survey.label[k] for k in np.flatnonzero(on_ground & (photos < 2))]
+    if len(found) < MIN_OFF_GROUND or not unseen:
+        return survey, refined, ()
+    share = len(found) / (len(found) + int((on_ground & (photos >= 2)).sum()))
+    height = adjustment.state.point[adjustment.label_rows(found), 2]
+    # Height 0 with probability 1 - p, otherwise of mean square s^2: the variance is p s^2.
+    sigma_m = float(np.sqrt(share * np.mean(height**2)))
+    after = _readjust_if_possible(adjustment, _set_height_sigma(adjustment.survey, unseen, sigma_m))
+    if after is None:
+        return survey, refined, ()
+    return (
+        _set_height_sigma(survey, unseen, sigma_m),
+        replace(refined, adjustment=after),
+        (_unchecked_message(unseen, sigma_m, len(found)),),
+    )
+
+
+def _set_height_sigma(survey: Survey, names: list[str], sigma_m: float) -> Survey:
+    of = np.isin(survey.label, names)
+    return replace(survey, height_sigma_m=np.where(of, sigma_m, survey.height_sigma_m))
+
+
+def _readjust_if_possible(adjustment: Adjustment, survey: Survey) -> Adjustment | None:
+    try:
+        after = readjust(adjustment, survey)
+    except SingularError:
+        return None
+    return after if after.minimum.converged else None
+
+
+def _unchecked_message(unseen: list[str], sigma_m: float, found: int) -> Message:
+    several = len(unseen) > 1
+    what = f"{len(unseen)} points are" if several else f"The point {unseen[0]!r} is"
+    it = "They" if several else "It"
+    text = (
+        f"{what} picked in one photo only, where {found} others stand off the ground: pick "
+        f"{'them' if several else 'it'} in a second photo. {it} may stand off the ground too, so "
+        f"{'their heights are' if several else 'its height is'} taken as uncertain by "
+        f"{sigma_m:.2f} m."
+    )
+    return Message("warning", "heights-unseen", text, labels=tuple(unseen))
+
+
+UNCHECKED_PHOTOS = 2
+"""Number of photos that determine the height of a point but leave its picks unchecked."""
+
+
+def report_off_ground(refined: Refined) -> Iterator[Message]:
+    """Report each label that was adjusted with a free height without a statement."""
+    survey = refined.adjustment.survey
+    height, sigma = heights_above_ground(refined.adjustment)
+    photos = count_photos(survey)
+    for row, label in enumerate(survey.label):
+        if label in refined.off_ground:
+            up, sigma_m, shown = float(height[row]), float(sigma[row]), int(photos[row])
+            message = off_ground_message(label, up, sigma_m, shown)
+            if shown != UNCHECKED_PHOTOS:
+                yield message
+                continue
+            picks = np.flatnonzero(survey.pick_label == row)
+            frames = [survey.frame_id[frame] for frame in survey.pick_frame[picks]]
+            either = (unpicked([(frame, label)]) for frame in frames)
+            yield replace(message, instead=tuple(one for one in either if one is not None))
+
+
+def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int) -> Message:
+    """Report a label that fits at a height.
+
+    Parameters
+    ----------
+    label
+        The point.
+    height_m, sigma_m
+        Its height above the ground and the sigma of it, in metres.
+    photos
+        Number of photos that show it.
+    """
+    side = "above" if height_m > 0 else "below"
+    digits = int(np.clip(1 - np.floor(np.log10(max(sigma_m, 1e-4))), 1, 3))
+    size = f"{abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side} the ground"
+    size_m, rough = abs(height_m), min(digits, 1 if abs(height_m) >= 1.0 else 2)
+    where = "up" if height_m > 0 else "below the ground"
+    other = " (or one of its two picks is on another thing)" if photos == UNCHECKED_PHOTOS else ""
+    text = (
+        f"{label!r} fits {size}, and not on it{other}. It was adjusted with that height. To "
+        "confirm it, write 'free' into the column height_m of its picks, or the height if you "
+        "know it."
+    )
+    several = Several(
+        "{count} points fit at a height off the ground, and not on it; they were adjusted so",
+        f"{label!r} {abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side}{other}",
+        ending="To confirm it, write 'free' into the column height_m of their picks, or the "
+        "heights if you know them.",
+    )
+    return Message(
+        "warning",
+        "point-off-ground",
+        text,
+        labels=(label,),
+        heights_m=(height_m,),
+        heights_sigma_m=(sigma_m,),
+        several=several,
+        plain=f"{label} stands {size_m:.{rough}f} m {where}{other}.",
+        mend=make_height_remedy([label]),
+    )

@@ -1,1 +1,0 @@
-"""Search for points off the ground that were not stated to be so."""
