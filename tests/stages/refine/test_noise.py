@@ -10,7 +10,7 @@ from scenes import PIXEL_SIGMA, Scene, make_scene, picked_beside
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.result.reliability import AreaNoise, LearntSigma, PickNoise
+from uavgram.model.result.reliability import AreaNoise, EstimatedSigma, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 
@@ -141,7 +141,9 @@ MANY = tuple((k, other) for k in range(12) for other in range(k + 1, min(k + 3, 
 """Lengths of twelve labels that share their ends."""
 
 
-def lengths_and_identification(scene: Scene, stated_m: float) -> tuple[LearntSigma, LearntSigma]:
+def lengths_and_identification(
+    scene: Scene, stated_m: float
+) -> tuple[EstimatedSigma, EstimatedSigma]:
     sigma = np.full(len(scene.survey.label), stated_m)
     refined = refined_of(replace(scene.survey, identification_sigma_m=sigma))
     assert refined.noise is not None

@@ -6,7 +6,13 @@ from dataclasses import replace
 
 import pytest
 
-from uavgram.model.result.reliability import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
+from uavgram.model.result.reliability import (
+    AreaNoise,
+    EstimatedSigma,
+    Noise,
+    PickNoise,
+    SurfaceShape,
+)
 from uavgram.stages.refine.noise_remarks import noise_remarks
 
 
@@ -88,7 +94,7 @@ def test_likeness_that_is_more_exact_than_stated_is_no_news(source: str, count: 
 
 @pytest.mark.parametrize(("factor", "is_reported"), [(3.4, True), (2.0, False), (0.5, False)])
 def test_marks_far_beside_what_was_taped_are_reported(factor: float, *, is_reported: bool) -> None:
-    beside = LearntSigma(stated_m=0.01, factor=factor, sigma=0.6)
+    beside = EstimatedSigma(stated_m=0.01, factor=factor, sigma=0.6)
     messages = list(noise_remarks(replace(noise(0.0), identification=beside)))
 
     assert [one.code for one in messages] == ["identification-less-exact"] * is_reported
@@ -98,7 +104,7 @@ def test_marks_far_beside_what_was_taped_are_reported(factor: float, *, is_repor
 
 @pytest.mark.parametrize(("factor", "said"), [(2.1, True), (1.35, False), (0.5, False)])
 def test_lengths_that_scatter_more_than_stated_are_told(factor: float, *, said: bool) -> None:
-    lengths = LearntSigma(stated_m=0.01, factor=factor, sigma=0.4)
+    lengths = EstimatedSigma(stated_m=0.01, factor=factor, sigma=0.4)
     messages = list(noise_remarks(replace(noise(0.0), lengths=lengths)))
 
     assert [one.code for one in messages] == ["lengths-less-exact"] * said

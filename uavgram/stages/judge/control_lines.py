@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.geometry.ground.line_of_position import beside_line
+from uavgram.geometry.ground.line_of_position import compute_line_offsets
 from uavgram.model.arrays import Floats
 from uavgram.model.result.known import (
     NO_LINES_OF_POSITION,
@@ -66,5 +66,5 @@ def _offset(adjustment: Adjustment, line: LinePosition, points: tuple[str, ...])
     if not len(label):
         return float("nan")
     world, _, _ = adjustment.problem.world_points(adjustment.state, label)
-    off = beside_line(world, line.ends_m, upwards=False).value[:, 0]
+    off = compute_line_offsets(world, line.ends_m, upwards=False).value[:, 0]
     return float(off[np.abs(off).argmax()])

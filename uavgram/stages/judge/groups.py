@@ -8,7 +8,7 @@ from uavgram.estimation.reliability.redundancy import group_fit, upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.estimation.survey.observations.observation import Kind
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
 from uavgram.model.result.result import GroupFactor
 
@@ -56,7 +56,7 @@ def _misfit(kind: Kind, factor: float, probability: float) -> Message:
         "group-misfit",
         f"The {what} do not fit as well as their stated errors promise: look at {cause}. {until} "
         f"({how}).",
-        several=Several(
+        several=MessagePlural(
             "{count} kinds of observations do not fit as well as their stated errors promise",
             f"{what}: look at {cause} ({how})",
             ending=f"{until}.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
-from uavgram.model.result.tables import MeasurementResults, PickResults, only_by_program
+from uavgram.model.result.tables import MeasurementResults, PickResults, is_only_by_program
 
 
 def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[Message]:
@@ -21,7 +21,7 @@ def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[M
     measured
         All measurements; those that could not be computed are not reported.
     """
-    alone = only_by_program(picks, measured.points) & np.isfinite(measured.value)
+    alone = is_only_by_program(picks, measured.points) & np.isfinite(measured.value)
     rows = np.flatnonzero(alone).tolist()
     if not rows:
         return

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
 from uavgram.estimation.survey.observations.observation import Member, Misfit, Suspicion
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.remedies import read_first
 
@@ -82,7 +82,7 @@ def _message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         observation.kind.misfit_code,
         " ".join([text, *others]),
         **names.subjects(accused),
-        several=Several(observation.several(), item, ending=observation.kind.look),
+        several=MessagePlural(observation.several(), item, ending=observation.kind.look),
         mend=remedies[0],
         instead=tuple(one for one in remedies[1:] if one is not None),
     )

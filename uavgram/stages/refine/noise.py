@@ -25,9 +25,15 @@ from uavgram.estimation.reliability.variance_components import (
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.geometry.ground.plane import spread_knots
+from uavgram.geometry.ground.plane import choose_knots
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.result.reliability import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
+from uavgram.model.result.reliability import (
+    AreaNoise,
+    EstimatedSigma,
+    Noise,
+    PickNoise,
+    SurfaceShape,
+)
 from uavgram.model.survey.survey import Relief, Survey
 from uavgram.stages.refine.continued import carried, continued, lines_used
 from uavgram.stages.refine.outstanding import Outstanding, outstanding
@@ -219,7 +225,7 @@ def _correlated(point_m: Floats, share: float) -> Relief | None:
     if len(point_m) < LEAST_POINTS:
         return None
     reach = share * float(np.ptp(point_m, axis=0).max())
-    knots = spread_knots(point_m, KNOTS)
+    knots = choose_knots(point_m, KNOTS)
     return Relief(kind="correlated", sigma_m=UNIT_M, scale_m=reach, knots_m=knots)
 
 
@@ -413,7 +419,7 @@ def _noise(fitted: _Fitted, adjustment: Adjustment, stated: Survey, chance: floa
             own = stated.length_sigma_m[_is_taped(stated)]
             own = stated.identification_sigma_m if area == IDENTIFIED else own
             size = float(np.sqrt(np.mean(own**2)))
-            others[area] = LearntSigma(
+            others[area] = EstimatedSigma(
                 stated_m=size, factor=float(factor[k]), sigma=float(sigma[k])
             )
         if area in (BY_HAND, TARGETS):

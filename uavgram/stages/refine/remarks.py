@@ -16,9 +16,9 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refin
 from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several, unpicked
+from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, figures, listed
-from uavgram.model.survey.mend import Cause
+from uavgram.model.survey.corrections import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.lengths_in_view import odd_in_view, ratios_in_view
 from uavgram.stages.remedies import read_first
@@ -166,10 +166,12 @@ def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
             f"The pick of {label!r} in {name!r} was left out: {why}. Look at its place and label.",
             frames=(name,),
             labels=(label,),
-            several=Several(
+            several=MessagePlural(
                 "{count} picks were left out", f"{label!r} in {name!r}", why, LOOK_AT_PICKS
             ),
-            mend=unpicked([(name, label)]) if reason.cause is LeftOutCause.GROSS else None,
+            mend=propose_pick_removal([(name, label)])
+            if reason.cause is LeftOutCause.GROSS
+            else None,
         )
     for name, reasons in frames.items():
         why = "; ".join(
@@ -181,7 +183,7 @@ def _left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
             "frame-left-out",
             f"The photo {name!r} was left out, with all of its picks: {why}. {LOOK_AT_PICKS}",
             frames=(name,),
-            several=Several(
+            several=MessagePlural(
                 "{count} photos were left out, with all of their picks",
                 repr(name),
                 why,
@@ -209,7 +211,7 @@ def _removal(removal: Removal, before: Refined) -> Message:
         f"{removal.kind}-removed",
         text,
         **names.subjects(removal.suspicion.accused),
-        several=Several(
+        several=MessagePlural(
             f"{{count}} {plural} were taken out, as they do not fit the rest, which was adjusted "
             "anew",
             f"{what} (w = {removal.w:.1f})",

@@ -11,7 +11,7 @@ from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools
-from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import mended_survey
 
@@ -71,7 +71,7 @@ def adapted(survey: Survey, causes: Sequence[Cause], before: Refined) -> Adapted
     return Adapted(survey, without, tuple(removals))
 
 
-def _words(survey: Survey, mend: Mend) -> str:
+def _words(survey: Survey, mend: SurveyCorrection) -> str:
     """Describe a survey's values of all items that a correction changes."""
     label, frame = survey.label, survey.frame_id
     parts = [

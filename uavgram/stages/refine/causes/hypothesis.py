@@ -1,7 +1,7 @@
 """Hypotheses on mistakes in a survey, and the comparison of their costs.
 
-Each hypothesis is either a change of the input by people (a `Mend`, tested by a readjustment) or an
-error common to all observations of a kind (`Moved`, tested in the linear model).
+Each hypothesis is either a change of the input by people (a `SurveyCorrection`, tested by a
+readjustment) or an error common to all observations of a kind (`Moved`, tested in the linear model).
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refin
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.doubt import LOST
@@ -125,8 +125,8 @@ class Hypothesis:
     """
 
     tell: Callable[[Explained | None], Message] | None
-    mend: Mend | None = None
-    remedy: Mend | None = None
+    mend: SurveyCorrection | None = None
+    remedy: SurveyCorrection | None = None
     is_clear: bool = True
     back: frozenset[int] = frozenset()
     is_of_all: bool = False
@@ -142,7 +142,11 @@ class Hypothesis:
 
 
 def mended(
-    standing: Standing, mend: Mend, back: frozenset[int] = frozenset(), *, lines_back: bool = False
+    standing: Standing,
+    mend: SurveyCorrection,
+    back: frozenset[int] = frozenset(),
+    *,
+    lines_back: bool = False,
 ) -> Participants:
     """Return the participating observations of the corrected survey.
 
@@ -177,7 +181,7 @@ def mended(
     return Participants(survey, used & taking_part(taking), removed, reason, taking.known_removed)
 
 
-def lines_touched(survey: Survey, mend: Mend) -> Bools:
+def lines_touched(survey: Survey, mend: SurveyCorrection) -> Bools:
     """Mark lengths (L,) that a correction changes, or that end at a fully relabelled point."""
     relabelled = np.zeros(len(survey.pick_label), dtype=np.bool_)
     relabelled[list(mend.label_of_pick)] = True
@@ -195,7 +199,7 @@ def taking_part(taking: Participants) -> Bools:
     return may
 
 
-def mended_survey(survey: Survey, mend: Mend) -> Survey:
+def mended_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
     """Apply a correction to the observations, without removing any.
 
     Parameters

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained, explained
 from uavgram.estimation.reliability.redundancy import core_fit
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.detection import MISFIT
 from uavgram.stages.refine.causes.hypothesis import (
     PRICE,
@@ -100,7 +100,7 @@ def _brought_back(standing: Standing, hypothesis: Hypothesis, gain: float) -> in
     if hypothesis.freed is not None and hypothesis.moved:
         shows = gain / 2.0 > hypothesis.price
         return standing.left_out if shows or core_fit(standing.adjustment).degrees < 1.0 else 0
-    mend = hypothesis.mend or Mend()
+    mend = hypothesis.mend or SurveyCorrection()
     back = mend.picks | mend.without_picks | hypothesis.back
     picks = int(standing.spoilt[list(back)].sum())
     lines = int((standing.refined.line_removed & lines_touched(standing.survey, mend)).sum())
@@ -120,7 +120,7 @@ def tried(standing: Standing, judged: Judged) -> Judged:
     hypothesis = judged.hypothesis
     if hypothesis.mend is None and hypothesis.freed is None:
         return screened(standing, [hypothesis])[0]
-    mend = hypothesis.mend or Mend()
+    mend = hypothesis.mend or SurveyCorrection()
     # A freed unknown may account for all left-out observations.
     lines_back = hypothesis.freed is not None or hypothesis.is_of_all
     back = hypothesis.back | (_left_out(standing) if lines_back else frozenset())
@@ -169,7 +169,7 @@ def without_lengths(standing: Standing) -> Standing:
     of_use = minimum.converged and "lengths" in minimum.blocks and not is_bent
     if of_use or survey.telemetry is None or standing.refined.line_removed.all():
         return standing
-    everything = mended(standing, Mend(), _left_out(standing))
+    everything = mended(standing, SurveyCorrection(), _left_out(standing))
     taking = everything.without_lines(range(len(survey.line_start)))
     refined = trial_adjustment(taking)
     if refined is None or not refined.adjustment.minimum.converged:

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.departures import heights_above_ground
-from uavgram.model.message import Message, Several, unpicked
+from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.stages.refine.off_ground.shown import photos_of
 from uavgram.stages.remedies import freed
 
@@ -31,7 +31,7 @@ def off_ground_remarks(refined: Refined) -> Iterator[Message]:
                 continue
             picks = np.flatnonzero(survey.pick_label == row)
             frames = [survey.frame_id[frame] for frame in survey.pick_frame[picks]]
-            either = (unpicked([(frame, label)]) for frame in frames)
+            either = (propose_pick_removal([(frame, label)]) for frame in frames)
             yield replace(message, instead=tuple(one for one in either if one is not None))
 
 
@@ -58,7 +58,7 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
         "confirm it, write 'free' into the column height_m of its picks, or the height if you "
         "know it."
     )
-    several = Several(
+    several = MessagePlural(
         "{count} points fit at a height off the ground, and not on it; they were adjusted so",
         f"{label!r} {abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side}{other}",
         ending="To confirm it, write 'free' into the column height_m of their picks, or the "

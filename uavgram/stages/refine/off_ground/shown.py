@@ -17,7 +17,7 @@ import numpy as np
 from uavgram.estimation.first_poses.first_points import seen_labels
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment, Placed, within_survey
-from uavgram.geometry.ground.plane import plane_of_most
+from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 
@@ -156,7 +156,7 @@ def _in_space(adjustment: Adjustment) -> tuple[Floats, Floats]:
 def _departures(world_m: Floats, sigma_m: Floats) -> Floats | None:
     """Compute heights (n,) over the plane of most points (n, 3); None where there is none."""
     height = world_m[:, 2]
-    plane = plane_of_most(world_m[:, :2], height, np.hypot(sigma_m, UNEVEN_M))
+    plane = fit_robust_plane(world_m[:, :2], height, np.hypot(sigma_m, UNEVEN_M))
     return None if plane is None else height - plane
 
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.model.arrays import Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import photo_name
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of, strays
 
@@ -35,7 +35,9 @@ def elsewhere_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
             out, change = frozenset([pick]), {pick: other}
             yield Hypothesis(
                 tell=partial(_elsewhere, standing, pick, other),
-                mend=Mend(label_of_pick=change) if free else Mend(without_picks=out),
+                mend=SurveyCorrection(label_of_pick=change)
+                if free
+                else SurveyCorrection(without_picks=out),
                 promise=float(found.fall[row]),
                 # A removed pick still has to agree with the place of the other one.
                 price=float(np.log(labels) + of_which + (0.0 if free else sigmas**2 / 4.0)),
@@ -104,7 +106,7 @@ def _elsewhere(standing: Standing, pick: int, other: int, _: Explained | None) -
         frames=(frame,),
         labels=(label, there),
         plain=f"{label} is picked where {there} belongs, in {photo_name(frame)}.",
-        several=Several(
+        several=MessagePlural(
             "{count} picks lie where another label belongs",
             f"{label!r} in {frame!r} where {there!r} belongs",
             ending="Look, and change their labels there, or pick them anew.",

@@ -10,8 +10,8 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several
-from uavgram.model.survey.mend import Mend
+from uavgram.model.message import Message, MessagePlural
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
 
@@ -53,7 +53,7 @@ def swapped_everywhere(standing: Standing) -> Iterator[Hypothesis]:
         fall, cost = _fall(standing, a, b), standing.adjustment.minimum.cost
         yield Hypothesis(
             tell=partial(_swapped, standing, (a, b), lines),
-            mend=Mend(label_of_pick=right),
+            mend=SurveyCorrection(label_of_pick=right),
             is_clear=not alone,
             back=spoilt,  # lengths between wrong labels distort everything, including whole photos
             promise=max(min(fall, cost), 0.0 if none_left_out else easier),
@@ -206,7 +206,7 @@ def _swapped(
         frames=tuple(survey.frame_id[k] for k in frames),
         labels=(first, second),
         lengths=names,
-        several=Several(
+        several=MessagePlural(
             "{count} pairs of labels seem to be swapped in all photos",
             f"{first!r} and {second!r}",
             ending="Look which point is which, and swap the labels everywhere.",

@@ -11,7 +11,7 @@ from uavgram.estimation.reliability.hypotheses import Explained, Moved, explaine
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import STRAYS, labels_of, strays
@@ -53,7 +53,7 @@ def off_the_ground(standing: Standing) -> Iterator[Hypothesis]:
             continue
         yield Hypothesis(
             tell=partial(_off_ground, adjustment.survey.label[k], int(picks[k])),
-            mend=Mend(free={index[k]: True}),
+            mend=SurveyCorrection(free={index[k]: True}),
             moved=(one,),
             price=PRICE + float(np.log(len(adjustment.survey.label))),
         )

@@ -10,8 +10,8 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.model.arrays import Ints
-from uavgram.model.message import Message, Several
-from uavgram.model.survey.mend import Mend
+from uavgram.model.message import Message, MessagePlural
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import Strays, frames_of, strays
 
@@ -54,7 +54,7 @@ def wrong_picks(standing: Standing) -> Iterator[Hypothesis]:
     for pick, fall in taking[:MOST_WRONG]:
         yield Hypothesis(
             tell=None,
-            mend=Mend(without_picks=frozenset([int(pick)])),
+            mend=SurveyCorrection(without_picks=frozenset([int(pick)])),
             promise=float(fall),
             price=2.0 * PRICE + float(np.log(number)),
         )
@@ -78,7 +78,7 @@ def swapped_in_a_photo(standing: Standing) -> Iterator[Hypothesis]:
             choices -= known * np.log(number)
             yield Hypothesis(
                 tell=partial(swapped_message, standing, exchange.label),
-                mend=Mend(label_of_pick=exchange.label),
+                mend=SurveyCorrection(label_of_pick=exchange.label),
                 back=exchange.back,
                 promise=exchange.gain,
                 price=float(max(choices, 0.0)),
@@ -186,7 +186,7 @@ def swapped_message(standing: Standing, right: Mapping[int, int], _: Explained |
         text,
         frames=(frame,),
         labels=labels,
-        several=Several(
+        several=MessagePlural(
             "Labels seem to be swapped in {count} photos or groups of picks",
             f"{what} in {frame!r}",
             ending="Each pick lies where another of them belongs: look, and change the labels "

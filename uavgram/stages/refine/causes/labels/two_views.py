@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.estimation.reliability.redundancy import core_fit
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing, taking_part
 from uavgram.stages.refine.causes.labels.in_a_photo import swapped_message
 
@@ -52,7 +52,7 @@ def swapped_beside_another(standing: Standing) -> Iterator[Hypothesis]:
         yield Hypothesis(
             tell=partial(swapped_message, standing, right),
             # With it all picks of the photo take part again.
-            mend=Mend(label_of_pick={int(k): int(label[k]) for k in here} | right),
+            mend=SurveyCorrection(label_of_pick={int(k): int(label[k]) for k in here} | right),
             promise=standing.cost,  # everything should fit then
             price=choices - PRICE * _regained(standing, here),
             settles=frozenset([survey.frame_id[frame]]),

@@ -13,7 +13,7 @@ from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Ends, Mend
+from uavgram.model.survey.corrections import Ends, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
 from uavgram.stages.refine.causes.lengths.doubted import (
@@ -65,7 +65,7 @@ def other_ends(standing: Standing) -> Iterator[Hypothesis]:
             rivals = [one for one in pairs if one is not pair and one.fall > pair.fall - RIVALS]
             yield Hypothesis(
                 tell=partial(_between_others, found, k, pair, rivals),
-                mend=Mend(ends={int(found.line[k]): pair.ends}),
+                mend=SurveyCorrection(ends={int(found.line[k]): pair.ends}),
                 promise=pair.fall,
                 price=price,
                 settles=found.settled([k]),
@@ -74,7 +74,7 @@ def other_ends(standing: Standing) -> Iterator[Hypothesis]:
         yield from _ends_exchanged(found, i, j)
 
 
-def labels_instead(survey: Survey, mend: Mend) -> Mend | None:
+def labels_instead(survey: Survey, mend: SurveyCorrection) -> SurveyCorrection | None:
     """Return an exchange of two labels in all photos that is as good as another end of a length.
 
     This is the case where no other length ends at either label: then it is undetermined which of
@@ -100,7 +100,7 @@ def labels_instead(survey: Survey, mend: Mend) -> Mend | None:
     first, second = sorted(pair)
     right = {int(k): second for k in np.flatnonzero(survey.pick_label == first)}
     right |= {int(k): first for k in np.flatnonzero(survey.pick_label == second)}
-    return Mend(label_of_pick=right)
+    return SurveyCorrection(label_of_pick=right)
 
 
 def _ends(found: Doubted, k: int) -> Ends:
@@ -161,7 +161,7 @@ def _ends_exchanged(found: Doubted, i: int, j: int) -> Iterator[Hypothesis]:
         ends_of = {int(found.line[i]): Ends(*first), int(found.line[j]): Ends(*second)}
         yield Hypothesis(
             tell=partial(_exchanged, found, (i, j), (Ends(*first), Ends(*second))),
-            mend=Mend(ends=ends_of),
+            mend=SurveyCorrection(ends=ends_of),
             promise=alone - off,
             price=price,
             settles=found.settled([i, j]),

@@ -16,7 +16,7 @@ from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.flight.log import scale_by_heights
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
@@ -64,7 +64,7 @@ def wrong_lengths(standing: Standing) -> Iterator[Hypothesis]:
     for row in np.argsort(-fall, kind="stable")[:MOST_WRONG].tolist():
         yield Hypothesis(
             tell=None,
-            mend=Mend(without_lines=frozenset([int(lines[row])])),
+            mend=SurveyCorrection(without_lines=frozenset([int(lines[row])])),
             promise=float(fall[row]),
             price=PRICE + float(np.log(len(lines))),
         )
@@ -106,7 +106,7 @@ def _all_in_another_unit(standing: Standing) -> Iterator[Hypothesis]:
             continue
         yield Hypothesis(
             tell=partial(_of_all, survey, unit),
-            mend=Mend(length_m=dict(enumerate(right_m.tolist()))),
+            mend=SurveyCorrection(length_m=dict(enumerate(right_m.tolist()))),
             is_of_all=True,
             promise=scale.gain - off**2,
             price=float(np.log(len(WRONG_UNITS))),
@@ -157,7 +157,7 @@ def _slip(
         lines = found.line[list(rows)].tolist()
         yield Hypothesis(
             tell=tell,
-            mend=Mend(length_m=dict(zip(lines, right_m.tolist(), strict=True))),
+            mend=SurveyCorrection(length_m=dict(zip(lines, right_m.tolist(), strict=True))),
             promise=found.fall(rows, error),
             price=price,
             settles=found.settled(rows),

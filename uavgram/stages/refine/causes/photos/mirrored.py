@@ -19,7 +19,7 @@ from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.begin.softened import iterate
 from uavgram.stages.refine.causes.hypothesis import Hypothesis, Standing
@@ -48,7 +48,9 @@ def all_mirrored(standing: Standing) -> Iterator[Hypothesis]:
     pixel = _mirrored(survey)
     yield Hypothesis(
         tell=_told,
-        mend=Mend(pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}),
+        mend=SurveyCorrection(
+            pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}
+        ),
         begun=reflected,
         promise=strained,  # upper limit: all residuals of the log
         price=RARE,

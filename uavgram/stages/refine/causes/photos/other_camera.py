@@ -11,8 +11,8 @@ from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.message import Message, Several
-from uavgram.model.survey.mend import Mend
+from uavgram.model.message import Message, MessagePlural
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
 from uavgram.stages.refine.causes.photos.consensus import SMALLEST, seen_at
@@ -42,8 +42,8 @@ def photos_of_another_zoom(standing: Standing) -> Iterator[Hypothesis]:
         places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
         yield Hypothesis(
             tell=partial(_told, survey.frame_id[frame], factor),
-            mend=Mend(pixel_of_pick=places),
-            remedy=Mend(without_picks=frozenset(picks.tolist())),
+            mend=SurveyCorrection(pixel_of_pick=places),
+            remedy=SurveyCorrection(without_picks=frozenset(picks.tolist())),
             promise=gain,
             price=PRICE + float(np.log(len(survey.frame_id))),
             settles=frozenset([survey.frame_id[frame]]),
@@ -139,7 +139,7 @@ def _told(frame: str, factor: float, _: Explained | None) -> Message:
         "other-camera",
         text,
         frames=(frame,),
-        several=Several(
+        several=MessagePlural(
             "{count} photos were taken at another zoom, or with another camera, than the others",
             f"{frame!r} ({factor:.2f} times the focal length)",
             ending="Take them out, or give photos of each camera a project of their own.",

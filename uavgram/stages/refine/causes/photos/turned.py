@@ -14,9 +14,9 @@ from uavgram.estimation.survey.adjustment import LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
-from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Hypothesis, Standing
 from uavgram.stages.refine.causes.labels.places import labels_of
 from uavgram.stages.refine.causes.photos.consensus import AGREES, SMALLEST, seen_at
@@ -85,7 +85,7 @@ def photos_in_order(standing: Standing) -> Iterator[Hypothesis]:
     for frame in misplaced_photos(standing).tolist():
         yield Hypothesis(
             tell=None,
-            mend=Mend(),
+            mend=SurveyCorrection(),
             back=frozenset(picks_of(standing, frame).tolist()),
             price=RARE,
             settles=frozenset([standing.survey.frame_id[frame]]),
@@ -106,7 +106,7 @@ def turned_photos(standing: Standing) -> Iterator[Hypothesis]:
             places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
             yield Hypothesis(
                 tell=partial(_turned, (survey.frame_id[frame],), how),
-                mend=Mend(pixel_of_pick=places),
+                mend=SurveyCorrection(pixel_of_pick=places),
                 promise=gain,
                 price=float(np.log(len(MIRRORED) + len(TURNED))),
                 settles=frozenset([survey.frame_id[frame]]),
@@ -132,7 +132,7 @@ def photos_turned_together(standing: Standing) -> Iterator[Hypothesis]:
             places |= {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
         yield Hypothesis(
             tell=partial(_turned, names, how),
-            mend=Mend(pixel_of_pick=places),
+            mend=SurveyCorrection(pixel_of_pick=places),
             back=back,
             is_of_all=True,
             price=float(np.log(len(MIRRORED) + len(TURNED))) + len(frames) * RARE,
@@ -151,7 +151,7 @@ def photos_in_disorder(standing: Standing) -> Iterator[Hypothesis]:
         # Where most picks fit under no label, other labels are not the remedy.
         if len(known) <= SMALLEST + 1 or 2 * len(known) <= len(picks) or not len(changed):
             continue
-        mend = Mend(
+        mend = SurveyCorrection(
             label_of_pick={int(picks[k]): int(label[k]) for k in known},
             without_picks=frozenset(picks[label < 0].tolist()),
         )
@@ -201,7 +201,7 @@ def photos_elsewhere(
         if name in settled:
             continue
         picks = picks_of(standing, frame)
-        mend = Mend(without_picks=frozenset(picks.tolist()))
+        mend = SurveyCorrection(without_picks=frozenset(picks.tolist()))
         found.append(
             Cause(
                 message=_elsewhere(name),  # no automatic correction
@@ -278,7 +278,7 @@ def _turned(frames: Sequence[str], how: str, _: Explained | None) -> Message:
         f"{what} to have been {how} when {they} picked: pick {'it' if one else 'them'} anew in the "
         f"original {file}. {'Its' if one else 'Their'} picks fit once they are put back.",
         frames=tuple(frames),
-        several=Several(
+        several=MessagePlural(
             "{count} photos seem to have been mirrored or turned when they were picked",
             f"{frames[0]!r} {how}",
             ending="Pick them anew in the original files, as the camera wrote them.",
@@ -300,7 +300,7 @@ def _disorder(standing: Standing, right: dict[int, int], _: Explained | None) ->
         f"photo. By their places {each}.",
         frames=(frame,),
         labels=tuple(names),
-        several=Several(
+        several=MessagePlural(
             "Labels seem to be swapped in {count} photos or groups of picks",
             f"{', '.join(map(repr, names))} in {frame!r}",
             ending="Each pick lies where another of them belongs: look, and change the labels "
@@ -317,7 +317,7 @@ def _elsewhere(frame: str) -> Message:
         "pick it anew or take it out. Its picks contradict all other photos in every order of "
         "their labels that was tried, mirrored and turned too.",
         frames=(frame,),
-        several=Several(
+        several=MessagePlural(
             "{count} photos show another place, or their labels are in disorder",
             repr(frame),
             ending="Look at them, and pick them anew or take them out.",
