@@ -1,7 +1,8 @@
 """Hypotheses on mistakes in a survey, and the comparison of their costs.
 
 Each hypothesis is either a change of the input by people (a `SurveyCorrection`, tested by a
-readjustment) or an error common to all observations of a kind (`Moved`, tested in the linear model).
+readjustment) or an error common to all observations of a kind (`Moved`, tested in the linear
+model).
 """
 
 from __future__ import annotations
