@@ -27,9 +27,9 @@ from uavgram.geometry.camera.projection import project
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.logs.tlog.writer import write_tlog
-from uavgram.io.photos.tagging.exif_capture import with_exif
+from uavgram.io.photos.exif_capture import insert_exif
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.simulated_log import SimulatedLog
+from uavgram.model.flight.log import SimulatedLog
 from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.measure.run import run
 
@@ -139,7 +139,7 @@ def _write_photos(folder: Path, time_s: Floats) -> None:
     )
     jpeg = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 70])[1].tobytes()
     for k, t in enumerate((BOOT_UTC_S + time_s).tolist()):
-        tagged = with_exif(jpeg, time_utc_s=t, zone_h=0.0, make="stand-in", model="one")
+        tagged = insert_exif(jpeg, time_utc_s=t, zone_h=0.0, make="stand-in", model="one")
         (folder / f"DSC_{k:05d}.jpg").write_bytes(tagged)
 
 

@@ -137,9 +137,9 @@ def repeated(source: Path, target: Path) -> None:
 
 def parted(data: bytes) -> tuple[bytes, bytes]:
     """What a ULog says once, its definitions and subscriptions; and all that may be repeated."""
-    from uavgram.io.logs.ulog.messages import ADDED, chain
+    from uavgram.io.logs.ulog.messages import ADDED, follow_sizes
 
-    edges = chain(data, 16, len(data) - 2).tolist()
+    edges = follow_sizes(data, 16, len(data) - 2).tolist()
     messages = [data[a:b] for a, b in itertools.pairwise(edges) if b <= len(data)]
     begin = next(k for k, message in enumerate(messages) if message[2] == ADDED)
     once = [m for m in messages[begin:] if m[2] == ADDED]

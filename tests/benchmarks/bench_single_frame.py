@@ -29,7 +29,7 @@ import numpy as np
 from uavgram.estimation.first_poses.length_poses import LengthFrames, resect_from_lengths
 from uavgram.estimation.survey.likelihood import covariance_root
 from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.ground.points import View, ground_points
+from uavgram.geometry.ground.points import View, compute_ground_points
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
 
@@ -185,7 +185,7 @@ def points() -> None:
 
     for threads in (1, os.cpu_count() or 1):
         cv2.setNumThreads(threads)
-        ours = (lambda n=threads: ground_points(view, pixel, np.eye(2), threads=n), 1)
+        ours = (lambda n=threads: compute_ground_points(view, pixel, np.eye(2), threads=n), 1)
         seconds, ratio = compare(ours, [(opencv, 1), (resampled, 1)])
         seconds, ratio = seconds / POINTS, ratio * [1, 100]
         print(
@@ -193,7 +193,7 @@ def points() -> None:
             f"OpenCV without {1e-6 / seconds[1]:.2f} M/s, share {ratio[0]:.2f} (bar 0.35); "
             f"CameraTransform resampled {1e-8 / seconds[2]:.3f} M/s, ratio {ratio[1]:.0f} (bar 10)"
         )
-    against_mrcal(parameters, lambda: ground_points(view, pixel, np.eye(2)))
+    against_mrcal(parameters, lambda: compute_ground_points(view, pixel, np.eye(2)))
 
 
 def against_mrcal(parameters: Floats, ours: Callable[[], object]) -> None:

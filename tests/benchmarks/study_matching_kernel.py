@@ -24,9 +24,8 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from street_pairs import AFTER, BEFORE, PoseError, StreetTruth
 
-from uavgram.imaging.matching.match import matched
-from uavgram.imaging.matching.matched import Refused
-from uavgram.imaging.matching.options import MatchOptions
+from uavgram.imaging.matching.match import match_points
+from uavgram.imaging.matching.matches import MatchOptions, RefusalReason
 from uavgram.model.arrays import Bools, Floats, Ints
 
 STREETS = ("street_nadir", "street_rolling", "street_oblique")
@@ -47,7 +46,7 @@ class Outcome(NamedTuple):
 
     @property
     def found(self) -> Bools:
-        return np.asarray(self.refused == Refused.NONE)
+        return np.asarray(self.refused == RefusalReason.NONE)
 
 
 def outcome(
@@ -59,7 +58,7 @@ def outcome(
     names, rows, spent = [], [], 0.0
     for pair in street.pairs(labels, error, rng):
         start = time.process_time()
-        found = matched(photos[pair.source], photos[pair.target], pair.sought, options)
+        found = match_points(photos[pair.source], photos[pair.target], pair.sought, options)
         spent += time.process_time() - start
         names += [f"{pair.source[4:8]}-{pair.target[4:8]} {label}" for label in pair.label]
         rows.append(
@@ -84,7 +83,7 @@ def line(name: str, of: Outcome, chosen: Bools) -> str:
     right = error[~wrong]
     weight = np.linalg.inv(covariance[~wrong])
     z = np.sqrt(np.einsum("ni,nij,nj->n", right, weight, right) / 2)
-    why = Counter(Refused(r).name for r in of.refused[chosen & ~of.found])
+    why = Counter(RefusalReason(r).name for r in of.refused[chosen & ~of.found])
     return (
         f"{name:28s} {chosen.sum():6d} {100 * found.sum() / max(chosen.sum(), 1):6.1f} "
         f"{np.sqrt(np.mean(right**2)):6.3f} {np.sqrt(np.mean(z**2)):6.2f} "

@@ -30,8 +30,8 @@ import cv2
 import numpy as np
 from street_pairs import Pair, PoseError, StreetTruth
 
-from uavgram.imaging.matching.match import REGION, matched
-from uavgram.imaging.matching.matched import Refused
+from uavgram.imaging.matching.match import REGION, match_points
+from uavgram.imaging.matching.matches import RefusalReason
 from uavgram.model.arrays import Bools, Floats
 
 PERIOD_M = {"Z": 1.0, "D": 5.0}
@@ -79,12 +79,12 @@ def looked_at(street: StreetTruth, error: PoseError, share: float, seed: int) ->
     for pair in street.pairs(labels, error, rng):
         if rng.random() > share:
             continue
-        found = matched(photos[pair.source], photos[pair.target], pair.sought)
+        found = match_points(photos[pair.source], photos[pair.target], pair.sought)
         reach, away = _periods(street, pair, beside)
         done.append(
             Outcome(
                 kind=[label[0] for label in pair.label],
-                found=np.asarray(found.refused == Refused.NONE),
+                found=np.asarray(found.refused == RefusalReason.NONE),
                 off=found.pixel_px - pair.true_px,
                 reach=reach,
                 beside=away,

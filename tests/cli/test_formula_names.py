@@ -7,7 +7,7 @@ import csv
 from small_projects import Project
 
 import uavgram
-from uavgram.io.tables.csv_tables import Columns, read_table, runs
+from uavgram.io.tables.csv_tables import Columns, is_formula, read_table
 
 COMMAND = "=cmd|' /C calc'!A0"
 
@@ -22,7 +22,7 @@ def test_measurements_csv_runs_nothing_and_keeps_the_name(project: Project) -> N
     assert result.measurements.name[0] == COMMAND
     path = project.out / "measurements.csv"
     with path.open(encoding="utf-8", newline="") as stream:
-        assert not any(runs(cell) for row in csv.reader(stream) for cell in row)
+        assert not any(is_formula(cell) for row in csv.reader(stream) for cell in row)
     read = read_table(path, Columns(text=("name", "kind"), others=True))
     assert read.text["name"] == result.measurements.name
     (said,) = [m.text for m in result.messages if m.code == "photo-name-formula"]

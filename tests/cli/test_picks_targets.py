@@ -12,7 +12,7 @@ import pytest
 from plate_pictures import photo_of, plate_samples, quad
 
 from uavgram.cli import main
-from uavgram.imaging.plates.families import cells_of
+from uavgram.imaging.plates.families import read_cells
 from uavgram.io.locks import ProjectLock
 from uavgram.io.tables.picks import read_picks
 
@@ -41,7 +41,9 @@ def project(tmp_path: Path) -> Path:
     rng = np.random.default_rng(0)
     plates = zip((3, 11), CORNERS, strict=True)
     halves = [
-        plate_samples(cells_of("aruco-4x4-50", plate), corner - [64 * (plate > 5), 0], (48, width))
+        plate_samples(
+            read_cells("aruco-4x4-50", plate), corner - [64 * (plate > 5), 0], (48, width)
+        )
         for (plate, corner), width in zip(plates, (64, 56), strict=True)
     ]
     cv2.imwrite(str(tmp_path / "a.png"), photo_of(np.hstack(halves), rng))

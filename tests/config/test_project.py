@@ -9,7 +9,7 @@ from typing import Protocol
 
 import pytest
 
-from uavgram.config.project import load_project, relative_paths
+from uavgram.config.project import load_project, make_paths_relative
 from uavgram.errors import InputError
 from uavgram.model.options import GeodeticOrigin, OptionsError, Project, SolveOptions, option_pairs
 
@@ -308,7 +308,7 @@ def test_poses_may_be_a_list_of_sources(load: Load, tmp_path: Path) -> None:
     both = load("poses: [a.mrk, exif]\n")
     assert both.pose_sources == both.poses == (str(folder / "a.mrk"), "exif")
     assert dict(option_pairs(both))["poses"] == both.poses
-    assert relative_paths(both, folder).poses == ("a.mrk", "exif")
+    assert make_paths_relative(both, folder).poses == ("a.mrk", "exif")
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from uavgram.config.strict_yaml import Document, Plain, dotted, read_yaml, resolve_scalar
+from uavgram.config.strict_yaml import Document, Plain, format_key_path, read_yaml, resolve_scalar
 from uavgram.errors import InputError
 
 Read = Callable[[str | bytes], Document]
@@ -129,7 +129,7 @@ def test_a_missing_file_is_an_input_error(tmp_path: Path) -> None:
 
 
 def test_a_path_is_written_as_people_name_it() -> None:
-    assert dotted(("telemetry", "position_sigma_m", 0)) == "telemetry.position_sigma_m[0]"
+    assert format_key_path(("telemetry", "position_sigma_m", 0)) == "telemetry.position_sigma_m[0]"
 
 
 def test_no_number_is_ever_infinite() -> None:

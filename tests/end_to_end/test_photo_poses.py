@@ -30,7 +30,7 @@ from published_scenes import (
 import uavgram
 from uavgram.cli import main
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.poses.read import read_photo_poses
+from uavgram.io.photos.poses.sources import read_photo_poses
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message

@@ -10,7 +10,7 @@ import pytest
 from scenes import Scene
 
 from uavgram.errors import GeometryError
-from uavgram.imaging.known_point_pose import known_point_poses, poses_from_points
+from uavgram.imaging.known_point_pose import find_known_point_poses, find_poses_from_points
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
@@ -22,14 +22,14 @@ FAR_AWAY = {"frames": 1, "labels": 8, "control": 5, "spread": 1.5, **ALONE}
 
 
 def started(survey: Survey) -> Survey:
-    return replace(survey, candidate_poses=known_point_poses(survey))
+    return replace(survey, candidate_poses=find_known_point_poses(survey))
 
 
 def test_exact_picks_of_a_plane_give_the_true_pose_and_its_rival(
     scene_factory: Callable[..., Scene],
 ) -> None:
     scene = scene_factory(1, frames=3, labels=9, control=6, noise=0.0, **ALONE)
-    candidates = known_point_poses(scene.survey)
+    candidates = find_known_point_poses(scene.survey)
 
     assert [one.frame_id for one in candidates] == ["f0", "f1", "f2"]
     for f, one in enumerate(candidates):
@@ -43,7 +43,7 @@ def test_exact_picks_of_a_plane_give_the_true_pose_and_its_rival(
 
 def test_points_of_different_heights_have_one_pose(scene_factory: Callable[..., Scene]) -> None:
     scene = scene_factory(1, frames=1, control=6, noise=0.0, heights=OFF_THE_PLANE, **ALONE)
-    (one,) = known_point_poses(scene.survey)
+    (one,) = find_known_point_poses(scene.survey)
 
     assert len(one.misfit) == 1
     np.testing.assert_allclose(one.center_world_m[0], scene.truth.center[0], atol=1e-6)
@@ -53,14 +53,14 @@ def test_points_of_different_heights_have_one_pose(scene_factory: Callable[..., 
 def test_a_frame_with_fewer_than_four_known_points_has_none(
     scene_factory: Callable[..., Scene],
 ) -> None:
-    assert known_point_poses(scene_factory(1, control=3, **ALONE).survey) == ()
+    assert find_known_point_poses(scene_factory(1, control=3, **ALONE).survey) == ()
 
 
 def test_points_on_one_line_have_no_pose() -> None:
     along = np.array([-6.0, -2.0, 1.0, 5.0])
     world = np.stack([along, 0.5 * along, np.zeros(4)], axis=1)
     ray = np.stack([along / 30, along / 60, np.ones(4)], axis=1)
-    assert poses_from_points(world, ray) is None
+    assert find_poses_from_points(world, ray) is None
 
 
 @pytest.mark.parametrize("heights", [None, OFF_THE_PLANE], ids=["plane", "heights"])
@@ -118,6 +118,6 @@ def test_known_points_on_one_line_are_told(scene_factory: Callable[..., Scene]) 
     world = np.array([[2.0 * k, 0.0, 0.0] for k in range(4)])
     survey = replace(survey, pixel_px=pixel, control_world_m=world)
 
-    assert known_point_poses(survey) == ()
+    assert find_known_point_poses(survey) == ()
     with pytest.raises(GeometryError):
         refine(survey, SolveOptions())

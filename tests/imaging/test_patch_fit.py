@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.imaging.patch_fit import fit_windows, growth, neighbour_correlation
+from uavgram.imaging.patch_fit import (
+    compute_variance_growth,
+    estimate_neighbour_correlation,
+    fit_windows,
+)
 from uavgram.model.arrays import Floats, Ints
 
 PLACE = np.linspace(-6.0, 6.0, 41)
@@ -69,9 +73,9 @@ def test_the_mean_of_residuals_that_run_on_scatters_by_their_growth() -> None:
     for row in range(1, side + 20):
         noise[:, row] = forget * noise[:, row - 1] + np.sqrt(1 - forget**2) * noise[:, row]
     noise = noise[:, 20:]
-    correlation = neighbour_correlation(noise, np.ones((side, side)))
+    correlation = estimate_neighbour_correlation(noise, np.ones((side, side)))
     np.testing.assert_allclose(correlation.mean(axis=1), [0.0, forget], atol=0.02)
     white = 1.0 / side**2
     assert noise.mean(axis=(1, 2)).var() / white == pytest.approx(
-        growth(correlation).mean(), rel=0.2
+        compute_variance_growth(correlation).mean(), rel=0.2
     )

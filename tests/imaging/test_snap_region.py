@@ -10,7 +10,7 @@ from scipy.special import erf
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
-from uavgram.imaging.snap_region import Region, Unclear, snap_within
+from uavgram.imaging.snap_region import Region, UnclearRegion, snap_within
 from uavgram.model.arrays import Floats
 
 PLACE = np.array([140.37, 118.81])
@@ -58,11 +58,11 @@ def region(sigma_px: float = 10.0, pointer_px: Floats | None = None) -> Region:
     return Region(middle, np.eye(2) * sigma_px**2, pointer)
 
 
-def snapped(picture: Pixels, where: Region, *, corners: bool = False) -> Snapped | Unclear:
+def snapped(picture: Pixels, where: Region, *, corners: bool = False) -> Snapped | UnclearRegion:
     return snap_within(picture, where, corners=corners)
 
 
-def off(found: Snapped | Unclear | str, place: Floats = PLACE) -> float:
+def off(found: Snapped | UnclearRegion | str, place: Floats = PLACE) -> float:
     assert isinstance(found, Snapped), found
     return float(np.hypot(found.u_px - place[0], found.v_px - place[1]))
 
@@ -100,7 +100,7 @@ def test_of_two_alike_none_is_guessed_but_the_pointer_tells(
     picture = photo(draw(PLACE), draw(other))
     refused = snapped(picture, region(15.0))
 
-    assert isinstance(refused, Unclear)
+    assert isinstance(refused, UnclearRegion)
     assert refused.why.startswith("2 things")
     away = np.linalg.norm(refused.place_px[:, None] - [PLACE, other], axis=2)
     assert sorted(away.argmin(axis=1).tolist()) == [0, 1]
@@ -111,7 +111,7 @@ def test_of_two_alike_none_is_guessed_but_the_pointer_tells(
 def test_a_line_and_a_corner_are_no_targets_and_a_corner_is_taken_where_one_may_be_meant() -> None:
     line = 130 * square(PLACE + np.array([0.0, 200.0]), 200.0)  # its upper edge ends in the picture
     picture = photo(line * (GRID[0] > PLACE[0]))
-    assert isinstance(snapped(picture, region()), Unclear)
+    assert isinstance(snapped(picture, region()), UnclearRegion)
     found = snapped(picture, region(), corners=True)
 
     assert off(found) < 1.0
@@ -121,16 +121,16 @@ def test_a_line_and_a_corner_are_no_targets_and_a_corner_is_taken_where_one_may_
 
 @pytest.mark.parametrize("draw", [ringed, chequer])
 def test_what_lies_outside_the_region_is_not_taken(draw: Callable[[Floats], Floats]) -> None:
-    assert isinstance(snapped(photo(draw(PLACE)), region(3.0)), Unclear)
+    assert isinstance(snapped(photo(draw(PLACE)), region(3.0)), UnclearRegion)
 
 
 def test_on_bare_ground_there_is_no_target() -> None:
-    assert isinstance(snapped(photo(), region()), Unclear)
+    assert isinstance(snapped(photo(), region()), UnclearRegion)
 
 
 def test_a_region_beyond_the_photo_is_said() -> None:
     beyond = Region(np.array([-400.0, 50.0]), np.eye(2), np.zeros(2))
     found = snapped(photo(), beyond)
 
-    assert isinstance(found, Unclear)
+    assert isinstance(found, UnclearRegion)
     assert "outside" in found.why

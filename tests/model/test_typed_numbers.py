@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from uavgram.model.limits import comma_question, has_decimal_comma, with_point
+from uavgram.model.limits import comma_question, has_decimal_comma, replace_decimal_comma
 
 
 @pytest.mark.parametrize(
@@ -21,18 +21,18 @@ from uavgram.model.limits import comma_question, has_decimal_comma, with_point
 )
 def test_a_comma_that_can_only_be_decimal_is_one(typed: str, meant: str) -> None:
     assert has_decimal_comma(typed)
-    assert with_point(typed) == meant
+    assert replace_decimal_comma(typed) == meant
     assert comma_question(typed) == ""
 
 
 @pytest.mark.parametrize("typed", ["12,001", "1,234", "-999,999"])
 def test_what_may_be_thousands_is_asked_about(typed: str) -> None:
-    assert with_point(typed) == typed
+    assert replace_decimal_comma(typed) == typed
     assert typed.replace(",", ".") in comma_question(typed)
     assert typed.replace(",", "") in comma_question(typed)
 
 
 @pytest.mark.parametrize("typed", ["1.5", "a,b", "1,2,3", "1.234,5", "1,234.5", "1,", "", "1,5 m"])
 def test_other_text_stays_as_it_is(typed: str) -> None:
-    assert with_point(typed) == typed
+    assert replace_decimal_comma(typed) == typed
     assert comma_question(typed) == ""

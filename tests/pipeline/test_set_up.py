@@ -9,7 +9,7 @@ import yaml
 from pick_pages import small_project
 
 from uavgram.config.project import load_project
-from uavgram.config.project_text import Settings, with_settings
+from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import UavgramError
 from uavgram.model.naming import IMPERIAL
 from uavgram.model.provenance import Case
@@ -88,7 +88,7 @@ def test_settings_are_written_where_a_person_would(
     before: str, settings: Settings, after: str | None
 ) -> None:
     """`after`: the text; empty: it cannot be changed; None: as YAML reads it, nothing is lost."""
-    changed = with_settings(before, settings)
+    changed = apply_settings(before, settings)
     if after == "":
         assert changed is None
         return

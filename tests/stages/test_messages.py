@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from uavgram.model.catalogue.catalogue import CATALOGUE
-from uavgram.model.message import Correction, Message, Remedy, Several
-from uavgram.model.survey.mend import Cause
+from uavgram.model.message import Correction, Message, MessagePlural, Remedy
+from uavgram.model.survey.corrections import Cause
 from uavgram.stages.messages import MAX_LISTED, downgrade_explained, order_messages
 
 OUT = "{count} frames were left out"
@@ -20,7 +20,7 @@ def left_out(name: str, why: str = "too few picks") -> Message:
         "frame-left-out",
         f"The frame {name!r} was left out: {why}.",
         frames=(name,),
-        several=Several(OUT, repr(name), why, "Look at them."),
+        several=MessagePlural(OUT, repr(name), why, "Look at them."),
     )
 
 
@@ -46,7 +46,7 @@ def test_several_lengths_are_read_again_together_and_removed_together() -> None:
             Remedy(action=act, words=name, corrections=(Correction(action=act, length=name),))
             for act in ("read", "remove-length")
         )
-        several = Several("{count} lengths do not fit", name)
+        several = MessagePlural("{count} lengths do not fit", name)
         message = Message("warning", "line-suspect", "off", several=several, lengths=(name,))
         return replace(message, mend=read, instead=(out,))
 
@@ -62,7 +62,7 @@ def test_several_lengths_are_read_again_together_and_removed_together() -> None:
 
 
 def test_heights_stay_with_their_labels() -> None:
-    several = Several("{count} points fit off the ground", "a point")
+    several = MessagePlural("{count} points fit off the ground", "a point")
     one, other = (
         Message(
             "warning",

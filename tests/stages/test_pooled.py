@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from uavgram.model.batch import Drift, Fit, SeenParameter, SurveyRow
+from uavgram.model.batch import Drift, Fit, ParameterUpdate, SurveyRow
 from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
 
 
@@ -59,7 +59,7 @@ def adjusted(
         camera="c",
         taken_utc=f"20{10 + day:02}-01-01T00:00:00+00:00",
         seen=tuple(
-            SeenParameter(name=n, stated=0.0, stated_sigma=s, value=v, sigma=g)
+            ParameterUpdate(name=n, stated=0.0, stated_sigma=s, value=v, sigma=g)
             for n, s, v, g in zip("ab", (1.0, 2.0), value.tolist(), sigma.tolist(), strict=True)
         ),
     )
@@ -102,7 +102,7 @@ def test_a_camera_that_drifts_is_found() -> None:
 
 def test_another_file_is_another_calibration() -> None:
     def row(stated: float) -> SurveyRow:
-        seen = SeenParameter(name="fx", stated=stated, stated_sigma=3.0, value=stated, sigma=1.0)
+        seen = ParameterUpdate(name="fx", stated=stated, stated_sigma=3.0, value=stated, sigma=1.0)
         return SurveyRow(name="x", project="x", status="done", camera="c", seen=(seen,))
 
     assert find_camera_drifts([row(2000.0), row(2010.0)]) == ()

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
-from uavgram.model.message import Correction, Message, Remedy, together, unpicked, without_lengths
-from uavgram.model.survey.mend import Ends, Mend
+from uavgram.model.message import (
+    Correction,
+    Message,
+    Remedy,
+    merge_remedies,
+    propose_length_removal,
+    propose_pick_removal,
+)
+from uavgram.model.survey.corrections import Ends, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.remedies import add_remedies, make_height_remedy, make_remedy
 
@@ -25,14 +32,14 @@ def pick(survey: Survey, frame: int, label: int) -> int:
     return int(rows[0])
 
 
-def named(survey: Survey, mend: Mend) -> Remedy:
+def named(survey: Survey, mend: SurveyCorrection) -> Remedy:
     found = make_remedy(survey, mend)
     assert found is not None
     return found
 
 
-def relabelled(survey: Survey, right: dict[int, int], frame: int = 1) -> Mend:
-    return Mend(label_of_pick={pick(survey, frame, a): b for a, b in right.items()})
+def relabelled(survey: Survey, right: dict[int, int], frame: int = 1) -> SurveyCorrection:
+    return SurveyCorrection(label_of_pick={pick(survey, frame, a): b for a, b in right.items()})
 
 
 def after(labels: list[str], swaps: tuple[Correction, ...]) -> list[str]:
@@ -77,7 +84,7 @@ def test_a_chain_ends_at_a_label_that_is_not_picked_there(survey: Survey) -> Non
 def test_two_labels_exchanged_in_all_photos_are_one_exchange(survey: Survey) -> None:
     right = {int(k): 1 for k in np.flatnonzero(survey.pick_label == 0)}
     right |= {int(k): 0 for k in np.flatnonzero(survey.pick_label == 1)}
-    found = named(survey, Mend(label_of_pick=right))
+    found = named(survey, SurveyCorrection(label_of_pick=right))
 
     assert found.words == "Swap P0 and P1 in all photos"
     assert found.corrections == (Correction(action="swap", label="P0", other="P1"),)
@@ -87,25 +94,33 @@ def test_words_name_what_the_button_does(survey: Survey) -> None:
     first, second = survey.length_m[:2]
     photo = survey.frame_id[0].rpartition(".")[0] or survey.frame_id[0]
     words = {
-        "Correct L1 to 3.25 m": Mend(length_m={0: 3.25}),
-        f"Take L1 as feet: {first * 0.3048:.2f} m": Mend(length_m={0: float(first) * 0.3048}),
-        "Take these 2 lengths as inches": Mend(
+        "Correct L1 to 3.25 m": SurveyCorrection(length_m={0: 3.25}),
+        f"Take L1 as feet: {first * 0.3048:.2f} m": SurveyCorrection(
+            length_m={0: float(first) * 0.3048}
+        ),
+        "Take these 2 lengths as inches": SurveyCorrection(
             length_m={0: float(first) * 0.0254, 1: float(second) * 0.0254}
         ),
-        "Swap the readings of L1 and L2": Mend(length_m={0: float(second), 1: float(first)}),
-        "Correct these 2 lengths": Mend(length_m={0: 1.0, 1: 2.0}),
-        "Take L2 from P0 to P4": Mend(ends={1: Ends(0, 4)}),
-        "Remove the length L3": Mend(without_lines=frozenset([2])),
-        "Free the height of P5": Mend(free={5: True}),
-        f"Remove the pick of P3 in {photo}": Mend(without_picks=frozenset([pick(survey, 0, 3)])),
-        f"Put the picks of {photo} back": Mend(pixel_of_pick={pick(survey, 0, 3): (1.0, 2.0)}),
+        "Swap the readings of L1 and L2": SurveyCorrection(
+            length_m={0: float(second), 1: float(first)}
+        ),
+        "Correct these 2 lengths": SurveyCorrection(length_m={0: 1.0, 1: 2.0}),
+        "Take L2 from P0 to P4": SurveyCorrection(ends={1: Ends(0, 4)}),
+        "Remove the length L3": SurveyCorrection(without_lines=frozenset([2])),
+        "Free the height of P5": SurveyCorrection(free={5: True}),
+        f"Remove the pick of P3 in {photo}": SurveyCorrection(
+            without_picks=frozenset([pick(survey, 0, 3)])
+        ),
+        f"Put the picks of {photo} back": SurveyCorrection(
+            pixel_of_pick={pick(survey, 0, 3): (1.0, 2.0)}
+        ),
     }
 
     assert [named(survey, mend).words for mend in words.values()] == list(words)
 
 
 def test_a_pick_is_taken_out_before_another_one_takes_its_label(survey: Survey) -> None:
-    mend = Mend(
+    mend = SurveyCorrection(
         label_of_pick={pick(survey, 1, 0): 1}, without_picks=frozenset([pick(survey, 1, 1)])
     )
     found = named(survey, mend)
@@ -119,13 +134,13 @@ def test_what_was_never_written_is_not_mended(survey: Survey) -> None:
     """A height that the program freed, and a length without a name."""
     nameless = replace(survey, line_name=())
 
-    assert make_remedy(survey, Mend(free={0: False})) is None
-    assert make_remedy(nameless, Mend(without_lines=frozenset([0]))) is None
-    assert make_remedy(nameless, Mend(length_m={0: 2.0})) is None
+    assert make_remedy(survey, SurveyCorrection(free={0: False})) is None
+    assert make_remedy(nameless, SurveyCorrection(without_lines=frozenset([0]))) is None
+    assert make_remedy(nameless, SurveyCorrection(length_m={0: 2.0})) is None
 
 
 def test_what_was_measured_is_read_again_before_it_is_removed(survey: Survey) -> None:
-    mends = [Mend(without_lines=frozenset([1, 2])), Mend(free={1: True})]
+    mends = [SurveyCorrection(without_lines=frozenset([1, 2])), SurveyCorrection(free={1: True})]
     message = add_remedies(Message("warning", "a", "It is wrong."), survey, mends)
     told = [message.mend, *message.instead]
 
@@ -136,7 +151,7 @@ def test_what_was_measured_is_read_again_before_it_is_removed(survey: Survey) ->
 
 
 def test_rivals_are_told_beside_the_likeliest(survey: Survey) -> None:
-    mends = [Mend(length_m={0: 3.0}), None, Mend(free={1: True})]
+    mends = [SurveyCorrection(length_m={0: 3.0}), None, SurveyCorrection(free={1: True})]
     message = add_remedies(Message("warning", "a", "It is wrong."), survey, mends)
 
     assert message.mend is not None
@@ -145,13 +160,18 @@ def test_rivals_are_told_beside_the_likeliest(survey: Survey) -> None:
 
 
 def test_several_are_done_together_only_where_that_is_safe() -> None:
-    heights = together(
+    heights = merge_remedies(
         [make_height_remedy(["A"]), make_height_remedy(["B"]), make_height_remedy(["B"])]
     )
     assert heights is not None
 
     assert heights.words == "Free these 2 heights"
     assert [one.label for one in heights.corrections] == ["A", "B"]
-    assert together([make_height_remedy(["A"]), None]) is None
-    assert together([make_height_remedy(["A"]), without_lengths(["L1"])]) is None
-    assert together([unpicked([("1.jpg", "A")]), unpicked([("2.jpg", "A")])]) is None
+    assert merge_remedies([make_height_remedy(["A"]), None]) is None
+    assert merge_remedies([make_height_remedy(["A"]), propose_length_removal(["L1"])]) is None
+    assert (
+        merge_remedies(
+            [propose_pick_removal([("1.jpg", "A")]), propose_pick_removal([("2.jpg", "A")])]
+        )
+        is None
+    )

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.ground.row_projection import row_poses
-from uavgram.geometry.motion.camera_motion import row_share
+from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
@@ -32,7 +32,7 @@ SAME_PX = 1e-9
 def by_the_row_seen(result: Result, frame: int, seen_px: Floats, world_m: Floats) -> Floats:
     """(n, 2) pixels of points (n, 3), each by the pose of the row in which it was seen."""
     poses = row_poses(result, frame)
-    share = row_share(seen_px[:, 1], result.camera.height_px)[:, None]
+    share = compute_row_share(seen_px[:, 1], result.camera.height_px)[:, None]
     turned = Rotation.from_rotvec(share * poses.sweep[3:]).as_matrix()
     away = world_m - poses.center - share * poses.sweep[:3]
     in_camera = np.einsum("nji,nj->ni", poses.rotation @ turned, away)

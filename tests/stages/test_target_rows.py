@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.model.survey.observations import LeftOut, Picks, SeenPlate
+from uavgram.model.survey.observations import Picks, RejectedPlate, SeenPlate
 from uavgram.stages.target_rows import add_targets
 
 NO_PICKS = Picks(
@@ -12,7 +12,7 @@ NO_PICKS = Picks(
 )
 
 
-def _seen(plate: int, left_out: LeftOut = LeftOut.NO) -> SeenPlate:
+def _seen(plate: int, left_out: RejectedPlate = RejectedPlate.NO) -> SeenPlate:
     return SeenPlate(
         plate=plate,
         corner_px=np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]]),
@@ -26,8 +26,8 @@ def _seen(plate: int, left_out: LeftOut = LeftOut.NO) -> SeenPlate:
 
 def test_a_doubtful_plate_is_told_only_where_another_photo_shows_it() -> None:
     seen = {
-        "a.jpg": (_seen(1), _seen(2, LeftOut.COVERED)),
-        "b.jpg": (_seen(1, LeftOut.DOUBTFUL), _seen(9, LeftOut.DOUBTFUL)),
+        "a.jpg": (_seen(1), _seen(2, RejectedPlate.COVERED)),
+        "b.jpg": (_seen(1, RejectedPlate.DOUBTFUL), _seen(9, RejectedPlate.DOUBTFUL)),
     }
     rows = add_targets(NO_PICKS, seen, {})
     assert set(rows.picks.image) == {"a.jpg"}

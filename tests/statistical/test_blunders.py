@@ -43,7 +43,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine import minima, refine
 from uavgram.stages.refine.first_values import find_first_values
@@ -360,7 +360,7 @@ def test_two_swapped_labels_are_swapped_back_where_three_frames_see_every_point(
         mends = [r.cause.mend for r in refined.removals if r.cause is not None]
         right = {int(k): int(survey.pick_label[k]) for k in (one, other)}
         # Swapped back: nothing is left out, and nothing else is changed.
-        located += not refined.pick_reason and mends == [Mend(label_of_pick=right)]
+        located += not refined.pick_reason and mends == [SurveyCorrection(label_of_pick=right)]
     record_property("located", float(located / SWAPPED))
     assert located >= 0.98 * SWAPPED
 

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.known_kinds import on_line
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.known import known_rows
 from uavgram.estimation.survey.unknowns import advance
-from uavgram.geometry.ground.line_of_position import joint_covariance
+from uavgram.geometry.ground.line_of_position import compute_joint_covariance
 from uavgram.model.arrays import Floats
 
 pytestmark = pytest.mark.statistical
@@ -71,11 +71,11 @@ def test_errors_together_are_as_large_as_the_covariance_says() -> None:
 
 
 def test_points_that_count_as_independent_break_the_bounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    right = joint_covariance
+    right = compute_joint_covariance
 
     def independent(by_ends: Floats, sigma_m: Floats, own_m: float) -> Floats:
         return np.diag(np.diag(right(by_ends, sigma_m, own_m)))
 
-    monkeypatch.setattr(on_line, "joint_covariance", independent)
+    monkeypatch.setattr(on_line, "compute_joint_covariance", independent)
 
     assert not is_honest(*squares()[1])

@@ -19,7 +19,7 @@ from scipy.stats import chi2
 from uavgram.errors import GeometryError
 from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.geometry.ground import shapes
-from uavgram.imaging.known_point_pose import known_point_poses
+from uavgram.imaging.known_point_pose import find_known_point_poses
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
@@ -63,7 +63,7 @@ def by_points(survey: Survey) -> Survey:
         length_m=np.empty(0),
         length_sigma_m=np.empty(0),
     )
-    return replace(survey, candidate_poses=known_point_poses(survey))
+    return replace(survey, candidate_poses=find_known_point_poses(survey))
 
 
 def by_lengths(survey: Survey) -> Survey:

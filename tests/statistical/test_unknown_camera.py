@@ -28,7 +28,7 @@ from uavgram.estimation.measuring.second_order import curvature
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.camera.lens import largest_radius
 from uavgram.geometry.ground import shapes
-from uavgram.io.cameras.choice import drone_cameras
+from uavgram.io.cameras.choice import read_drone_cameras
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags
@@ -73,7 +73,7 @@ class Cameras:
         self._share = np.sqrt(assumed.covariance[0, 0]) / assumed.parameters[0]
         self._lenses = [
             camera.distortion
-            for camera in drone_cameras()
+            for camera in read_drone_cameras()
             if camera.is_perspective
             and not camera.is_thermal
             and 0 < np.abs(camera.distortion[:2]).max() < STRONGEST
@@ -98,7 +98,7 @@ class Cameras:
 @pytest.fixture
 def _unknown_cameras(monkeypatch: pytest.MonkeyPatch) -> None:
     tags = CameraTags(path="", width_px=2000, height_px=1500)
-    assumed, _ = assume_camera(tags, drone_cameras(), may_be_unknown=True)
+    assumed, _ = assume_camera(tags, read_drone_cameras(), may_be_unknown=True)
     monkeypatch.setattr(scenes, "INTRINSICS", assumed.parameters)
     monkeypatch.setattr(random_scenes, "CALIBRATION_COVARIANCE", assumed.covariance)
     monkeypatch.setattr(random_scenes, "CALIBRATION_ROOT", Cameras(assumed))

@@ -7,7 +7,7 @@ from typing import Any
 import board_scenes
 import numpy as np
 
-from uavgram.imaging.photos.preview import Preview, preview_of
+from uavgram.imaging.photos.preview import Preview, make_preview
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
 from uavgram.model.camera.calibration import CameraProvenance, LensModel
 from uavgram.model.camera.calibration_result import CalibrationAccount
@@ -65,5 +65,5 @@ def make_account(
 def make_previews(account: CalibrationAccount) -> dict[str, Preview]:
     """A blank picture for every photo."""
     size = (account.result.calibration.height_px, account.result.calibration.width_px)
-    blank = preview_of(np.full(size, 90, np.uint8), 320)
+    blank = make_preview(np.full(size, 90, np.uint8), 320)
     return dict.fromkeys((*account.result.photos.file, "wall.jpg"), blank)

@@ -19,7 +19,7 @@ from pymavlink import DFReader
 from pymavlink.dialects.v20 import all as dialect
 from pymavlink.generator.mavcrc import x25crc
 
-from uavgram.io.logs.dataflash.binary import BinaryTables, index_binary, indexed_by_loop
+from uavgram.io.logs.dataflash.binary import BinaryTables, index_binary, index_by_loop
 from uavgram.io.logs.dataflash.formats import FMT_TYPE
 
 Rng = np.random.Generator
@@ -132,7 +132,7 @@ def _shuffled(rows: list[bytes], rng: Rng) -> list[bytes]:
 @lru_cache(maxsize=1)
 def binary_rows(data: bytes) -> list[bytes]:
     """The messages of a DataFlash log."""
-    edges = [*sorted(at for starts in indexed_by_loop(data) for at in starts), len(data)]
+    edges = [*sorted(at for starts in index_by_loop(data) for at in starts), len(data)]
     return [data[a:b] for a, b in itertools.pairwise(edges)]
 
 

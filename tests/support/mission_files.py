@@ -9,8 +9,7 @@ from pymavlink import mavutil, mavwp
 from qgc_plan_format import PlacedItem, QgcPlan
 
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.io.exports.mission_qgc import qgc_plan_text
-from uavgram.io.exports.mission_waypoints import waypoints_text
+from uavgram.io.exports.missions import qgc_plan_text, waypoints_text
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Mission
 from uavgram.synthetic.scenario import Site, Station

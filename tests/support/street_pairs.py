@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.geometry.camera.projection import back_project, project
 from uavgram.geometry.motion.rotation import exp_so3, log_so3
-from uavgram.imaging.matching.matched import Sought
+from uavgram.imaging.matching.matches import SoughtPoints
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats
 
@@ -60,7 +60,7 @@ class Pair:
     source: str
     target: str
     label: tuple[str, ...]
-    sought: Sought
+    sought: SoughtPoints
     true_px: Floats
 
 
@@ -134,7 +134,7 @@ class StreetTruth:
 
     def _sought(
         self, frames: tuple[str, str], place: Floats, off: tuple[Floats, Floats], error: PoseError
-    ) -> Sought:
+    ) -> SoughtPoints:
         def mapped(pixel: Floats, first: Floats, second: Floats, up: float) -> Floats:
             return self._seen(frames[1], self._ground(frames[0], pixel, first, up), second)
 
@@ -157,7 +157,7 @@ class StreetTruth:
             columns.append((mapped(place, first, second + step, 0.0) - here) * scale)
         by = np.stack(columns, axis=-1)
         covariance = by @ np.swapaxes(by, 1, 2)
-        return Sought(
+        return SoughtPoints(
             source_px=place,
             target_px=here,
             covariance_px2=covariance,

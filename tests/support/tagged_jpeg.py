@@ -17,7 +17,7 @@ from uavgram.io.photos.metadata import (
     build_jpeg,
     parse_jpeg,
 )
-from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
+from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.model.flight.frames import Photos
 
 RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
@@ -58,7 +58,7 @@ def placed_jpeg(longitude_deg: float, latitude_deg: float) -> bytes:
         sigma_horizontal_m=1.0,
     )
     return build_jpeg(
-        [Segment(APP1, EXIF_HEAD + with_gps(None, place)), *plain.segments], plain.scan
+        [Segment(APP1, EXIF_HEAD + set_gps(None, place)), *plain.segments], plain.scan
     )
 
 

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from uavgram.geometry.motion.rotation import exp_so3
-from uavgram.imaging.raster import Image, octaves
+from uavgram.imaging.raster import Image, make_texture
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.pose import Poses
@@ -37,7 +37,7 @@ DOWN = np.diag([1.0, -1.0, -1.0])
 def ground() -> Image:
     """A picture of the ground, 20 pixels a metre, its middle at the origin."""
     rng = np.random.default_rng(5)
-    noise = octaves(rng, (GROUND_PX, GROUND_PX), {2: 0.5, 5: 0.7, 14: 0.7, 60: 0.6})
+    noise = make_texture(rng, (GROUND_PX, GROUND_PX), {2: 0.5, 5: 0.7, 14: 0.7, 60: 0.6})
     return np.asarray(np.clip(120.0 + 35.0 * noise, 0, 255), np.uint8)
 
 

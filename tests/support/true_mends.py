@@ -9,7 +9,7 @@ from hostile_surveys import HostileSurvey
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Bools
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 
 AS_READ_M = 0.05
 """By which a mended length may differ from what was read."""
@@ -45,7 +45,7 @@ def is_repaired(refined: Refined, faulty: HostileSurvey, sound: HostileSurvey) -
 
 
 def _has_right_labels(
-    mends: Sequence[Mend], faulty: HostileSurvey, sound: HostileSurvey, out: Bools
+    mends: Sequence[SurveyCorrection], faulty: HostileSurvey, sound: HostileSurvey, out: Bools
 ) -> bool:
     label, names = faulty.pick_label.copy(), _names(faulty)
     for mend in mends:
@@ -54,7 +54,9 @@ def _has_right_labels(
     return bool((label == sound.pick_label)[~out].all())
 
 
-def _has_right_lengths(mends: Sequence[Mend], faulty: HostileSurvey, sound: HostileSurvey) -> bool:
+def _has_right_lengths(
+    mends: Sequence[SurveyCorrection], faulty: HostileSurvey, sound: HostileSurvey
+) -> bool:
     length, ends, names = faulty.line_length_m.copy(), faulty.line.copy(), _names(faulty)
     for mend in mends:
         for line, value in mend.length_m.items():
@@ -65,7 +67,9 @@ def _has_right_lengths(mends: Sequence[Mend], faulty: HostileSurvey, sound: Host
     return bool(near.all() and (np.sort(ends) == np.sort(sound.line)).all())
 
 
-def _raised_labels(refined: Refined, mends: Sequence[Mend], faulty: HostileSurvey) -> set[int]:
+def _raised_labels(
+    refined: Refined, mends: Sequence[SurveyCorrection], faulty: HostileSurvey
+) -> set[int]:
     names = _names(faulty)
     free = {int(name.removeprefix("P")) for name in refined.off_ground}
     for mend in mends:

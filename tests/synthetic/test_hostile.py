@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.synthetic.errors import HabitSpec, Raised, WrongLength
+from uavgram.synthetic.errors import FixedErrors, RaisedPoint, WrongLength
 from uavgram.synthetic.scenario import FlightPlan, GroundSpec, Pattern, Scenario, Station
 from uavgram.synthetic.scene import draw_surface
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
@@ -17,7 +17,7 @@ CLEAN = simulate(Scenario())
 
 
 def with_habits(**habits: object) -> SimulatedSurvey:
-    return simulate(replace(Scenario(), habits=replace(HabitSpec(), **habits)))  # type: ignore[arg-type]
+    return simulate(replace(Scenario(), habits=replace(FixedErrors(), **habits)))  # type: ignore[arg-type]
 
 
 def on_ground(spec: GroundSpec) -> SimulatedSurvey:
@@ -47,7 +47,7 @@ def test_labels_are_swapped_in_one_photo_only() -> None:
 
 
 def test_raised_points_and_shapes_of_the_ground() -> None:
-    raised = above_plane(with_habits(raised=(Raised(label="P2", height_m=0.4),)))
+    raised = above_plane(with_habits(raised=(RaisedPoint(label="P2", height_m=0.4),)))
     assert raised["P2"] == pytest.approx(0.4)
     assert sum(map(abs, raised.values())) == pytest.approx(0.4)
     crown = above_plane(on_ground(GroundSpec(shape="crown")))

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from uavgram.geometry.camera.projection import project
-from uavgram.imaging.plates.sight import sight_plates
-from uavgram.imaging.raster import GroundRaster, Image, Painter, box
+from uavgram.imaging.plates.detection import sight_plates
+from uavgram.imaging.raster import GroundRaster, Image, Painter, make_box
 from uavgram.model.arrays import Floats
 from uavgram.model.target_families import corner_label
 from uavgram.synthetic.accident_scene import DEMO_POINTS, Mark
@@ -196,7 +196,7 @@ def test_shapes_are_painted_where_the_scene_has_them() -> None:
     raster = GroundRaster(
         image=np.zeros((40, 60, 3), np.uint8), x_top_m=2.0, y_left_m=3.0, resolution_m=0.1
     )
-    mask = Painter(raster).polygons(box(0.5, 1.5, -1.0, 2.0)).astype(float)
+    mask = Painter(raster).polygons(make_box(0.5, 1.5, -1.0, 2.0)).astype(float)
     v, u = np.indices(mask.shape)
     center = np.array([np.sum(u * mask), np.sum(v * mask)]) / mask.sum()
     # Middle (1.0, 0.5): 1 m below the top, 2.5 m right of the left edge; pixel centres are whole.

@@ -180,7 +180,7 @@ def test_outputs_say_the_same(single: ScenarioWorld, tmp_path: Path) -> None:
     assert "http" not in page.replace("http-equiv", "")
     assert content["amiss"] == []
     assert "has amiss" not in page
-    worn = replace(found, amiss=("ground.crown_percent",))
+    worn = replace(found, deviations=("ground.crown_percent",))
     for told in ("\n".join(simulation_lines(worn)), render_simulation_page(worn)):
         assert "does not know: the road has a crown (ground.crown_percent). The ± need not" in told
     # ranges stand below their values, or the table is wider than the page

@@ -11,7 +11,7 @@ from pyarrow import parquet
 from pyproj import Geod
 
 from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
-from uavgram.model.batch import Batch, Fit, SeenParameter, SurveyRow
+from uavgram.model.batch import Batch, Fit, ParameterUpdate, SurveyRow
 from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
 from uavgram.views.batch_map import batch_map
 from uavgram.views.batch_page import render_batch_page
@@ -32,7 +32,7 @@ ROWS = (
         warnings=("clock-receive",),
         output="/s/a/out put",
         fits=(Fit(kind="checks", squares=90.0, freedom=10.0),),
-        seen=(SeenParameter(name="fx", stated=2.0, stated_sigma=3.0, value=1.0, sigma=0.5),),
+        seen=(ParameterUpdate(name="fx", stated=2.0, stated_sigma=3.0, value=1.0, sigma=0.5),),
     ),
     SurveyRow(
         name="b",

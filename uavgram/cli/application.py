@@ -7,14 +7,14 @@ from typing import Annotated
 
 from cyclopts import App, Parameter, Token, validators
 
-from uavgram.model.limits import comma_question, with_point
+from uavgram.model.limits import comma_question, replace_decimal_comma
 
 
 def decimal(_type: object, tokens: Sequence[Token]) -> float:
     """Read a typed number, with a decimal comma where it is unambiguous."""
     typed = tokens[0].value
     try:
-        return float(with_point(typed))
+        return float(replace_decimal_comma(typed))
     except ValueError:
         raise ValueError(f"must be a number (got {typed!r}){comma_question(typed)}") from None
 

@@ -34,11 +34,11 @@ def run_object(result: Result, folder: Path) -> dict[str, Any]:
     folder
         Folder of its files.
     """
-    from uavgram.io.outputs import LAST
+    from uavgram.io.outputs import LAST_MOVED
     from uavgram.io.results.results_json import dump_results
 
     whole = json.loads(dump_results(result))
-    files = {"output": str(folder.absolute()), "results": str((folder / LAST).absolute())}
+    files = {"output": str(folder.absolute()), "results": str((folder / LAST_MOVED).absolute())}
     return {key: whole[key] for key in _OF_A_RUN} | files
 
 
@@ -68,10 +68,10 @@ def check_object(checked: Checked, project: Path) -> dict[str, Any]:
 
 def camera_object(read: CameraRead) -> dict[str, Any]:
     """Make an object of a camera: its parameters in order, their covariance, and their meaning."""
-    from uavgram.geometry.camera.facts import camera_facts
+    from uavgram.geometry.camera.properties import compute_camera_properties
 
     camera = read.calibration
-    facts = camera_facts(camera)
+    facts = compute_camera_properties(camera)
     return {
         "schema": SCHEMA,
         "path": str(read.path),

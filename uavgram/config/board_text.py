@@ -5,17 +5,17 @@ from __future__ import annotations
 import re
 
 from uavgram.errors import InputError, near_miss
-from uavgram.imaging.targets.dictionaries import dictionary_names, dictionary_size
+from uavgram.imaging.targets.charuco import dictionary_names, dictionary_size
 from uavgram.model.camera.board import Board, flat_board
 
 OPTION = "--board"
-FORMS = (
+NOTATION = (
     "chessboard:9x6:25mm (9 x 6 inner corners, where four squares meet; side of a square) or "
     "charuco:8x6:30mm:22mm:DICT_5X5_100 (8 x 6 squares; sides of a square and of a marker; "
     "the markers' dictionary)"
 )
-LEAST_CORNERS = 3  # each way: with fewer, any other crossing lines look like a board
-MOST_CORNERS = 200  # each way: no camera resolves more of them
+MIN_CORNERS = 3  # each way: with fewer, any other crossing lines look like a board
+MAX_CORNERS = 200  # each way: no camera resolves more of them
 _LARGEST_SQUARE_M = 5.0
 _UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _COUNT = re.compile(r"(\d{1,9})x(\d{1,9})")
@@ -28,8 +28,8 @@ def parse_board(text: str) -> Board:
     Parameters
     ----------
     text
-        See `FORMS`: a chessboard is counted in inner corners, a ChArUco board in squares, each as
-        OpenCV does.
+        See `NOTATION`: a chessboard is counted in inner corners, a ChArUco board in squares, each
+        as OpenCV does.
 
     Raises
     ------
@@ -38,7 +38,7 @@ def parse_board(text: str) -> Board:
     """
     kind, *parts = text.strip().split(":")
     if kind == "chessboard" and len(parts) == 2:
-        columns, rows = _count(text, parts[0], LEAST_CORNERS, "inner corners")
+        columns, rows = _count(text, parts[0], MIN_CORNERS, "inner corners")
         return flat_board(columns, rows, _length(text, parts[1]))
     if kind == "charuco" and len(parts) == 4:
         return _charuco(text, parts)
@@ -49,7 +49,7 @@ def parse_board(text: str) -> Board:
 
 
 def _charuco(text: str, parts: list[str]) -> Board:
-    columns, rows = _count(text, parts[0], LEAST_CORNERS, "squares")
+    columns, rows = _count(text, parts[0], MIN_CORNERS, "squares")
     square_m, marker_m = _length(text, parts[1]), _length(text, parts[2])
     if marker_m >= square_m:
         raise _fault(text, "the marker is not smaller than the square around it")
@@ -77,8 +77,8 @@ def _count(text: str, part: str, least: int, what: str) -> tuple[int, int]:
     columns, rows = int(match[1]), int(match[2])
     if min(columns, rows) < least:
         raise _fault(text, f"{part!r}: at least {least} {what} each way are needed")
-    if max(columns, rows) > MOST_CORNERS:
-        raise _fault(text, f"{part!r}: at most {MOST_CORNERS} {what} each way are possible")
+    if max(columns, rows) > MAX_CORNERS:
+        raise _fault(text, f"{part!r}: at most {MAX_CORNERS} {what} each way are possible")
     return columns, rows
 
 
@@ -93,4 +93,4 @@ def _length(text: str, part: str) -> float:
 
 
 def _fault(text: str, what: str) -> InputError:
-    return InputError(OPTION, f"{text!r}: {what}; write {FORMS}")
+    return InputError(OPTION, f"{text!r}: {what}; write {NOTATION}")

@@ -9,9 +9,9 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from uavgram.config.strict_yaml import Document, Plain, read_yaml
-from uavgram.config.validation import Fault, show, validate
+from uavgram.config.validation import Fault, format_value, validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
-from uavgram.geometry.earth.geodesy import checked_crs
+from uavgram.geometry.earth.geodesy import normalise_crs
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
 from uavgram.model.target_families import BOARD_PLATE
@@ -34,7 +34,7 @@ PROJECT_FILE = "project.yaml"
 PICKED_FILES = ("picks", "lines", "measure", "ties")
 """Inputs made by the program, which may be missing in an unfinished project."""
 
-_WAYS_OUT = {"ties": "; `uavgram picks ties` finds tie points, or write `ties: auto`"}
+_REMEDIES = {"ties": "; `uavgram picks ties` finds tie points, or write `ties: auto`"}
 """Remedies for missing files that the program can make."""
 
 FROM_PHOTOS = "exif"
@@ -109,7 +109,7 @@ def project_file(path: str | Path) -> Path:
     return file
 
 
-def relative_paths(project: Project, folder: Path) -> Project:
+def make_paths_relative(project: Project, folder: Path) -> Project:
     """Return the project with paths relative to its folder, as written in its file.
 
     Parameters
@@ -139,7 +139,7 @@ def _missing_files(data: dict[str, Plain], folder: Path, keys: Sequence[str]) ->
         for name in _names(data.get(key)):
             if _is_no_path(key, name) or (folder / name).is_file():
                 continue
-            faults.append(Fault((key,), _why_missing(folder / name, name) + _WAYS_OUT.get(key, "")))
+            faults.append(Fault((key,), _why_missing(folder / name, name) + _REMEDIES.get(key, "")))
     return tuple(faults)
 
 
@@ -155,7 +155,7 @@ def _unknown_crs(data: dict[str, Plain]) -> tuple[Fault, ...]:
     if not isinstance(crs, str) or crs in ("", "auto"):
         return ()
     try:
-        checked_crs(crs)
+        normalise_crs(crs)
     except GeometryError as fault:
         return (Fault(("crs",), str(fault)),)
     return ()
@@ -173,7 +173,8 @@ def _with_units(data: dict[str, Plain]) -> tuple[dict[str, Plain], tuple[Fault, 
         )
     elif isinstance(units, str) and units not in SHORT_FORMS:
         fault = (
-            f"must be metric, imperial, or such as {{length: ft, speed: mph}} (got {show(units)})"
+            "must be metric, imperial, or such as {length: ft, speed: mph} "
+            f"(got {format_value(units)})"
         )
     if fault:
         return {key: value for key, value in data.items() if key != "units"}, (

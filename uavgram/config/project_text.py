@@ -197,7 +197,7 @@ def _time_lines(project: ProjectText) -> list[str]:
     return lines
 
 
-def with_settings(text: str, settings: Settings) -> str | None:
+def apply_settings(text: str, settings: Settings) -> str | None:
     """Set values in a project file; comments and everything else stay unchanged.
 
     If the file has a key, or the template's comment for it, its line is changed in place. A missing
@@ -223,7 +223,7 @@ def with_settings(text: str, settings: Settings) -> str | None:
             _set_scalar(lines, key, value)
     changed = "\n".join(lines)
     changed = changed.replace("\n", "\r\n") if is_windows else changed
-    return changed if _says(changed) == _merged(_says(text), settings) else None
+    return changed if _parse_mapping(changed) == _merged(_parse_mapping(text), settings) else None
 
 
 def _set_scalar(lines: list[str], key: str, value: Scalar) -> None:
@@ -283,7 +283,7 @@ def _yaml(value: object) -> str:
     return _scalar(value) if isinstance(value, str) else json.dumps(value)
 
 
-def _says(text: str) -> dict[str, object]:
+def _parse_mapping(text: str) -> dict[str, object]:
     try:
         said = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError, RecursionError):

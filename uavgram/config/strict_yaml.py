@@ -17,13 +17,13 @@ import yaml
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_text
-from uavgram.model.limits import unshowable, with_point
+from uavgram.model.limits import find_unshowable, replace_decimal_comma
 
 KeyPath = tuple[str | int, ...]
 Plain = str | int | float | bool | None | list["Plain"] | dict[str, "Plain"]
 
-DEEPEST = 20  # composing is recursive; no file of this program nests deeper than 3
-MOST_ITEMS = 100_000
+MAX_DEPTH = 20  # composing is recursive; no file of this program nests deeper than 3
+MAX_ITEMS = 100_000
 """Limit of the list items in a file, such as photo names: a minute of reading."""
 _PREFIX = "tag:yaml.org,2002:"
 
@@ -56,7 +56,7 @@ class Document:
         return self.lines.get(key_path, 1)
 
 
-def read_yaml(path: Path, most_items: int = MOST_ITEMS) -> Document:
+def read_yaml(path: Path, most_items: int = MAX_ITEMS) -> Document:
     """Read a YAML file written by a person.
 
     Parameters
@@ -117,7 +117,7 @@ class _Loader(yaml.SafeLoader):
         if isinstance(event, yaml.CollectionStartEvent):
             self._within.append(type(event))
         for found, most, what in (
-            (len(self._within), DEEPEST, "levels of nesting"),
+            (len(self._within), MAX_DEPTH, "levels of nesting"),
             (self._items, self._most_items, "items in its lists, all together: shorten them"),
         ):
             if found > most:
@@ -182,22 +182,24 @@ class _Builder:
         if isinstance(node, yaml.SequenceNode):
             return [self.build(item, (*at, i)) for i, item in enumerate(node.value)]
         # PyYAML resolves a plain scalar by the rules of YAML 1.1: resolve its text again.
-        self._refuse_unseen(str(node.value), dotted(at), node)
+        self._refuse_unseen(str(node.value), format_key_path(at), node)
         is_quoted = isinstance(node, yaml.ScalarNode) and node.style is not None
         return str(node.value) if is_quoted else resolve_scalar(str(node.value))
 
     def _refuse_unseen(self, text: str, what: str, node: yaml.Node) -> None:
-        if fault := unshowable("".join(text.split())):  # a text of several lines may be intended
+        if fault := find_unshowable(
+            "".join(text.split())
+        ):  # a text of several lines may be intended
             self.faults.append((_line(node), f"{what}: holds {fault}: type it again"))
 
     def _mapping(self, node: yaml.MappingNode, at: KeyPath) -> dict[str, Plain]:
         result: dict[str, Plain] = {}
         for key_node, value_node in node.value:
             if not isinstance(key_node, yaml.ScalarNode):
-                place = dotted(at) or "the file"
+                place = format_key_path(at) or "the file"
                 raise InputError(self.path, f"{place}: a key must be plain text", _line(key_node))
             self._refuse_unseen(
-                str(key_node.value), f"a key of {dotted(at) or 'the file'}", key_node
+                str(key_node.value), f"a key of {format_key_path(at) or 'the file'}", key_node
             )
             key = key_node.value  # the text as written: keys such as `no` or `1` stay text
             if key in result:
@@ -205,7 +207,7 @@ class _Builder:
                 self.faults.append(
                     (
                         _line(key_node),
-                        f"{dotted((*at, key))}: stands here twice, first in line {first}: "
+                        f"{format_key_path((*at, key))}: stands here twice, first in line {first}: "
                         f"keep one of the two",
                     )
                 )
@@ -232,7 +234,7 @@ def resolve_scalar(written: str) -> Plain:
     required, with the text in the message.
     """
     for pattern, convert in _RESOLVERS:
-        if pattern.fullmatch(pointed := with_point(written)):
+        if pattern.fullmatch(pointed := replace_decimal_comma(written)):
             value = convert(pointed)
             is_infinite = isinstance(value, float) and math.isinf(value)
             return written if is_infinite else value
@@ -243,7 +245,7 @@ def _line(node: yaml.Node) -> int:
     return int(node.start_mark.line) + 1
 
 
-def dotted(key_path: KeyPath) -> str:
+def format_key_path(key_path: KeyPath) -> str:
     """Write a key path in dotted notation: ``telemetry.position_sigma_m[0]``."""
     text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in key_path)
     return text.removeprefix(".")

@@ -16,7 +16,7 @@ from typing import Any, Generic, TypeVar, Union, get_args, get_origin, get_type_
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
-from uavgram.config.strict_yaml import Document, KeyPath, Plain, dotted
+from uavgram.config.strict_yaml import Document, KeyPath, Plain, format_key_path
 from uavgram.errors import InputError, near_miss
 from uavgram.model.limits import number_hint
 from uavgram.model.options import OptionsError
@@ -42,7 +42,7 @@ class _Found:
     details: ErrorDetails
 
 
-def faults_of(errors: Sequence[ErrorDetails], schema: type, data: Plain) -> list[Fault]:
+def translate_errors(errors: Sequence[ErrorDetails], schema: type, data: Plain) -> list[Fault]:
     """Translate pydantic's errors; one fault for each place.
 
     Parameters
@@ -95,8 +95,8 @@ def _is_meant(found: _Found) -> bool:
 
 def _no_type_fits(at: KeyPath, rivals: Iterable[_Found], data: Plain) -> Fault:
     expected = " or ".join(dict.fromkeys(_expected(rival) for rival in rivals))
-    value = value_at(data, at)
-    return Fault(at, f"must be {expected} (got {show(value)}){_number_hint(value)}")
+    value = find_value(data, at)
+    return Fault(at, f"must be {expected} (got {format_value(value)}){_number_hint(value)}")
 
 
 def _expected(found: _Found) -> str:
@@ -126,11 +126,11 @@ def _explain(found: _Found, schema: type, data: Plain) -> list[Fault]:
         return _out_of_range(at, details["ctx"]["error"], data)
     if found.kind in {"unexpected_keyword_argument", "extra_forbidden"}:
         return [Fault(at, _unknown_key(at, schema))]
-    if found.kind in {"missing", "too_long"} and _is_tuple(type_at(schema, _list_of(found))):
+    if found.kind in {"missing", "too_long"} and _is_tuple(find_type(schema, _list_of(found))):
         return [_wrong_length(_list_of(found), schema, data)]
     if found.kind == "missing":
         return [Fault(at, f"is missing: add the line '{at[-1]}: ...'")]
-    value = value_at(data, at)
+    value = find_value(data, at)
     if value is None:
         return [Fault(at, "is empty: give it a value, or remove the line to have the default")]
     hint = ""
@@ -141,21 +141,21 @@ def _explain(found: _Found, schema: type, data: Plain) -> list[Fault]:
         hint = ": put it in quotes" if isinstance(value, int | float) else ""
     elif found.kind == "float_type":
         hint = _number_hint(value)
-    return [Fault(at, f"must be {_expected(found)} (got {show(value)}){hint}")]
+    return [Fault(at, f"must be {_expected(found)} (got {format_value(value)}){hint}")]
 
 
 def _out_of_range(at: KeyPath, error: ValueError, data: Plain) -> list[Fault]:
     if not isinstance(error, OptionsError):
         return [Fault(at, str(error))]
     return [
-        Fault((*at, name), f"{text} (got {show(value_at(data, (*at, name)))})")
+        Fault((*at, name), f"{text} (got {format_value(find_value(data, (*at, name)))})")
         for name, text in error.faults
     ]
 
 
 def _unknown_key(at: KeyPath, schema: type) -> str:
     key = str(at[-1])
-    known = _keys(type_at(schema, at[:-1]))
+    known = _keys(find_type(schema, at[:-1]))
     text = f"unknown key {key!r}"
     if guess := near_miss(key, known):
         return f"{text}: {guess}"
@@ -176,16 +176,16 @@ def _is_tuple(kind: Any) -> bool:  # noqa: ANN401
 
 
 def _wrong_length(at: KeyPath, schema: type, data: Plain) -> Fault:
-    kind = next(k for k in _options(type_at(schema, at)) if get_origin(k) is tuple)
-    value = value_at(data, at)
-    return Fault(at, f"must be a list of {len(get_args(kind))} numbers (got {show(value)})")
+    kind = next(k for k in _options(find_type(schema, at)) if get_origin(k) is tuple)
+    value = find_value(data, at)
+    return Fault(at, f"must be a list of {len(get_args(kind))} numbers (got {format_value(value)})")
 
 
 def _number_hint(value: Plain) -> str:
     return number_hint(value.strip(), "the key") if isinstance(value, str) else ""
 
 
-def value_at(data: Plain, at: KeyPath) -> Plain:
+def find_value(data: Plain, at: KeyPath) -> Plain:
     """Return the value at a path in plain data; None where there is none."""
     for part in at:
         if isinstance(data, dict):
@@ -197,7 +197,7 @@ def value_at(data: Plain, at: KeyPath) -> Plain:
     return data
 
 
-def show(value: Plain) -> str:
+def format_value(value: Plain) -> str:
     """Write an invalid value, shortened for a message."""
     text = repr(value) if isinstance(value, str) else _as_yaml(value)
     return text if len(text) <= LONGEST_VALUE_SHOWN else text[: LONGEST_VALUE_SHOWN - 3] + "..."
@@ -213,7 +213,7 @@ def _as_yaml(value: Plain) -> str:
     return "nothing" if value is None else str(value)
 
 
-def type_at(schema: Any, at: KeyPath) -> Any:  # noqa: ANN401
+def find_type(schema: Any, at: KeyPath) -> Any:  # noqa: ANN401
     """Return the type annotation of a key of nested dataclasses; None for an unknown key.
 
     A mapping has keys of any name, with values of one type.
@@ -278,7 +278,7 @@ def validate(
     placed = [
         (
             document.line_of(fault.at),
-            f"{dotted(fault.at)}: {fault.text}" if fault.at else fault.text,
+            f"{format_key_path(fault.at)}: {fault.text}" if fault.at else fault.text,
         )
         for fault in (*more_faults, *faults)
     ]
@@ -307,7 +307,7 @@ def _validate_all(
             root = _root_of(schema)  # type: ignore[arg-type]  # a class is hashable
             return root.model_validate_json(text).root, list(faults.values())
         except ValidationError as error:
-            new = [f for f in faults_of(error.errors(), schema, data) if f.at not in faults]
+            new = [f for f in translate_errors(error.errors(), schema, data) if f.at not in faults]
         new = [fault for fault in new if fault.at not in taken]  # a removed key is not missing
         faults |= {fault.at: fault for fault in new}
         # Stop: only required keys without a default are left; or parts that are valid alone are

@@ -16,14 +16,14 @@ from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.survey.survey import Survey
 
-FEWEST_POINTS = 4
-THIN = 0.1
+MIN_POINTS = 4
+PLANE_RATIO = 0.1
 """Ratio of the points' smallest to second extent up to which they count as one plane."""
-IN_LINE = 1e-3
+LINE_RATIO = 1e-3
 """Ratio of the points' second to largest extent below which they are on one line."""
 
 
-def known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
+def find_known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
     """Compute poses of every frame that shows four or more control points, not all in one line.
 
     The picks are first undistorted by `back_project`.
@@ -37,9 +37,9 @@ def known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
     found = []
     for frame, name in enumerate(survey.frame_id):
         picks = np.flatnonzero(usable & (survey.pick_frame == frame))
-        if len(picks) < FEWEST_POINTS:
+        if len(picks) < MIN_POINTS:
             continue
-        poses = poses_from_points(survey.control_world_m[known[picks]], ray[picks])
+        poses = find_poses_from_points(survey.control_world_m[known[picks]], ray[picks])
         if poses is not None:
             center, rotation, misfit = poses
             found.append(
@@ -53,7 +53,7 @@ def known_point_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
     return tuple(found)
 
 
-def poses_from_points(world_m: Floats, ray: Floats) -> tuple[Floats, Floats, Floats] | None:
+def find_poses_from_points(world_m: Floats, ray: Floats) -> tuple[Floats, Floats, Floats] | None:
     """Compute poses of one camera from points (N, 3) and their undistorted rays (N, 3), N >= 4.
 
     The rays have z = 1.
@@ -71,12 +71,12 @@ def poses_from_points(world_m: Floats, ray: Floats) -> tuple[Floats, Floats, Flo
     middle = world_m.mean(axis=0)
     # Principal axes of the points: a local frame with the plane of the points, if any, at z = 0.
     _, extent, axes = np.linalg.svd(world_m - middle, full_matrices=False)
-    if extent[1] <= IN_LINE * extent[0]:
+    if extent[1] <= LINE_RATIO * extent[0]:
         return None
     axes[2] = np.cross(axes[0], axes[1])
     local = (world_m - middle) @ axes.T  # the plane of the points, if any, is z = 0
     flag: int = cv2.SOLVEPNP_SQPNP
-    if extent[2] <= THIN * extent[1]:
+    if extent[2] <= PLANE_RATIO * extent[1]:
         flag, local = cv2.SOLVEPNP_IPPE, local * [1.0, 1.0, 0.0]
     image = np.ascontiguousarray(ray[:, :2])
     _, turns, shifts, _ = cv2.solvePnPGeneric(local, image, np.eye(3), None, flags=flag)

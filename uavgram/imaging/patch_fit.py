@@ -111,7 +111,7 @@ def fit_windows(
     return Fit(state, residual, normal)
 
 
-def neighbour_correlation(residual: Floats, root: Floats) -> Floats:
+def estimate_neighbour_correlation(residual: Floats, root: Floats) -> Floats:
     """Compute correlations (2, n) of residuals with neighbours along rows and columns, 0 to 0.9.
 
     Parameters
@@ -135,7 +135,7 @@ def neighbour_correlation(residual: Floats, root: Floats) -> Floats:
     return np.asarray((np.stack(alike) / variance).clip(0.0, _MOST_CORRELATION))
 
 
-def growth(correlation: Floats) -> Floats:
+def compute_variance_growth(correlation: Floats) -> Floats:
     """Compute the growth (n,) of a mean's variance by correlations (2, n) of neighbours.
 
     It is the sum of all correlations of a first-order process along rows and along columns.

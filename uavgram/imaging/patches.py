@@ -25,13 +25,13 @@ _FINE_ENOUGH = 1.15  # steps up to this are sampled without smoothing
 _MOST_ROWS = 30000  # of a map for OpenCV's resampling
 
 
-def grid(reach: int) -> Floats:
+def make_grid(reach: int) -> Floats:
     """Return the ((2 reach + 1)^2, 2) steps about a pixel."""
     side = np.arange(-reach, reach + 1.0)
     return np.asarray(np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2))
 
 
-def sample(
+def sample_grey(
     photo: Image | Grey, u_px: Floats | Grey, v_px: Floats | Grey, kernel: int = cv2.INTER_CUBIC
 ) -> Grey:
     """Resample grey values (n, k) at places, to 1/32 px; edge values continue outside the photo.
@@ -53,7 +53,7 @@ def sample(
     return out.astype(np.float32, copy=False)
 
 
-def slopes(grey: NDArray[Real]) -> tuple[NDArray[Real], NDArray[Real]]:
+def compute_slopes(grey: NDArray[Real]) -> tuple[NDArray[Real], NDArray[Real]]:
     """Compute central differences (n, h - 2, w - 2) of grey values (n, h, w) along u and v."""
     across = 0.5 * (grey[:, 1:-1, 2:] - grey[:, 1:-1, :-2])
     down = 0.5 * (grey[:, 2:, 1:-1] - grey[:, :-2, 1:-1])
@@ -67,7 +67,7 @@ class Frames(NamedTuple):
     target: Floats
 
 
-def common_frames(affine: Floats) -> Frames:
+def compute_common_frames(affine: Floats) -> Frames:
     """Compute the windows' axes for maps (n, 2, 2), d target pixel / d source pixel."""
     u, stretch, vt = np.linalg.svd(affine)
     source = np.swapaxes(vt, 1, 2) * np.maximum(1.0, 1.0 / stretch)[:, None]
@@ -87,12 +87,12 @@ def _nearest_turn(vt: Floats) -> Floats:
     return np.asarray(turn * np.where(sign == 0, 1.0, sign)[:, None])
 
 
-def reach(frame: Floats, half: int) -> Floats:
+def compute_reach(frame: Floats, half: int) -> Floats:
     """Compute extents (n, 2) of windows of frames (n, 2, 2) from their centres in u and v [px]."""
     return np.asarray(np.abs(frame).sum(axis=2) * (half + 4))
 
 
-def within(photo: Image, center_px: Floats, frame: Floats, half: int) -> Bools:
+def is_within_photo(photo: Image, center_px: Floats, frame: Floats, half: int) -> Bools:
     """Mark the windows (n,) that are completely within a photo.
 
     Parameters
@@ -111,7 +111,7 @@ def within(photo: Image, center_px: Floats, frame: Floats, half: int) -> Bools:
     return np.asarray(((center_px - far >= 0) & (center_px + far <= edge)).all(axis=1))
 
 
-def window(
+def sample_window(
     photo: Image, center_px: Floats, frame: Floats, half: int, *, exact: bool = True
 ) -> Grey:
     """Resample grey values (2 half + 1, 2 half + 1) about a place; edge values continue outside.
@@ -149,7 +149,7 @@ def window(
     u = (at[0] + f[0, 0] * x) + f[0, 1] * y[:, None]
     v = (at[1] + f[1, 0] * x) + f[1, 1] * y[:, None]
     kernel = cv2.INTER_LANCZOS4 if exact else cv2.INTER_LINEAR
-    dense = sample(part, u, v, kernel)
+    dense = sample_grey(part, u, v, kernel)
     if (parts > 1).any():
         bells = [_bell(s, int(w)) for s, w in zip(spread, wide, strict=True)]
         dense = np.asarray(cv2.sepFilter2D(dense, -1, bells[0], bells[1]), np.float32)

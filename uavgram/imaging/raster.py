@@ -132,7 +132,9 @@ def stripe_outline(path_m: Floats, width_m: float) -> Floats:
     return np.vstack([path + normal, (path - normal)[::-1]])
 
 
-def arc(center_m: tuple[float, float], radius_m: float, start_deg: float, end_deg: float) -> Floats:
+def make_arc(
+    center_m: tuple[float, float], radius_m: float, start_deg: float, end_deg: float
+) -> Floats:
     """Compute points (25, 2) of an arc, angles from x towards y.
 
     Parameters
@@ -148,7 +150,7 @@ def arc(center_m: tuple[float, float], radius_m: float, start_deg: float, end_de
     return np.asarray(center_m) + radius_m * np.column_stack([np.cos(angle), np.sin(angle)])
 
 
-def box(x0: float, x1: float, y0: float, y1: float) -> Floats:
+def make_box(x0: float, x1: float, y0: float, y1: float) -> Floats:
     """Return the corners (4, 2) of a rectangle along the axes.
 
     Parameters
@@ -173,7 +175,7 @@ def blend(image: Image, layer: Image, weight: Weights) -> Image:
     return result
 
 
-def lay(
+def paint_layer(
     image: Image,
     paint: Image | tuple[int, ...],
     mask: Image,
@@ -208,12 +210,12 @@ def lay(
     image[part] = blend(below, layer, weight)  # type: ignore[arg-type]
 
 
-def soften(mask: Image, sigma_px: float) -> Image:
+def blur_mask(mask: Image, sigma_px: float) -> Image:
     """Blur a mask's edges."""
     return np.asarray(cv2.GaussianBlur(mask, (0, 0), sigma_px), np.uint8)
 
 
-def octaves(
+def make_texture(
     rng: np.random.Generator, shape: tuple[int, int], weights: dict[float, float]
 ) -> Weights:
     """Create a random texture (H, W): a sum of smooth noise of several grain sizes.
@@ -239,7 +241,7 @@ def octaves(
     return total
 
 
-def ramp(noise: Weights, *colors_bgr: tuple[int, int, int]) -> Image:
+def colour_noise(noise: Weights, *colors_bgr: tuple[int, int, int]) -> Image:
     """Colour a noise of about unit variance: values -2.5 to 2.5 run through the colours."""
     level = cv2.convertScaleAbs(noise + 2.5, alpha=255 / 5.0)
     stops = np.linspace(0, 255, len(colors_bgr))

@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.gradient import gradient_corners
+from uavgram.imaging.targets.gradient import measure_gradient_corners
 from uavgram.imaging.targets.saddle import cut_windows
 from uavgram.model.arrays import Floats
 
@@ -58,18 +58,18 @@ def snap_corner(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
         Pixel of the click.
     """
     half = 2 * CORNER_HALF_PX + 2
-    cut = _cut(photo, u_px, v_px, half)
+    cut = _cut_around(photo, u_px, v_px, half)
     if cut is None:
         return "too close to the edge of the photo"
     grey, first = cut
     start = np.array([[u_px, v_px]]) - first
     wide = np.eye(2)[None] * 4.0 * half
     windows = cut_windows(grey, start, wide, CORNER_HALF_PX, 1.0)
-    noise = np.array([max(_noise(grey), _LEAST_NOISE)])
+    noise = np.array([max(_estimate_noise(grey), _LEAST_NOISE)])
     low, high = np.percentile(windows.grey[0], [5, 95])
     if high - low < _LEAST_CONTRAST * noise[0]:
         return "no corner here: the picture is nearly of one brightness"
-    corner, covariance = gradient_corners(grey, windows, start, noise)
+    corner, covariance = measure_gradient_corners(grey, windows, start, noise)
     if np.abs(corner - start).max() > CORNER_HALF_PX - 1.0:
         return "no corner within reach: click closer to it"
     sigma = float(np.sqrt(np.linalg.eigvalsh(covariance[0])[-1]))
@@ -90,7 +90,7 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     u_px, v_px
         Pixel of the click.
     """
-    cut = _cut(photo, u_px, v_px, CIRCLE_HALF_PX)
+    cut = _cut_around(photo, u_px, v_px, CIRCLE_HALF_PX)
     if cut is None:
         return "too close to the edge of the photo"
     grey, first = cut
@@ -102,7 +102,7 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     around = cv2.dilate(blob, np.ones((9, 9), np.uint8)).astype(bool) & ~inside
     values = grey.astype(np.float64)
     ground, top = np.median(values[around]), np.median(values[blob.astype(bool)])
-    noise = max(_noise(grey), _LEAST_NOISE)
+    noise = max(_estimate_noise(grey), _LEAST_NOISE)
     if abs(top - ground) < _LEAST_CONTRAST * noise:
         return "the target hardly differs from what is around it"
     # Centre of gravity, with the coverage of each pixel by the target as weight.
@@ -118,7 +118,7 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     return _judged(center + first, sigma, "target", "the target is too faint")
 
 
-def _cut(photo: Pixels, u_px: float, v_px: float, half: int) -> tuple[Image, Floats] | None:
+def _cut_around(photo: Pixels, u_px: float, v_px: float, half: int) -> tuple[Image, Floats] | None:
     """Cut grey surroundings of a pixel; return them and the pixel of their first corner."""
     height, width = photo.shape[:2]
     u, v = round(u_px), round(v_px)
@@ -131,7 +131,7 @@ def _cut(photo: Pixels, u_px: float, v_px: float, half: int) -> tuple[Image, Flo
     return grey, np.array([left, top], dtype=np.float64)
 
 
-def _noise(grey: Image) -> float:
+def _estimate_noise(grey: Image) -> float:
     """Estimate the standard deviation of white noise by a Laplacian that cancels straight edges.
 
     Immerkaer 1996, "Fast noise variance estimation"; the median instead of the mean excludes

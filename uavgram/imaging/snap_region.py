@@ -16,16 +16,16 @@ import numpy as np
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.raster import Image
 from uavgram.imaging.snap import Snapped, snap_corner
-from uavgram.imaging.targets.symmetric_places import symmetric_targets
+from uavgram.imaging.targets.symmetric_targets import find_symmetric_targets
 from uavgram.model.arrays import Bools, Floats
 
-WITHIN = 13.82
+REGION_CHI_SQUARE = 13.82
 """Squared distance [sigma] that holds 99.9 %: chi-square with two degrees of freedom."""
 
-AROUND_PX = 4.0
+MARGIN_PX = 4.0
 """Margin beside the region for a pick's own error, also where the place is known exactly."""
 
-WIDEST_PX = 250
+MAX_REGION_PX = 250
 """Half the largest window that is searched."""
 
 POINTED_PX = 4.0
@@ -39,10 +39,10 @@ px away at a standard deviation of 10 px: 197 of 249 searches for targets ended 
 8 at another; 1 of 54 searches for a corner of asphalt that is no target ended at an object.
 """
 
-SURE = 0.9
+MIN_PROBABILITY = 0.9
 """Probability from which one of several objects is accepted."""
 
-ALIKE = 0.6
+SIMILAR_STRENGTH = 0.6
 """Strength, relative to the strongest corner, from which corners are equally good."""
 
 REACH_PX = 8.0
@@ -51,7 +51,7 @@ REACH_PX = 8.0
 SAME_PX = 3.0
 """Distance between the measured and the found place beyond which they are different objects."""
 
-MOST_SHOWN = 4
+MAX_SHOWN = 4
 """Largest number of about equally likely objects that are listed."""
 
 _BLOCK_PX = 5
@@ -67,12 +67,12 @@ class Region:
 
     def holds(self, place_px: Floats) -> Bools:
         """Mark the places (n, 2) inside the region."""
-        return np.asarray(self.distance(place_px) <= WITHIN)
+        return np.asarray(self.distance(place_px) <= REGION_CHI_SQUARE)
 
     def distance(self, place_px: Floats) -> Floats:
         """Compute squared distances (n,) of places (n, 2), in sigmas."""
         off = place_px - self.pixel_px
-        covariance = self.covariance_px2 + (AROUND_PX / 3.0) ** 2 * np.eye(2)
+        covariance = self.covariance_px2 + (MARGIN_PX / 3.0) ** 2 * np.eye(2)
         solved = np.linalg.solve(covariance, off[..., None])[..., 0]
         return np.asarray(np.einsum("ni,ni->n", off, solved))
 
@@ -84,8 +84,8 @@ class Region:
     @property
     def reach_px(self) -> Floats:
         """(2,) half extent along u and v."""
-        spread = np.diag(self.covariance_px2) + (AROUND_PX / 3.0) ** 2
-        return np.asarray(np.minimum(np.sqrt(WITHIN * spread), WIDEST_PX))
+        spread = np.diag(self.covariance_px2) + (MARGIN_PX / 3.0) ** 2
+        return np.asarray(np.minimum(np.sqrt(REGION_CHI_SQUARE * spread), MAX_REGION_PX))
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,14 +101,14 @@ class _Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Unclear:
+class UnclearRegion:
     """Reason why no object is chosen, and places (n, 2) [px] of about equally likely objects."""
 
     why: str
     place_px: Floats
 
 
-def snap_within(photo: Pixels, region: Region, *, corners: bool) -> Snapped | Unclear:
+def snap_within(photo: Pixels, region: Region, *, corners: bool) -> Snapped | UnclearRegion:
     """Find the intended object in a region, or give the reason why not.
 
     Parameters
@@ -124,12 +124,12 @@ def snap_within(photo: Pixels, region: Region, *, corners: bool) -> Snapped | Un
     if window is None:
         return _nothing("it is expected outside this photo")
     grey, first = window
-    targets = symmetric_targets(grey, lambda place: region.holds(place + first))
+    targets = find_symmetric_targets(grey, lambda place: region.holds(place + first))
     if targets:
         place = np.array([one.pixel_px for one in targets]) + first
         strength = np.array([one.strength for one in targets])
         chosen = _chosen(place, strength**SHARPNESS, region)
-        if isinstance(chosen, Unclear):
+        if isinstance(chosen, UnclearRegion):
             return chosen
         u, v = place[chosen].tolist()
         return Snapped(u, v, targets[chosen].sigma_px, "target")
@@ -138,11 +138,11 @@ def snap_within(photo: Pixels, region: Region, *, corners: bool) -> Snapped | Un
     return _corner(photo, region, grey, first)
 
 
-def _nothing(why: str) -> Unclear:
-    return Unclear(why, np.empty((0, 2)))
+def _nothing(why: str) -> UnclearRegion:
+    return UnclearRegion(why, np.empty((0, 2)))
 
 
-def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snapped | Unclear:
+def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snapped | UnclearRegion:
     """Find the most distinct corner in a region.
 
     Parameters
@@ -155,9 +155,9 @@ def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snappe
     found = _corners(grey, lambda place: region.holds(place + first))
     if not len(found.strength):
         return _nothing("nothing there stands out: point at it")
-    alike = found.place_px[found.strength >= ALIKE * found.strength.max()] + first
+    alike = found.place_px[found.strength >= SIMILAR_STRENGTH * found.strength.max()] + first
     chosen = _chosen(alike, np.ones(len(alike)), region)
-    if isinstance(chosen, Unclear):
+    if isinstance(chosen, UnclearRegion):
         return chosen
     exactly = snap_corner(photo, *alike[chosen].tolist())
     if not isinstance(exactly, Snapped):
@@ -166,7 +166,7 @@ def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snappe
     return exactly if off <= SAME_PX else _nothing("no clear corner there: point at it")
 
 
-def _chosen(place_px: Floats, weight: Floats, region: Region) -> int | Unclear:
+def _chosen(place_px: Floats, weight: Floats, region: Region) -> int | UnclearRegion:
     """Choose among several objects by likelihood, else by the pointer.
 
     Parameters
@@ -180,15 +180,15 @@ def _chosen(place_px: Floats, weight: Floats, region: Region) -> int | Unclear:
     """
     likely = weight * np.exp(-0.5 * region.distance(place_px))
     best = int(np.argmax(likely))
-    if likely[best] >= SURE * likely.sum():
+    if likely[best] >= MIN_PROBABILITY * likely.sum():
         return best
     pointed = np.flatnonzero(np.linalg.norm(place_px - region.pointer_px, axis=1) <= REACH_PX)
     if len(pointed) == 1:
         return int(pointed[0])
     order = np.argsort(-likely)
-    some = order[likely[order] >= (1 - SURE) / 2 * likely[best]][:MOST_SHOWN]
+    some = order[likely[order] >= (1 - MIN_PROBABILITY) / 2 * likely[best]][:MAX_SHOWN]
     why = f"{len(some)} things there are about as likely: point at the right one"
-    return Unclear(why, place_px[some])
+    return UnclearRegion(why, place_px[some])
 
 
 def _window(photo: Pixels, region: Region) -> tuple[Image, Floats] | None:

@@ -13,10 +13,10 @@ from pathlib import Path
 from uavgram.errors import InputError
 from uavgram.io.photos.files import PHOTO_SUFFIXES
 
-MOST_FOLDERS = 500
+MAX_FOLDERS = 500
 """Limit of the listed subfolders; the next two limit entries and inner folders counted in each."""
-MOST_ENTRIES = 5000
-MOST_INNER = 20
+MAX_ENTRIES = 5000
+MAX_SUBFOLDERS = 20
 
 PROJECT, RESULTS = "project.yaml", "results.json"
 _MOUNTS = {"linux": ("/media/{user}", "/run/media/{user}", "/mnt"), "darwin": ("/Volumes",)}
@@ -24,7 +24,7 @@ _MOUNTS = {"linux": ("/media/{user}", "/run/media/{user}", "/mnt"), "darwin": ("
 
 
 @dataclass(frozen=True, kw_only=True)
-class Listed:
+class ListedFolder:
     """A listed folder.
 
     Attributes
@@ -78,7 +78,7 @@ class Browsable:
         holding = [root for root in self.roots if folder.is_relative_to(root)]
         return max(holding, key=lambda root: len(root.parts), default=None)
 
-    def folders_in(self, folder: Path) -> tuple[Listed, ...]:
+    def folders_in(self, folder: Path) -> tuple[ListedFolder, ...]:
         """Return the subfolders by their names, without hidden ones and links.
 
         Raises
@@ -94,26 +94,26 @@ class Browsable:
                 f"cannot be read ({fault.strerror}): choose another folder, or ask who looks after "
                 "this computer for the right to read it",
             ) from fault
-        return tuple(look_into(path) for path in inner)
+        return tuple(count_photos(path) for path in inner)
 
 
-def look_into(folder: Path) -> Listed:
+def count_photos(folder: Path) -> ListedFolder:
     """Count the photos of a folder, or of its subfolders; unreadable ones count as empty."""
     names = _names(folder)
     photos = _photos(names)
     if not photos:
         try:
-            inner = [_names(one) for one in _folders(folder)[:MOST_INNER]]
+            inner = [_names(one) for one in _folders(folder)[:MAX_SUBFOLDERS]]
         except OSError:
             inner = []
         photos = sum(_photos(one) for one in inner if RESULTS not in one)
-    return Listed(path=folder, photos=photos, has_project=PROJECT in names)
+    return ListedFolder(path=folder, photos=photos, has_project=PROJECT in names)
 
 
 def _names(folder: Path) -> list[str]:
     try:
         with os.scandir(folder) as entries:
-            return [entry.name for entry in islice(entries, MOST_ENTRIES)]
+            return [entry.name for entry in islice(entries, MAX_ENTRIES)]
     except OSError:
         return []
 
@@ -129,11 +129,11 @@ def _folders(folder: Path) -> list[Path]:
             for entry in entries
             if not entry.name.startswith((".", "$")) and entry.is_dir(follow_symlinks=False)
         )
-        found = list(islice(inner, MOST_FOLDERS))
+        found = list(islice(inner, MAX_FOLDERS))
     return sorted(found, key=lambda path: path.name.lower())
 
 
-def home_and_drives(
+def find_home_and_drives(
     platform: str = sys.platform, environ: Mapping[str, str] = os.environ
 ) -> tuple[Path, ...]:
     """Return the user's home, and mounted drives: memory cards, disks, shares.

@@ -42,11 +42,11 @@ def digest_file(path: str | Path, folder: str | Path | None = None) -> InputDige
             size = os.fstat(stream.fileno()).st_size
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
-    name = str(path) if folder is None else name_inside(path, folder)
+    name = str(path) if folder is None else find_relative_name(path, folder)
     return InputDigest(path=name, sha256=sha256, size_bytes=size)
 
 
-def name_inside(path: str | Path, folder: str | Path) -> str:
+def find_relative_name(path: str | Path, folder: str | Path) -> str:
     """Return a path relative to a folder, with ``/``; one outside of it unchanged."""
     whole = Path(path).absolute()
     return whole.relative_to(folder).as_posix() if whole.is_relative_to(folder) else str(path)

@@ -19,14 +19,14 @@ from uavgram.io.cameras.colmap import is_colmap_cameras
 from uavgram.io.cameras.odm import is_odm_cameras
 from uavgram.io.cameras.opencv import is_opencv_calibration
 from uavgram.io.logs.flight_log import is_flight_log
-from uavgram.io.photos.files import PHOTO_SUFFIXES, bounded
-from uavgram.io.photos.size import image_size
+from uavgram.io.photos.files import PHOTO_SUFFIXES, limit_entries
+from uavgram.io.photos.metadata import read_image_size
 from uavgram.io.results.plan_json import is_plan
 
-DEEPEST = 3
+MAX_DEPTH = 3
 """Levels of folders below the project's own that are searched."""
 
-MOST_FOLDERS = 400
+MAX_FOLDERS = 400
 """Limit of searched folders, so that a home folder does not take minutes."""
 
 _RESULTS = {"results.json", "calibration.json"}
@@ -51,16 +51,16 @@ class PhotoFolder:
     size_px: tuple[int, int]
 
 
-def folders_with_photos(folder: Path, least: int) -> tuple[PhotoFolder, ...]:
+def find_photo_folders(folder: Path, least: int) -> tuple[PhotoFolder, ...]:
     """Return subfolders and neighbouring folders with at least a number of photos.
 
     Hidden folders, those of results and unreadable ones are skipped.
     """
-    inside = _folders(folder, DEEPEST)
+    inside = _folders(folder, MAX_DEPTH)
     beside = (path for path in _subfolders(folder.parent) if path != folder)
     found: list[PhotoFolder] = []
     for count, path in enumerate((*inside, *beside)):
-        if count >= MOST_FOLDERS:
+        if count >= MAX_FOLDERS:
             break
         one = _with_photos(path, least)
         if one is not None:
@@ -95,7 +95,7 @@ def _with_photos(folder: Path, least: int) -> PhotoFolder | None:
         )
         if len(files) < least:
             return None
-        return PhotoFolder(path=folder, files=files, size_px=image_size(files[0]))
+        return PhotoFolder(path=folder, files=files, size_px=read_image_size(files[0]))
     except (OSError, InputError):
         return None
 
@@ -135,7 +135,7 @@ class PhotoGroup:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Holdings:
+class FolderContents:
     """Usable files of a folder, each kind in the order of paths; `others` are all the rest."""
 
     photos: tuple[PhotoGroup, ...]
@@ -147,7 +147,7 @@ class Holdings:
     others: tuple[Path, ...]
 
 
-def search_folder(folder: Path) -> Holdings:
+def search_folder(folder: Path) -> FolderContents:
     """Search a folder and its subfolders; hidden ones and those of results are skipped.
 
     From a calibration's results the camera file is used.
@@ -157,21 +157,21 @@ def search_folder(folder: Path) -> Holdings:
     InputError
         It cannot be read, or is not a folder.
     """
-    files = tuple(path for path in bounded(_files(folder), folder) if path.is_file())
+    files = tuple(path for path in limit_entries(_files(folder), folder) if path.is_file())
     tables: dict[TableRole, tuple[Path, ...]] = {}
     for path in files:
         role = _role(path)
         if role is not None:
             tables[role] = (*tables.get(role, ()), path)
     marks = tuple(p for p in files if p.suffix.lower() == ".mrk" or p.name.lower() == "geo.txt")
-    photos = grouped(path for path in files if path.suffix.lower() in PHOTO_SUFFIXES)
+    photos = group_photos(path for path in files if path.suffix.lower() in PHOTO_SUFFIXES)
     logs = tuple(path for path in files if is_flight_log(path))
     cameras = tuple(path for path in files if _is_camera(path))
     texts = (path for path in files if path.suffix.lower() == ".txt")
     gcp = tuple(p for p in texts if "gcp" in p.stem.lower() and unread_format(p) is None)
     groups = (*(group.files for group in photos), *tables.values())
     known = {*logs, *cameras, *marks, *gcp, *(path for group in groups for path in group)}
-    return Holdings(
+    return FolderContents(
         photos=photos,
         logs=logs,
         cameras=cameras,
@@ -189,12 +189,12 @@ def _role(path: Path) -> TableRole | None:
     return "plan" if path.suffix.lower() == ".json" and is_plan(path) else None
 
 
-def grouped(photos: Iterable[Path]) -> tuple[PhotoGroup, ...]:
+def group_photos(photos: Iterable[Path]) -> tuple[PhotoGroup, ...]:
     """Group photos by folder, suffix and size; files that are not photos are left out."""
     groups: dict[tuple[Path, str, tuple[int, int]], list[Path]] = {}
     for path in photos:
         try:
-            size = image_size(path)
+            size = read_image_size(path)
         except InputError:
             continue
         groups.setdefault((path.parent, path.suffix, size), []).append(path)

@@ -27,12 +27,16 @@ from uavgram.errors import InputError
 from uavgram.input_files import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.io.photos.files import PHOTO_SUFFIXES
-from uavgram.io.photos.metadata import exif_numbers, read_exif_tags, site_of
-from uavgram.io.photos.size import image_size
+from uavgram.io.photos.metadata import (
+    exif_numbers,
+    read_exif_tags,
+    read_first_site,
+    read_image_size,
+)
 from uavgram.io.tables.csv_tables import parse_number
-from uavgram.io.tables.odm_coordinates import content_lines, crs_of_header, geodetic
+from uavgram.io.tables.odm_coordinates import convert_to_geodetic, parse_crs, read_content_lines
 from uavgram.model.arrays import Floats
-from uavgram.model.limits import sigma_fault, unshowable
+from uavgram.model.limits import find_unshowable, sigma_fault
 from uavgram.model.message import Message
 from uavgram.model.survey.observations import ImportedPicks, KnownPoints
 
@@ -93,8 +97,8 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
         without photo, one label with two positions, two picks of a label in one photo.
     """
     path = Path(path)
-    head, *lines = content_lines(path, "a line for each pick")
-    crs = crs_of_header(path, *head)
+    head, *lines = read_content_lines(path, "a line for each pick")
+    crs = parse_crs(path, *head)
     rows = _rows(path, lines)
     messages: list[Message] = []
     if not all(row.label for row in rows):
@@ -107,8 +111,8 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
         # coordinates of each label from its first row
         first = list({row.label: row for row in reversed(rows)}.values())[::-1]
         xyz = np.array([row.xyz for row in first], dtype=np.float64)
-        site = site_of(_beside(path, {row.image for row in rows}))
-        latitude, longitude = geodetic(path, crs, xyz, [row.line for row in first], site)
+        site = read_first_site(_beside(path, {row.image for row in rows}))
+        latitude, longitude = convert_to_geodetic(path, crs, xyz, [row.line for row in first], site)
         known = KnownPoints(
             label=tuple(row.label for row in first),
             kind="geodetic",
@@ -266,7 +270,7 @@ def _check(path: Path, rows: list[_Row]) -> None:
     faults = []
     for row in rows:
         for what, name in (("label", row.label), ("image", row.image)):
-            if fault := unshowable(name):
+            if fault := find_unshowable(name):
                 faults.append((row.line, f"{what} {name!r} holds {fault}: type it again"))
         if ";" in row.label:
             text = f"label {row.label!r} holds a semicolon, which separates labels in measure.csv"
@@ -320,7 +324,7 @@ def read_labelme(path: str | Path) -> ImportedPicks:
             continue
         if name in label:
             raise InputError(path, f"label {name!r} is picked twice: rename one of the two")
-        if fault := unshowable(name) or ("a semicolon" if ";" in name else ""):
+        if fault := find_unshowable(name) or ("a semicolon" if ";" in name else ""):
             raise InputError(
                 path, f"label {name!r} holds {fault}, which no label can have: rename it"
             )
@@ -385,7 +389,7 @@ def _checked(content: object) -> dict[str, Any]:
 
 def _turned_back(path: Path, photo: Path, content: dict[str, Any], corner: Floats) -> Floats:
     """Convert positions in the photo as displayed by LabelMe to the stored photo."""
-    width, height = image_size(photo)
+    width, height = read_image_size(photo)
     values = exif_numbers(read_exif_tags(photo).get("Image Orientation"))
     orientation = int(values[0]) if values and values[0] in _STORED else 1
     shown = (width, height) if orientation < 5 else (height, width)

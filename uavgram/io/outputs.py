@@ -1,4 +1,9 @@
-"""Output folder in which results appear completely, or not at all."""
+"""Output folder in which results appear completely, or not at all, and claims of it.
+
+Claims are for several processes that may write into the same folder. A cluster's worker that was
+stopped or cut off is abandoned, and another one repeats its work; when it resumes, it must not
+overwrite the results of the other. Locks do not help, as it would hold them.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +14,7 @@ import shutil
 import sys
 import tempfile
 import time
+import uuid
 from collections.abc import Callable, Iterable, Iterator, Set
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -19,9 +25,9 @@ from uavgram.io.locks import FileLock
 log = logging.getLogger(__name__)
 
 PREFIX = ".uavgram-unfinished-"
-IN_USE = ".uavgram-in-use-"
+IN_USE_PREFIX = ".uavgram-in-use-"
 """Prefix of a lock, followed by the rest of the hidden folder's name, held by the writing run."""
-LAST = "results.json"  # moved last: a reader of a new one finds all other files new too
+LAST_MOVED = "results.json"  # moved last: a reader of a new one finds all other files new too
 NEW, EARLIER, MOVING = "files", "earlier", "moving.txt"
 """Names in the hidden folder: new files, replaced files, and their list during the move."""
 _END = Path()  # end of the list
@@ -46,7 +52,7 @@ def staged_output(
     Ctrl-C included, the files of `folder` are as before, and the hidden folder is removed; the
     remains of a killed run are removed when the next run starts, and files that it had already
     moved are put back. A file that another program keeps from being replaced, as Excel does, is
-    written next to it under another name (`newer`), with a warning.
+    written next to it under another name (`name_newer`), with a warning.
 
     Parameters
     ----------
@@ -57,8 +63,8 @@ def staged_output(
     photos
         The originals: no file is written into their folders.
     hold
-        Raises where another process may write now (`uavgram.io.claims.claimed`). Files that stopped
-        processes were moving are put back, and they cannot continue.
+        Raises where another process may write now (`claim_folder`). Files that stopped processes
+        were moving are put back, and they cannot continue.
 
     Raises
     ------
@@ -138,7 +144,7 @@ def replace(source: Path, target: Path) -> None:
     source.replace(target)
 
 
-def newer(path: Path) -> Path:
+def name_newer(path: Path) -> Path:
     """Return the name of a file whose target another program has open."""
     return path.with_name(f"{path.stem}.newer{path.suffix}")
 
@@ -173,16 +179,16 @@ def as_output_errors(folder: Path) -> Iterator[None]:
 def _hidden_folder(folder: Path) -> tuple[FileLock, Path]:
     """Create a lock for a hidden folder; return it and the folder's path, which is not made yet."""
     while True:
-        handle, name = tempfile.mkstemp(prefix=IN_USE, dir=folder)
+        handle, name = tempfile.mkstemp(prefix=IN_USE_PREFIX, dir=folder)
         os.close(handle)
         with suppress(BlockingIOError):  # another run tests whether its owner was killed
-            return FileLock(Path(name)), folder / f"{PREFIX}{name.rpartition(IN_USE)[2]}"
+            return FileLock(Path(name)), folder / f"{PREFIX}{name.rpartition(IN_USE_PREFIX)[2]}"
 
 
 def _remove_stale(folder: Path) -> None:
     """Remove hidden folders whose process has ended."""
     for stale in folder.glob(f"{PREFIX}*"):
-        in_use = folder / stale.name.replace(PREFIX, IN_USE, 1)
+        in_use = folder / stale.name.replace(PREFIX, IN_USE_PREFIX, 1)
         with suppress(OSError, OutputError):  # locked by a living run, or already gone
             held = FileLock(in_use) if stale.is_dir() and not stale.is_symlink() else None
             if held is None:
@@ -196,7 +202,7 @@ def _remove_stale(folder: Path) -> None:
                 shutil.rmtree(stale)
             finally:
                 held.release()
-    for in_use in folder.glob(f"{IN_USE}*"):  # killed before it made its folder
+    for in_use in folder.glob(f"{IN_USE_PREFIX}*"):  # killed before it made its folder
         with suppress(OSError, OutputError):
             FileLock(in_use).release()
 
@@ -248,7 +254,7 @@ def _commit(staging: Path, folder: Path) -> None:
     source, backup = staging / NEW, staging / EARLIER
     names = sorted(
         (path.relative_to(source) for path in source.rglob("*") if path.is_file()),
-        key=lambda name: (name.as_posix() == LAST, name.as_posix()),
+        key=lambda name: (name.as_posix() == LAST_MOVED, name.as_posix()),
     )
     kept = []
     for name in names:
@@ -278,7 +284,7 @@ def _commit(staging: Path, folder: Path) -> None:
 def _names_for(path: Path) -> list[Path]:
     """Return names for a result; the first one that no other program holds is used."""
     again = (path.with_name(f"{path.stem}.newer-{k}{path.suffix}") for k in (2, 3))
-    return [path, newer(path), *again]
+    return [path, name_newer(path), *again]
 
 
 def _move(source: Path, target: Path) -> None:
@@ -373,3 +379,61 @@ def _refuse_reserved(folder: Path) -> None:
                 f"{folder}: Windows keeps the name {part} for a device, so nothing can be written "
                 "there; choose another folder with --output"
             )
+
+
+CLAIM = ".uavgram-claim"
+
+
+class SupersededError(OutputError):
+    """Another process measures the same survey, or did meanwhile: this one writes no results."""
+
+    def __init__(self, folder: Path | str) -> None:
+        super().__init__(folder)
+        self.folder = folder
+
+    def __str__(self) -> str:
+        return (
+            f"{self.folder}: another process began to measure into it meanwhile, so this one wrote "
+            "nothing: let one batch at a time measure a survey"
+        )
+
+
+@contextmanager
+def claim_folder(folder: str | Path) -> Iterator[Callable[[], None]]:
+    """Claim an output folder; the last claim wins. The yielded function raises if it is another's.
+
+    Parameters
+    ----------
+    folder
+        Made where there is none, and removed at the end if it is still empty.
+
+    Raises
+    ------
+    OutputError
+        The folder cannot be written to; `SupersededError` by the yielded function.
+    """
+    folder, token = Path(folder).absolute(), uuid.uuid4().hex
+    existed = folder.is_dir()
+
+    def is_ours() -> bool:
+        try:
+            return (folder / CLAIM).read_text(encoding="ascii") == token
+        except (OSError, UnicodeError):
+            return False
+
+    def hold() -> None:
+        if not is_ours():
+            raise SupersededError(folder)
+
+    try:
+        with as_output_errors(folder):
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / CLAIM).unlink(missing_ok=True)  # never through a link
+            (folder / CLAIM).write_text(token, encoding="ascii")
+        yield hold
+    finally:
+        with suppress(OSError):
+            if is_ours():
+                (folder / CLAIM).unlink()
+            if not existed:
+                folder.rmdir()

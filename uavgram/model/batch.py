@@ -38,7 +38,7 @@ class Fit:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SeenParameter:
+class ParameterUpdate:
     """Camera parameter as stated in the camera file and as adjusted in one survey."""
 
     name: str
@@ -100,7 +100,7 @@ class SurveyRow:
     seconds: float = float("nan")
     tries: int = 0
     fits: tuple[Fit, ...] = ()
-    seen: tuple[SeenParameter, ...] = ()
+    seen: tuple[ParameterUpdate, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,7 +137,7 @@ class SurveyRecord:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Pooled:
+class PooledRatio:
     """Ratio of errors to stated sigmas, pooled over several surveys.
 
     Attributes
@@ -205,7 +205,7 @@ class Batch:
     """Content of the batch's table and page."""
 
     rows: tuple[SurveyRow, ...]
-    pooled: tuple[Pooled, ...]
+    pooled: tuple[PooledRatio, ...]
     drifts: tuple[Drift, ...]
     version: str
     created_utc: str

@@ -72,7 +72,7 @@ stored one (Unicode Technical Report 36, 2.6: bidirectional text spoofing).
 """
 
 
-def unshowable(text: str) -> str:
+def find_unshowable(text: str) -> str:
     """Return the first character of a text that is forbidden in names; empty without any."""
     found = UNSHOWABLE.search(text)
     if found is None:
@@ -86,7 +86,7 @@ def unshowable(text: str) -> str:
     return f"the invisible character U+{ord(character):04X} ({name})"
 
 
-def shown(text: str) -> str:
+def escape_unshowable(text: str) -> str:
     """Replace the forbidden characters of a text by their code points, for a message."""
     return UNSHOWABLE.sub(lambda found: ascii(found[0])[1:-1], text)
 
@@ -135,7 +135,7 @@ def has_decimal_comma(text: str) -> bool:
     return len(found[2]) != 3 or bool(found[3]) or _THOUSANDS.fullmatch(found[1]) is None
 
 
-def with_point(text: str) -> str:
+def replace_decimal_comma(text: str) -> str:
     """Replace a decimal comma by a point: ``1.5`` for ``1,5``; other texts are unchanged."""
     return text.replace(",", ".") if "," in text and has_decimal_comma(text) else text
 

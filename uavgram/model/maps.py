@@ -59,7 +59,9 @@ class Layer:
         return len(self.vertices_m)
 
 
-def placed(shapes: tuple[Floats, ...], place: Callable[[Floats], Floats]) -> tuple[Floats, ...]:
+def transform_vertices(
+    shapes: tuple[Floats, ...], place: Callable[[Floats], Floats]
+) -> tuple[Floats, ...]:
     """Transform the vertices (v, 3) of all shapes to other coordinates, in one call."""
     counts = [len(vertices) for vertices in shapes]
     if not sum(counts):
@@ -247,7 +249,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class PlanWish:
+class PlanPaper:
     """Requested plan: paper, and scale (None: the largest that fits on one sheet)."""
 
     paper: Paper

@@ -83,7 +83,7 @@ PLURAL: dict[Action, str] = {
 """
 
 
-def together(remedies: Sequence[Remedy | None]) -> Remedy | None:
+def merge_remedies(remedies: Sequence[Remedy | None]) -> Remedy | None:
     """Merge remedies of the same kind into one; None if one is missing or they must stay apart."""
     known = [one for one in remedies if one is not None]
     actions = {one.action for one in known}
@@ -97,7 +97,7 @@ def together(remedies: Sequence[Remedy | None]) -> Remedy | None:
     return Remedy(action=action, words=words, corrections=tuple(every))
 
 
-def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
+def propose_pick_removal(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
     """Return the remedy that removes picks, given by photo and label; None without any."""
     if not pairs:
         return None
@@ -110,7 +110,7 @@ def unpicked(pairs: Sequence[tuple[str, str]]) -> Remedy | None:
     )
 
 
-def without_lengths(names: Sequence[str]) -> Remedy | None:
+def propose_length_removal(names: Sequence[str]) -> Remedy | None:
     """Return the remedy that removes known lengths; None without any, or if one has no name."""
     if not all(names) or not names:
         return None
@@ -132,7 +132,7 @@ NUMBERS = ("heights_m", "heights_sigma_m")
 
 
 @dataclass(frozen=True)
-class Several:
+class MessagePlural:
     """Parts of a message from which one sentence for several messages of its kind is made.
 
     Attributes
@@ -192,7 +192,7 @@ class Message:
     files: tuple[str, ...] = ()
     heights_m: tuple[float, ...] = ()
     heights_sigma_m: tuple[float, ...] = ()
-    several: Several | None = field(default=None, compare=False, repr=False)
+    several: MessagePlural | None = field(default=None, compare=False, repr=False)
     plain: str = field(default="", compare=False, repr=False)
     mend: Remedy | None = field(default=None, compare=False, repr=False)
     instead: tuple[Remedy, ...] = field(default=(), compare=False, repr=False)

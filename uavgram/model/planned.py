@@ -184,10 +184,10 @@ Corners = tuple[tuple[float, float], ...]
 """Corners of a polygon: x, y in the scene's axes [m]."""
 
 FlightPattern = Literal["single", "strip", "grid", "orbit"]
-Laid = Literal["lines", "plates"]
+ReferenceKind = Literal["lines", "plates"]
 """Reference to lay out: lines for a tape, or coded plates."""
 
-MOST_CHOICES = 30
+MAX_CHOICES = 30
 """Largest number of heights, pitches, photo counts or patterns; all combinations are planned."""
 
 
@@ -296,7 +296,7 @@ class PlanRequest:
         require(1 <= self.most_lines <= 30, "most_lines must lie between 1 and 30")
         for name in ("patterns", "heights_m", "pitches_deg", "frames"):
             count = len(getattr(self, name))
-            require(count <= MOST_CHOICES, f"{name} may name at most {MOST_CHOICES} (got {count})")
+            require(count <= MAX_CHOICES, f"{name} may name at most {MAX_CHOICES} (got {count})")
         require(bool(self.patterns), "patterns must name at least one")
         require(
             all(-90 <= pitch <= -20 for pitch in self.pitches_deg),

@@ -39,7 +39,7 @@ class Provenance:
     packages: tuple[tuple[str, str], ...]
 
 
-WORDS = {
+CASE_LABELS = {
     "number": "Case number",
     "title": "Case",
     "place": "Place",
@@ -80,7 +80,7 @@ def case_from_options(options: tuple[tuple[str, object], ...]) -> tuple[tuple[st
         Pairs of dotted key and value.
     """
     named = dict(options)
-    rows = [(word, named.get(f"case.{key}")) for key, word in WORDS.items()]
+    rows = [(word, named.get(f"case.{key}")) for key, word in CASE_LABELS.items()]
     rows += [
         (key.removeprefix("case.more."), v) for key, v in options if key.startswith("case.more.")
     ]

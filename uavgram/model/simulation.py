@@ -101,11 +101,11 @@ class PhotoPosesFound(FrozenArrays):
     steps: Annotated[Ints, "b"]
 
 
-SIGMAS = (1.0, 1.959963984540054, 3.0)
+COVERAGE_SIGMAS = (1.0, 1.959963984540054, 3.0)
 """Bounds within which errors are counted [sigma]: 68.3, 95 and 99.7 % of normal errors."""
 
 COVERAGE = (0.6826894921370859, 0.95, 0.9973002039367398)
-"""Shares of normal errors within each of `SIGMAS`."""
+"""Shares of normal errors within each of `COVERAGE_SIGMAS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -202,7 +202,7 @@ class Accuracy(FrozenArrays):
     stated
         (M,) root mean square of the stated sigmas.
     coverage, coverage_range
-        (M, 3), (M, 3, 2) shares of the errors within `SIGMAS`.
+        (M, 3), (M, 3, 2) shares of the errors within `COVERAGE_SIGMAS`.
     z, z_range
         (M,), (M, 2) root mean square of error over stated sigma: 1 if the sigmas are correct.
     """
@@ -229,7 +229,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Unlike:
+class SigmaMismatch:
     """Quantity drawn with another sigma than stated: key, and both sigmas per coordinate."""
 
     key: str
@@ -257,7 +257,7 @@ class Simulation:
         then.
     unlike
         Quantities that the scenario draws otherwise than its project states.
-    amiss
+    deviations
         Keys of the scenario's deviations that are unknown to its project.
     """
 
@@ -268,8 +268,8 @@ class Simulation:
     accuracy: Accuracy
     variants: tuple[Variant, ...] = ()
     running: tuple[tuple[int, float], ...] = ()
-    unlike: tuple[Unlike, ...] = ()
-    amiss: tuple[str, ...] = ()
+    unlike: tuple[SigmaMismatch, ...] = ()
+    deviations: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

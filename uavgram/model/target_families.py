@@ -23,10 +23,10 @@ BOARD_PLATE = "charuco"
 
 LARGEST_PLATE_M = 10.0
 
-FOUND_PX = 16.0
+MIN_SIDE_PX = 16.0
 """Smallest side of a plate in a photo [px] at which it is found reliably."""
 
-CORNERS = 4
+PLATE_CORNERS = 4
 _CORNER = re.compile(r"T(\d+)-([1-4])")
 
 

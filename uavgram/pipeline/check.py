@@ -9,7 +9,7 @@ from pathlib import Path
 
 from uavgram.errors import near_miss
 from uavgram.estimation.survey.known_kinds.kinds import gives_scale
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.pipeline.measure.ground_below import has_place
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.measure.observations import with_sides
@@ -108,7 +108,7 @@ def _unseen(inputs: Inputs) -> list[Message]:
 
 def _never_picked(what: str, label: str, near: str) -> Message:
     hint = f" ({near})" if near else ""
-    several = Several(
+    several = MessagePlural(
         "{count} points are never picked",
         f"{label!r} of {what}{hint}",
         ending="Pick them, or correct their names.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.geometry.ground.top_view import View
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.top_view.photo_cache import PhotoCache, photo_cache
+from uavgram.imaging.top_view.photo_cache import PhotoCache, create_photo_cache
 from uavgram.imaging.top_view.warp import warp_window
 from uavgram.imaging.top_view.warp_maps import Window
 from uavgram.io.digest import photo_files
@@ -32,7 +32,7 @@ def photos_for(view: View, raster: GroundRaster, gains: Floats | None = None) ->
         (N,) factors of their brightness; by default unchanged.
     """
     files = photo_files(view.result.frames)
-    return photo_cache(
+    return create_photo_cache(
         [files[i] for i in view.rows],
         reductions(view, raster).tolist(),
         gains=None if gains is None else gains.tolist(),

@@ -12,7 +12,7 @@ from uavgram.errors import InputError, near_miss
 from uavgram.input_files import refuse_unread
 from uavgram.io.imports import GcpSigmas, read_gcp_list, read_labelme
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.tables.new_picks import new_control, new_picks
+from uavgram.io.tables.updates import create_control, create_picks
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
 from uavgram.model.survey.observations import ImportedPicks, KnownPoints
@@ -85,8 +85,8 @@ def import_picks(
         messages=order_messages(*(message for one in read for message in one.messages)),
     )
     tables = {} if control is None else _tables(files[0], together.known, control)
-    contents = {output: new_picks(together, output)}
-    contents |= {path: new_control(known, path) for path, known in tables.items()}
+    contents = {output: create_picks(together, output)}
+    contents |= {path: create_control(known, path) for path, known in tables.items()}
     for path, content in contents.items():
         replace_bytes(path, content)
     checks = 0 if control is None else len(control.check)

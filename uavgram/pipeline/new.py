@@ -18,15 +18,14 @@ from pathlib import Path
 from uavgram.config.project_text import ProjectText, project_text
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.input_files import unread_format
-from uavgram.io.discovery import Holdings, PhotoGroup, TableRole, grouped, search_folder
+from uavgram.io.discovery import FolderContents, PhotoGroup, TableRole, group_photos, search_folder
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.catalogue import name_format, read_photos
-from uavgram.io.photos.files import matching_files
-from uavgram.io.photos.poses.read import FROM_PHOTOS
-from uavgram.io.photos.size import image_size
-from uavgram.io.tables.new_picks import CONTROL_HEADER
-from uavgram.io.tables.picked import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
-from uavgram.io.tables.rewrite import new_table
+from uavgram.io.photos.files import find_matching_files
+from uavgram.io.photos.metadata import read_image_size
+from uavgram.io.photos.poses.sources import FROM_PHOTOS
+from uavgram.io.tables.rewrite import create_table
+from uavgram.io.tables.updates import CONTROL_HEADER, LINES_HEADER, MEASURE_HEADER, PICKS_HEADER
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
@@ -75,7 +74,9 @@ class Notes:
         self.messages.append(Message("warning", code, text, files=files))
 
 
-def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[PhotoGroup, ...]:
+def choose_photos(
+    folder: Path, holdings: FolderContents, choices: Choices
+) -> tuple[PhotoGroup, ...]:
     """Return groups of photos to take, all of one size.
 
     Parameters
@@ -92,11 +93,11 @@ def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[P
         named = {
             path
             for pattern in choices.images
-            for path in matching_files(absolute(folder, pattern), "correct --images")
+            for path in find_matching_files(absolute(folder, pattern), "correct --images")
         }
-        groups = grouped(sorted(named))
+        groups = group_photos(sorted(named))
         if not groups:
-            image_size(min(named))  # raises the reason
+            read_image_size(min(named))  # raises the reason
             wanted = ", ".join(choices.images)
             raise InputError(folder, f"no photo is named {wanted}: correct --images")
     if not groups:
@@ -110,7 +111,7 @@ def choose_photos(folder: Path, holdings: Holdings, choices: Choices) -> tuple[P
     return groups
 
 
-def passed_over(holdings: Holdings) -> str:
+def passed_over(holdings: FolderContents) -> str:
     """Describe files without a use in a new project, by kind and number; empty without any."""
     kinds = [(path, unread_format(path)) for path in holdings.others]
     names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
@@ -286,7 +287,7 @@ def _unknown_camera(photos: Photos, notes: Notes) -> str:
     return CAMERA_UNKNOWN
 
 
-def choose_tables(folder: Path, holdings: Holdings, notes: Notes) -> dict[str, str]:
+def choose_tables(folder: Path, holdings: FolderContents, notes: Notes) -> dict[str, str]:
     """Return tables by role; those that the picking page makes have a name even if missing.
 
     Parameters
@@ -425,7 +426,7 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectTex
 def _make_files(folder: Path, text: ProjectText) -> list[Path]:
     """Write the missing tables, and the project last; none over an existing file."""
     contents = {
-        folder / text.tables[role]: new_table(header, ()).decode()
+        folder / text.tables[role]: create_table(header, ()).decode()
         for role, header in HEADERS.items()
         if role in text.tables and not (folder / text.tables[role]).exists()
     }

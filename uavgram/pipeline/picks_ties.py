@@ -9,7 +9,7 @@ from pathlib import Path
 
 from uavgram.config.project import load_project, project_file
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.tables.ties import EMPTY, count_made, ties_content
+from uavgram.io.tables.ties import EMPTY_TIES, count_made, update_ties
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FILE, Project
 from uavgram.model.survey.ties import NO_TIES, TiePicks
@@ -74,7 +74,7 @@ def write_ties(
         earlier = count_made(path)
         posed = pose_before_ties(inputs)
         found = tied(inputs, posed, progress)
-        content = ties_content(path, found.ties)
+        content = update_ties(path, found.ties)
         check_ties(str(path), found.ties, inputs.photos)
         if not dry_run:
             _replace(path, content)
@@ -115,7 +115,7 @@ def take_ties_back(project: str | os.PathLike[str], *, dry_run: bool = False) ->
     with nullcontext() if dry_run else sole_writer(settings, str(file)):
         count = count_made(path)
         if count and not dry_run:
-            _replace(path, ties_content(path, NO_TIES) or EMPTY)
+            _replace(path, update_ties(path, NO_TIES) or EMPTY_TIES)
     return TiesWritten(path=path, ties=NO_TIES, taken_back=count, written=not dry_run)
 
 

@@ -11,8 +11,13 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, near_miss
-from uavgram.imaging.plates.families import cells_of, size_of
-from uavgram.imaging.plates.outlines import MARGIN_CELLS, board_outlines, plate_outlines
+from uavgram.imaging.plates.families import (
+    MARGIN_CELLS,
+    board_outlines,
+    count_plates,
+    plate_outlines,
+    read_cells,
+)
 from uavgram.io.outputs import replace_bytes
 from uavgram.model.target_families import BOARD_PLATE, FAMILIES, LARGEST_PLATE_M, plate_label
 from uavgram.views.targets_sheet import PAPERS_MM, Sheet, pages_of, room_mm, sheets_pdf
@@ -89,12 +94,12 @@ def _checked(family: str, plates: Sequence[int], side_m: float | None, paper: st
     if family not in FAMILIES:
         hint = near_miss(family, FAMILIES) or "such as aruco-4x4-50 or apriltag-36h11"
         raise InputError("--family", f"there is no family {family!r} ({hint})")
-    count = size_of(family)
+    count = count_plates(family)
     wrong = [plate for plate in plates if not 0 <= plate < count]
     if wrong:
         raise InputError("--plates", f"{family} has the plates 0 to {count - 1}, and no {wrong[0]}")
     if side_m is None:
-        cells = len(cells_of(family, 0))
+        cells = len(read_cells(family, 0))
         side_mm = min(room_mm(paper)) * cells / (cells + 2 * MARGIN_CELLS)
         return math.floor(side_mm / _STEP_MM) * _STEP_MM / _MM
     if not 0 < side_m <= LARGEST_PLATE_M:
@@ -106,7 +111,7 @@ def _checked(family: str, plates: Sequence[int], side_m: float | None, paper: st
 
 def _plate(family: str, plate: int, side_m: float) -> Sheet:
     side_mm = side_m * _MM
-    white = MARGIN_CELLS * side_mm / len(cells_of(family, plate))
+    white = MARGIN_CELLS * side_mm / len(read_cells(family, plate))
     size = side_mm + 2 * white
     return Sheet(
         name=plate_label(plate),

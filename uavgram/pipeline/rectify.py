@@ -11,10 +11,10 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.sightings import motion_of
-from uavgram.geometry.ground.top_view import FrameKnowledge, View, place_sigma
+from uavgram.geometry.ground.top_view import FrameCovariance, View, compute_place_sigma
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.tone import Tone, automatic_tone, toned
-from uavgram.imaging.top_view.map_sheet import map_sheet
+from uavgram.imaging.photos.tone import Tone, apply_tone, choose_tone
+from uavgram.imaging.top_view.ground_picture import draw_map_sheet
 from uavgram.io.exports.geotiff import (
     WINDOW_PX,
     read_reduced,
@@ -114,7 +114,7 @@ def rectify(
         bar = partial(round_bar, units=inputs.project.units)
         shown, tone = _to_be_seen(picture)
         caption = _caption(view, raster) + ("" if tone.is_identity else f", {BRIGHTENED}")
-        sheet = map_sheet(shown, pixel, caption, SHEET_PX, bar)
+        sheet = draw_map_sheet(shown, pixel, caption, SHEET_PX, bar)
         (staging / SHEET).write_bytes(sheet)
     return Rectified(
         folder=folder.absolute(),
@@ -165,8 +165,8 @@ def _other_planes(view: View) -> tuple[Message, ...]:
 def _to_be_seen(picture: Pixels) -> tuple[Pixels, Tone]:
     """Return RGB and opacity (H, W, 4) for display, and the applied tone."""
     rgb = np.ascontiguousarray(picture[..., :3])
-    tone = automatic_tone(rgb[picture[..., 3] > 0][:, None, ::-1])
-    return np.dstack([toned(rgb, tone), picture[..., 3]]), tone
+    tone = choose_tone(rgb[picture[..., 3] > 0][:, None, ::-1])
+    return np.dstack([apply_tone(rgb, tone), picture[..., 3]]), tone
 
 
 def _brightened_messages(tone: Tone) -> tuple[Message, ...]:
@@ -186,11 +186,11 @@ def _caption(view: View, raster: GroundRaster) -> str:
     return f"{view.result.name}: {where}, pixel {pixel}, ground plane"
 
 
-def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameKnowledge:
+def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameCovariance:
     row_of = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     frames = np.array([row_of[name] for name in view.frame_id])
     motion = motion_of(adjustment.survey, adjustment.state)
-    return FrameKnowledge(
+    return FrameCovariance(
         covariance=adjustment.sight_covariance(frames),
         motion=motion[frames] if adjustment.problem.layout.readout else None,
         pixel_sigma_px=pick_sigma_px,
@@ -198,7 +198,7 @@ def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> Fram
     )
 
 
-def _sigma(view: View, raster: GroundRaster, reach: Floats, known: FrameKnowledge) -> Floats:
+def _sigma(view: View, raster: GroundRaster, reach: Floats, known: FrameCovariance) -> Floats:
     """Compute the sigma (H, W) of the place in each pixel; NaN where no photo shows it."""
     world = view.ground(raster, np.arange(float(raster.width)), np.arange(float(raster.height)))
     best = np.full(world.shape[:2], np.inf)
@@ -212,5 +212,5 @@ def _sigma(view: View, raster: GroundRaster, reach: Floats, known: FrameKnowledg
         shown = view.shows(pixel[..., 0], pixel[..., 1], off_nadir)
         nearer = shown & (off_nadir < best[part])
         best[part] = np.where(nearer, off_nadir, best[part])
-        sigma[part][nearer] = place_sigma(view, index, pixel[nearer], known)
+        sigma[part][nearer] = compute_place_sigma(view, index, pixel[nearer], known)
     return sigma

@@ -11,7 +11,7 @@ from pathlib import Path
 from uavgram.errors import InputError, OutputError
 from uavgram.io.locks import ProjectLock
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.tables.picked import picks_content
+from uavgram.io.tables.updates import update_picks
 from uavgram.model.options import Project
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.measure.inputs import Inputs
@@ -66,7 +66,7 @@ def save_picks(inputs: Inputs, after: Picks) -> Path:
     before = path.read_bytes() if path.exists() else None
     if _changed(inputs, before):
         raise InputError(path, "was changed by another program meanwhile: run this once more")
-    content = picks_content(before, inputs.picks, after)
+    content = update_picks(before, inputs.picks, after)
     if content is None or content == before:
         return path
     if before is None:

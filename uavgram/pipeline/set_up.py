@@ -15,13 +15,13 @@ from typing import Literal
 import numpy as np
 
 from uavgram.config.project import load_project
-from uavgram.config.project_text import Settings, with_settings
+from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import InputError, UavgramError
-from uavgram.io.discovery import Holdings, PhotoGroup, search_folder
+from uavgram.io.discovery import FolderContents, PhotoGroup, search_folder
 from uavgram.io.imports import GcpSigmas
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.poses.read import FROM_PHOTOS, read_photo_poses
+from uavgram.io.photos.poses.sources import FROM_PHOTOS, read_photo_poses
 from uavgram.model.flight.frames import Photos
 from uavgram.model.naming import METRIC, SHORT_FORMS, Units
 from uavgram.model.options import Auto, Project, TimeOptions
@@ -184,7 +184,7 @@ def _names(folder: Path, paths: tuple[Path, ...]) -> tuple[str, ...]:
     return tuple(path.relative_to(folder).as_posix() for path in paths[:MOST_NAMES])
 
 
-def _photos(folder: Path, group: PhotoGroup, holdings: Holdings) -> FoundPhotos:
+def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents) -> FoundPhotos:
     first = group.files[0]
     camera, looks_deg = "", None
     try:
@@ -217,7 +217,7 @@ def _looks_deg(photos: Photos) -> float | None:
     return -pitch if math.isfinite(pitch) else None
 
 
-def _cameras(folder: Path, holdings: Holdings) -> list[FoundCamera]:
+def _cameras(folder: Path, holdings: FolderContents) -> list[FoundCamera]:
     found = []
     for path in holdings.cameras[:MOST_NAMES]:
         try:
@@ -326,7 +326,7 @@ def _write(path: Path, changes: Settings) -> None:
     if not changes:
         return
     before = path.read_bytes().decode("utf-8-sig")
-    after = with_settings(before, changes)
+    after = apply_settings(before, changes)
     if after is None:
         keys = " and ".join(changes)
         raise InputError(

@@ -17,15 +17,14 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, UavgramError
-from uavgram.imaging.plates.board import sight_board_plate
-from uavgram.imaging.plates.sight import sight_plates
+from uavgram.imaging.plates.detection import sight_board_plate, sight_plates
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.uncoded import Kind, Uncoded, uncoded_target
+from uavgram.imaging.targets.uncoded import Kind, UncodedTarget, measure_uncoded_target
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.options import TargetOptions
-from uavgram.model.survey.observations import LeftOut, Picks, SeenPlate
+from uavgram.model.survey.observations import Picks, RejectedPlate, SeenPlate
 from uavgram.model.target_families import plate_of
 from uavgram.pipeline.match.adjusting import begun
 from uavgram.pipeline.match.looking import Photos, grey_photos
@@ -115,7 +114,7 @@ def uncoded_targets(inputs: Inputs, progress: Progress) -> UncodedTargets:
     )
 
 
-def _recognised(inputs: Inputs, photos: Photos) -> dict[int, Uncoded]:
+def _recognised(inputs: Inputs, photos: Photos) -> dict[int, UncodedTarget]:
     """Recognise targets at picks by people, by number of the pick."""
     picks, found = inputs.picks, {}
     for i in np.flatnonzero(picks.of_source("hand")).tolist():
@@ -128,7 +127,9 @@ def _recognised(inputs: Inputs, photos: Photos) -> dict[int, Uncoded]:
     return found
 
 
-def picked_target(photo: Image, label: str, pixel_px: Floats, sigma_px: float) -> Uncoded | None:
+def picked_target(
+    photo: Image, label: str, pixel_px: Floats, sigma_px: float
+) -> UncodedTarget | None:
     """Recognise a picked target; None where the pick is on none, or on a coded plate.
 
     Parameters
@@ -142,13 +143,15 @@ def picked_target(photo: Image, label: str, pixel_px: Floats, sigma_px: float) -
     """
     if plate_of(label) is not None:
         return None
-    target = uncoded_target(photo, pixel_px)
+    target = measure_uncoded_target(photo, pixel_px)
     reach = max(CLICK_PX, 3.0 * float(np.nan_to_num(sigma_px)))
     is_on = target is not None and np.hypot(*(target.pixel_px - pixel_px)) <= reach
     return target if is_on else None
 
 
-def same_target(photo: Image, kind: Kind, place_px: Floats, sigma_px: float) -> Uncoded | None:
+def same_target(
+    photo: Image, kind: Kind, place_px: Floats, sigma_px: float
+) -> UncodedTarget | None:
     """Recognise a target of a kind where its surroundings were found; None if it is not clear.
 
     Parameters
@@ -160,14 +163,14 @@ def same_target(photo: Image, kind: Kind, place_px: Floats, sigma_px: float) -> 
     place_px, sigma_px
         (2,) place of its centre by the matching, and its sigma.
     """
-    target = uncoded_target(photo, place_px)
+    target = measure_uncoded_target(photo, place_px)
     if target is None or target.kind is not kind:
         return None
     off = np.hypot(*(target.pixel_px - place_px))
     return target if off <= SAME_PX + 3.0 * sigma_px else None
 
 
-def measured_row(image: str, label: str, target: Uncoded, focal_px: float) -> TargetRow:
+def measured_row(image: str, label: str, target: UncodedTarget, focal_px: float) -> TargetRow:
     """Return a pick of a target's centre.
 
     Parameters
@@ -184,7 +187,7 @@ def measured_row(image: str, label: str, target: Uncoded, focal_px: float) -> Ta
     return target_row(image, label, (u, v), sigma, target.score)
 
 
-def _kinds(picks: Picks, own: Mapping[int, Uncoded]) -> dict[str, Kind]:
+def _kinds(picks: Picks, own: Mapping[int, UncodedTarget]) -> dict[str, Kind]:
     """Return the kind of each label; none where its picks are on targets of several kinds."""
     kinds: dict[str, set[Kind]] = {}
     for i, target in own.items():
@@ -195,7 +198,7 @@ def _kinds(picks: Picks, own: Mapping[int, Uncoded]) -> dict[str, Kind]:
 def _searched(
     inputs: Inputs,
     photos: Photos,
-    own: Mapping[int, Uncoded],
+    own: Mapping[int, UncodedTarget],
     kinds: Mapping[str, Kind],
     progress: Progress,
 ) -> Record:
@@ -335,7 +338,9 @@ def find_targets(
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
     with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
         seen = dict(_seen(inputs, progress))
-        numbers = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
+        numbers = {
+            p.plate for plates in seen.values() for p in plates if p.left_out is RejectedPlate.NO
+        }
         named, known = named_points(inputs)
         centers = asked_centers(numbers, named, known, inputs.picks)
         rows = add_targets(inputs.picks, seen, centers)
@@ -417,7 +422,7 @@ def named_points(inputs: Inputs) -> tuple[set[str], set[str]]:
 def _photos_of(number: int, seen: dict[str, tuple[SeenPlate, ...]]) -> Iterator[tuple[str, float]]:
     for image, plates in seen.items():
         for plate in plates:
-            if plate.plate == number and plate.left_out is LeftOut.NO:
+            if plate.plate == number and plate.left_out is RejectedPlate.NO:
                 yield image, plate.side_px
 
 

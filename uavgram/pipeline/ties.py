@@ -10,9 +10,8 @@ import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.imaging.ties.features import WORKING_PX, Features, read_features
-from uavgram.imaging.ties.likeness import likeness
-from uavgram.imaging.ties.matching import Guide, match_features
-from uavgram.imaging.ties.verify import FEWEST, verify
+from uavgram.imaging.ties.matching import Guide, compute_photo_similarity, match_features
+from uavgram.imaging.ties.verification import MIN_MATCHES, verify_matches
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.pose import Poses
@@ -122,7 +121,7 @@ def _pairs(scene: Scene, features: Sequence[Features]) -> tuple[Ints, _Seeds | N
         chosen[one, other] = True
     unknown = range(count) if seeds is None else np.flatnonzero(seeds.row < 0).tolist()
     if len(unknown):
-        one, other = pairs_of(likeness(features, unknown), FEWEST / 2).T
+        one, other = pairs_of(compute_photo_similarity(features, unknown), MIN_MATCHES / 2).T
         chosen[one, other] = True
     return np.argwhere(chosen), seeds
 
@@ -170,11 +169,15 @@ class _PairWork:
         found = self._verified(one, other, guide)
         if guide is None:
             # an unguided comparison has a few matches by chance
-            return found if len(found.rows) >= 2 * FEWEST else _Matched(found.rows[:0], np.empty(0))
-        if len(found.rows) < 2 * FEWEST:
+            return (
+                found
+                if len(found.rows) >= 2 * MIN_MATCHES
+                else _Matched(found.rows[:0], np.empty(0))
+            )
+        if len(found.rows) < 2 * MIN_MATCHES:
             # the seeds may be worse than stated
             free = self._verified(one, other, None)
-            found = free if len(free.rows) > 2 * FEWEST else found
+            found = free if len(free.rows) > 2 * MIN_MATCHES else found
         return found
 
     def _guide(self, one: int, other: int) -> Guide | None:
@@ -186,7 +189,7 @@ class _PairWork:
     def _verified(self, one: int, other: int, guide: Guide | None) -> _Matched:
         rows = match_features(self._features[one], self._features[other], guide)
         rays = self._rays[one][rows[:, 0]], self._rays[other][rows[:, 1]]
-        tested = verify(*rays, float(self._calibration.parameters[0]), self._scale)
+        tested = verify_matches(*rays, float(self._calibration.parameters[0]), self._scale)
         return _Matched(rows[tested.good], tested.across_px[tested.good])
 
 

@@ -18,9 +18,9 @@ from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import Poses, Telemetry, TelemetryPrior
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.options import GroundOptions
-from uavgram.model.survey.known import KnownThing, KnownThings, lines_place
+from uavgram.model.survey.known import KnownThing, KnownThings, do_lines_fix_plan
 from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import DEFAULT_AREA, Ground, Survey
 from uavgram.stages.tie_chains import find_matches, find_ties
@@ -125,7 +125,7 @@ def assemble(observed: Observations) -> Assembled:
     ]
     known = [i for i, name in enumerate(control.label) if name in label_at]
     things = _usable_known(observed.known, label_at)
-    is_placed = telemetry is not None or len(known) >= 2 or lines_place(things)
+    is_placed = telemetry is not None or len(known) >= 2 or do_lines_fix_plan(things)
     gauge: Literal["world", "plane"] = "world" if is_placed else "plane"
     if gauge == "plane":
         known = []
@@ -322,7 +322,7 @@ def _unseen_control(control: KnownWorldPoints, survey: Survey) -> Iterator[Messa
                 f"The control point {label!r} is not used: it has no usable pick{hint}. Pick it, "
                 "or correct its name.",
                 labels=(label,),
-                several=Several(
+                several=MessagePlural(
                     "{count} control points are not used, having no usable pick",
                     f"{label!r}{hint}",
                     ending="Pick them, or correct their names.",
@@ -341,7 +341,7 @@ def _unpicked_areas(ground: GroundOptions, survey: Survey) -> Iterator[Message]:
                 "area-unpicked",
                 f"The ground's area {name!r} is not used: no usable pick names it in the column "
                 f"`area` of picks.csv{hint}. Name it there, or take it out of the project.",
-                several=Several(
+                several=MessagePlural(
                     "{count} areas of the ground are not used: no usable pick names them in the "
                     "column `area` of picks.csv",
                     f"{name!r}{hint}",

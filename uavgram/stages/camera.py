@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.camera.facts import equivalent_focal_px, focal_plane_px, is_strip
 from uavgram.geometry.camera.lens import largest_radius
+from uavgram.geometry.camera.properties import equivalent_focal_px, focal_plane_px, is_strip
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import (
-    CENTRE_OF_A_STRIP,
+    CROPPED_CENTRE_SIGMA,
+    CROPPED_FOCAL_SIGMA,
     DRONE_TABLE,
-    EQUIVALENT_FOCAL,
+    EQUIVALENT_FOCAL_SIGMA,
     FACTORY,
-    FOCAL_OF_A_STRIP,
-    FOCAL_PLANE_FOCAL,
+    FOCAL_PLANE_SIGMA,
     ORDINARY_EQUIVALENTS_MM,
-    RADIAL_UNKNOWN,
+    UNKNOWN_RADIAL_SIGMAS,
     AssumedErrors,
     Calibration,
     assumed_covariance,
@@ -32,7 +32,7 @@ from uavgram.model.camera.calibration import (
 from uavgram.model.camera.tags import CameraTags, DroneCamera
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
-from uavgram.model.result.shared import LEARNT_BELOW, LearntCamera
+from uavgram.model.result.shared import MAX_SIGMA_RATIO, CameraUpdate
 
 REMEDY = (
     "calibrate the camera (uavgram calibrate) and name its camera.yaml, or write a camera.yaml by "
@@ -198,7 +198,7 @@ def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | N
         )
     if not camera.distortion.any() or _folds_in_view(parameters, tags):
         parameters[4:] = 0.0
-        errors = replace(errors, radial=RADIAL_UNKNOWN)
+        errors = replace(errors, radial=UNKNOWN_RADIAL_SIGMAS)
         words += "; its distortion is unknown"
     return _Source(parameters, words, errors)
 
@@ -215,7 +215,7 @@ def _key(name: str) -> str:
 
 
 def _of_a_strip(errors: AssumedErrors) -> AssumedErrors:
-    return replace(errors, focal=FOCAL_OF_A_STRIP, centre=CENTRE_OF_A_STRIP)
+    return replace(errors, focal=CROPPED_FOCAL_SIGMA, centre=CROPPED_CENTRE_SIGMA)
 
 
 def _folds_in_view(parameters: Floats, tags: CameraTags) -> bool:
@@ -228,7 +228,7 @@ def _from_equivalent(tags: CameraTags) -> _Source | None:
     """Use the 35 mm equivalent of EXIF; its distortion is unknown."""
     if math.isnan(tags.focal_35mm_mm) or tags.digital_zoom > 1:
         return None
-    errors = replace(DRONE_TABLE, focal=EQUIVALENT_FOCAL, radial=RADIAL_UNKNOWN)
+    errors = replace(DRONE_TABLE, focal=EQUIVALENT_FOCAL_SIGMA, radial=UNKNOWN_RADIAL_SIGMAS)
     words = f"the 35 mm equivalent in EXIF ({tags.focal_35mm_mm:g} mm); its distortion is unknown"
     if is_strip(tags):
         errors = _of_a_strip(errors)
@@ -251,10 +251,10 @@ def _from_sensor(tags: CameraTags, other: _Source | None) -> _Source | None:
         but = f"{other.words}; FocalPlaneXResolution in EXIF contradicts that ({focal_px:.0f} px)"
         return replace(other, words=f"{but} and was not used: a copy of another size?")
     rounding = tags.focal_step_mm / tags.focal_mm / math.sqrt(12)
-    focal = math.hypot(FOCAL_PLANE_FOCAL, apart, 0.0 if math.isnan(rounding) else rounding)
+    focal = math.hypot(FOCAL_PLANE_SIGMA, apart, 0.0 if math.isnan(rounding) else rounding)
     words = f"FocalPlaneXResolution in EXIF with {tags.focal_mm:g} mm"
     parameters = _pinhole(tags, focal_px)
-    errors = replace(DRONE_TABLE, focal=focal, radial=RADIAL_UNKNOWN)
+    errors = replace(DRONE_TABLE, focal=focal, radial=UNKNOWN_RADIAL_SIGMAS)
     if other is not None and other.parameters[4:].any():
         parameters[4:], errors = other.parameters[4:], replace(other.errors, focal=focal)
         words += ", and the distortion of the table of drone cameras"
@@ -268,7 +268,7 @@ def _ordinary(tags: CameraTags) -> _Source:
     logarithm = np.log(list(ORDINARY_EQUIVALENTS_MM.values()))
     spread = float(np.std(logarithm, ddof=1))
     equivalent_mm = math.exp(np.mean(logarithm)) * tags.digital_zoom
-    errors = _of_a_strip(replace(DRONE_TABLE, radial=RADIAL_UNKNOWN))
+    errors = _of_a_strip(replace(DRONE_TABLE, radial=UNKNOWN_RADIAL_SIGMAS))
     errors = replace(
         errors,
         focal=math.hypot(errors.focal, spread),
@@ -308,7 +308,7 @@ CONTRADICTION_SIGMAS = 3.0
 _PIXELS = {"fx", "fy", "cx", "cy"}
 
 
-def report_learnt_camera(camera: LearntCamera, *, is_assumed: bool = False) -> tuple[Message, ...]:
+def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> tuple[Message, ...]:
     """Report which parameters the survey determines better than the calibration, and which not.
 
     Parameters
@@ -330,7 +330,7 @@ def report_learnt_camera(camera: LearntCamera, *, is_assumed: bool = False) -> t
     rest = [camera.names[i] for i in np.flatnonzero(~camera.learnt & ~np.isnan(camera.ratio))]
     unknown = (
         f"{' '.join(rest)} cannot be learnt from it (their sigmas stay within "
-        f"{100 * (1 - LEARNT_BELOW):.0f} % of the {before}'s)"
+        f"{100 * (1 - MAX_SIGMA_RATIO):.0f} % of the {before}'s)"
     )
     if not learnt.size:
         text = f"The survey's own picks and lengths say nothing new of the camera: {unknown}."
@@ -362,7 +362,7 @@ def _contradicted(moved: str, *, is_assumed: bool) -> str:
     )
 
 
-def _refined(camera: LearntCamera, i: int, source: str) -> str:
+def _refined(camera: CameraUpdate, i: int, source: str) -> str:
     unit = " px" if camera.names[i] in _PIXELS else ""
     before, after = camera.prior_sigma[i], camera.sigma[i]
     return (

@@ -17,7 +17,7 @@ from uavgram.estimation.survey.ground_below import ground_below
 from uavgram.geometry.ground.heights import profile
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
 from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.tables import COLUMNS, MeasurementResults, ProfileResults
@@ -84,7 +84,7 @@ def measurement_results(
             "measurement-null",
             f"{name!r} cannot be measured: {why}.",
             measurements=(name,),
-            several=Several("{count} measurements have no value", repr(name), why),
+            several=MessagePlural("{count} measurements have no value", repr(name), why),
         )
         for name, why in measured.why_not
     )
@@ -202,7 +202,7 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
         f"The uncertainty of {results.name[i]!r} is approximate: {why}. Run again with "
         "--monte-carlo for its exact interval."
     )
-    several = Several(
+    several = MessagePlural(
         "The uncertainties of {count} measurements are approximate",
         repr(results.name[i]),
         why,

@@ -8,9 +8,9 @@ from itertools import chain
 from typing import Any
 
 from uavgram.model.catalogue.catalogue import entry_of
-from uavgram.model.message import NUMBERS, SUBJECTS, Message, Remedy, Several
-from uavgram.model.message import together as mended_together
-from uavgram.model.survey.mend import Cause
+from uavgram.model.message import NUMBERS, SUBJECTS, Message, MessagePlural, Remedy
+from uavgram.model.message import merge_remedies as mended_together
+from uavgram.model.survey.corrections import Cause
 
 MAX_LISTED = 5
 """Number of things that a sentence lists; the message names all of them as data."""
@@ -114,7 +114,7 @@ def _mended_together(remedies: Sequence[tuple[Remedy | None, ...]]) -> list[Reme
     return [mended_together(each) for each in zip(*remedies, strict=True)]
 
 
-def _listed(several: Sequence[Several]) -> str:
+def _listed(several: Sequence[MessagePlural]) -> str:
     """Return ``'a', 'b' (too few picks); 'c' (in the sky); and 4 more``."""
     by_reason: dict[str, list[str]] = {}
     for one in several[:MAX_LISTED]:

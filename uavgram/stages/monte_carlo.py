@@ -18,7 +18,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.moved import refit
 from uavgram.model.arrays import Bools
 from uavgram.model.flight.frames import Frames
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
 from uavgram.model.result.tables import MeasurementResults, MonteCarloResults
 from uavgram.model.survey.observations import MeasurementRequest
@@ -124,7 +124,7 @@ def _left_out(
                 f"{row.name!r} has no value in {missing} of {len(known)} Monte Carlo repetitions: "
                 "its sampled interval leaves them out."
             )
-            several = Several(
+            several = MessagePlural(
                 "{count} measurements have no value in some of the Monte Carlo repetitions, which "
                 "their sampled intervals leave out",
                 f"{row.name!r} in {missing} of {len(known)}",
@@ -155,7 +155,7 @@ def compare(first: MeasurementResults, sampled: MonteCarloResults) -> Iterator[M
                 f"sigma {figures(first.sigma[i], 3)}, sampled {figures(sampled.sigma[i], 3)} {unit}"
             )
             ends_text = f"{low:.6g} to {high:.6g} {unit}"
-            several = Several(
+            several = MessagePlural(
                 "Use the sampled 95 % intervals of {count} measurements, the ordinary ones are off",
                 f"{name!r} {ends_text} ({sigmas})",
             )

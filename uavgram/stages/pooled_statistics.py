@@ -11,7 +11,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import chi2
 
-from uavgram.model.batch import Drift, Fit, Pooled, SeenParameter, SurveyRow
+from uavgram.model.batch import Drift, Fit, ParameterUpdate, PooledRatio, SurveyRow
 
 MIN_FREEDOM = 1.0
 _YEAR_S = 365.25 * 86400.0
@@ -22,7 +22,7 @@ _DRIFT_SURVEYS = 3
 """Least number of surveys for a drift, as two are always on a line."""
 
 
-def pool_fits(rows: Sequence[SurveyRow]) -> tuple[Pooled, ...]:
+def pool_fits(rows: Sequence[SurveyRow]) -> tuple[PooledRatio, ...]:
     """Pool errors over sigmas of all surveys, then by camera and by drone.
 
     A sum of squared errors over their covariance is a chi-square of as many degrees of freedom as
@@ -41,7 +41,7 @@ def pool_fits(rows: Sequence[SurveyRow]) -> tuple[Pooled, ...]:
     return tuple(found)
 
 
-def _pool(of: str, name: str, rows: Sequence[SurveyRow]) -> Iterable[Pooled]:
+def _pool(of: str, name: str, rows: Sequence[SurveyRow]) -> Iterable[PooledRatio]:
     by_kind: dict[str, list[Fit]] = {}
     for row in rows:
         for fit in row.fits:
@@ -54,7 +54,7 @@ def _pool(of: str, name: str, rows: Sequence[SurveyRow]) -> Iterable[Pooled]:
         # (squares / factor^2) is a chi-square: the range of factors that it leaves open.
         low, high = np.sqrt(squares / chi2.ppf([0.975, 0.025], freedom)).tolist()
         ratio = math.sqrt(squares / freedom)
-        yield Pooled(
+        yield PooledRatio(
             of=of,
             name=name,
             kind=kind,
@@ -74,7 +74,7 @@ def find_camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
     rows
         The surveys.
     """
-    cameras: dict[tuple[str, str, float, float], list[tuple[float, SeenParameter]]] = {}
+    cameras: dict[tuple[str, str, float, float], list[tuple[float, ParameterUpdate]]] = {}
     for row in rows:
         for seen in row.seen:
             if _is_significant(seen):
@@ -87,13 +87,13 @@ def find_camera_drifts(rows: Sequence[SurveyRow]) -> tuple[Drift, ...]:
     return tuple(_drift(key[0], key[1], found, limit) for key, found in several.items())
 
 
-def _is_significant(seen: SeenParameter) -> bool:
+def _is_significant(seen: ParameterUpdate) -> bool:
     """Return whether a survey determines a parameter that its file leaves free."""
     return 0.0 < seen.sigma < _LEARNT * seen.stated_sigma
 
 
 def _drift(
-    camera: str, name: str, found: Sequence[tuple[float, SeenParameter]], limit: float
+    camera: str, name: str, found: Sequence[tuple[float, ParameterUpdate]], limit: float
 ) -> Drift:
     """Estimate offset and slope by weighted least squares, from the surveys without the file.
 

@@ -1,4 +1,4 @@
-"""Corrections by name, from corrections by index (`Mend`) and for single observations."""
+"""Corrections by name, from those by index (`SurveyCorrection`) and for single observations."""
 
 from __future__ import annotations
 
@@ -7,13 +7,21 @@ from dataclasses import replace
 from math import isclose
 
 from uavgram.estimation.reliability.stated_values import UNITS
-from uavgram.model.message import Correction, Message, Remedy, unpicked, without_lengths
+from uavgram.model.message import (
+    Correction,
+    Message,
+    Remedy,
+    propose_length_removal,
+    propose_pick_removal,
+)
 from uavgram.model.naming import listed, listed_photos
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
 
 
-def add_remedies(message: Message, survey: Survey, mends: Sequence[Mend | None]) -> Message:
+def add_remedies(
+    message: Message, survey: Survey, mends: Sequence[SurveyCorrection | None]
+) -> Message:
     """Add possible corrections to a message.
 
     Parameters
@@ -47,7 +55,7 @@ def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
     return found
 
 
-def make_remedy(survey: Survey, mend: Mend) -> Remedy | None:
+def make_remedy(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     """Describe a correction by name; None where it changes no stated value.
 
     Parameters
@@ -63,7 +71,7 @@ def make_remedy(survey: Survey, mend: Mend) -> Remedy | None:
         _picks(survey, sorted(mend.without_picks)),
         _lengths(survey, mend),
         _ends(survey, mend),
-        without_lengths([_line(survey, k) for k in sorted(mend.without_lines)]),
+        propose_length_removal([_line(survey, k) for k in sorted(mend.without_lines)]),
         _heights(survey, mend),
     )
     known = [one for one in parts if one is not None]
@@ -103,7 +111,7 @@ def make_tape_remedy(start: str, end: str, length_m: float) -> Remedy:
     return Remedy(action="tape", words=words, corrections=(ends,))
 
 
-def _labels(survey: Survey, mend: Mend) -> Remedy | None:
+def _labels(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     if not mend.label_of_pick:
         return None
     everywhere = _everywhere(survey, mend.label_of_pick)
@@ -166,7 +174,7 @@ def _swaps(frame: str, right: Mapping[str, str]) -> Iterator[Correction]:
                 now[label] = other
 
 
-def _places(survey: Survey, mend: Mend) -> Remedy | None:
+def _places(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     if not mend.pixel_of_pick:
         return None
     moves = []
@@ -179,10 +187,10 @@ def _places(survey: Survey, mend: Mend) -> Remedy | None:
 
 
 def _picks(survey: Survey, picks: Iterable[int]) -> Remedy | None:
-    return unpicked([_pick(survey, pick) for pick in picks])
+    return propose_pick_removal([_pick(survey, pick) for pick in picks])
 
 
-def _lengths(survey: Survey, mend: Mend) -> Remedy | None:
+def _lengths(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     named = {_line(survey, k): value for k, value in mend.length_m.items()}
     if not named or not all(named):
         return None
@@ -211,7 +219,7 @@ def _is_exchange(survey: Survey, length_m: Mapping[int, float]) -> bool:
     return sorted(length_m.values()) == sorted(float(survey.length_m[k]) for k in length_m)
 
 
-def _ends(survey: Survey, mend: Mend) -> Remedy | None:
+def _ends(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     label = survey.label
     named = {_line(survey, k): (label[a], label[b]) for k, (a, b) in mend.ends.items()}
     if not named or not all(named):
@@ -223,7 +231,7 @@ def _ends(survey: Survey, mend: Mend) -> Remedy | None:
     return Remedy(action="ends", words=words, corrections=tuple(changes))
 
 
-def _heights(survey: Survey, mend: Mend) -> Remedy | None:
+def _heights(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     """Return heights to be freed, and free heights to be put back on the ground."""
     up = make_height_remedy([survey.label[k] for k, free in mend.free.items() if free])
     down = [survey.label[k] for k, free in mend.free.items() if not free and survey.is_free[k]]

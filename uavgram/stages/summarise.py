@@ -11,7 +11,7 @@ from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
-from uavgram.geometry.motion.telemetry_pose import corrected_time
+from uavgram.geometry.motion.telemetry_pose import correct_time
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.pose import PhotoExposures, Poses
@@ -242,7 +242,7 @@ def summarise_frames(
     time_s = frames.time_utc_s
     if adjustment.survey.telemetry is not None:
         middle_s = adjustment.survey.telemetry.middle_s
-        time_s = corrected_time(adjustment.state.telemetry, time_s, middle_s)
+        time_s = correct_time(adjustment.state.telemetry, time_s, middle_s)
     return FrameResults(
         frame_id=frames.frame_id,
         path=path,

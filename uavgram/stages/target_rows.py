@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.model.arrays import Bools
-from uavgram.model.message import Message, Several
-from uavgram.model.survey.observations import LeftOut, Picks, SeenPlate
-from uavgram.model.target_families import CORNERS, corner_label, plate_label
+from uavgram.model.message import Message, MessagePlural
+from uavgram.model.survey.observations import Picks, RejectedPlate, SeenPlate
+from uavgram.model.target_families import PLATE_CORNERS, corner_label, plate_label
 
 _CENTER_TOO = 2.0**0.5
 """Factor of the sigmas of a plate where its centre is picked beside its corners: the centre adds no
@@ -110,13 +110,13 @@ def rows_of(
     """
     for image, plates in seen.items():
         for plate in plates:
-            if plate.left_out is LeftOut.NO:
+            if plate.left_out is RejectedPlate.NO:
                 yield from _rows(image, plate, centers.get(plate.plate))
 
 
 def _rows(image: str, plate: SeenPlate, center: str | None) -> Iterator[TargetRow]:
     wider = 1.0 if center is None else _CENTER_TOO
-    for corner in range(CORNERS):
+    for corner in range(PLATE_CORNERS):
         sigma = float(plate.sigma_px[corner])
         if np.isfinite(sigma):
             u, v = plate.corner_px[corner].tolist()
@@ -192,18 +192,18 @@ def with_rows(kept: Picks, rows: Sequence[TargetRow]) -> Picks:
 
 
 def _left_out(seen: Mapping[str, Sequence[SeenPlate]]) -> Iterator[Message]:
-    used = {p.plate for plates in seen.values() for p in plates if p.left_out is LeftOut.NO}
+    used = {p.plate for plates in seen.values() for p in plates if p.left_out is RejectedPlate.NO}
     for image, plates in seen.items():
         told = (
             p.plate
             for p in plates
-            if p.left_out not in (LeftOut.NO, LeftOut.DOUBTFUL)
-            or (p.left_out is LeftOut.DOUBTFUL and p.plate in used)
+            if p.left_out not in (RejectedPlate.NO, RejectedPlate.DOUBTFUL)
+            or (p.left_out is RejectedPlate.DOUBTFUL and p.plate in used)
         )
         for number in dict.fromkeys(told):
             why = next(p.left_out for p in plates if p.plate == number and p.left_out.value)
             name = plate_label(number)
-            several = Several(
+            several = MessagePlural(
                 "{count} plates were recognised in photos and left out there",
                 f"{name} in {image}",
                 ending="Look at them there; pick their corners by hand where you can see them.",

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.estimation.survey.observations.tied import PATCH_PX
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings, TiePicks
 
@@ -79,7 +79,7 @@ def _stale(picks: Picks, i: int) -> Message:
         "deleted. Run `uavgram picks match` again, or delete the row.",
         frames=(image,),
         labels=(label,),
-        several=Several(
+        several=MessagePlural(
             "{count} matches are not used: the picks that they were found from were moved or "
             "deleted",
             f"{label} in {image}",

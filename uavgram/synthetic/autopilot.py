@@ -17,10 +17,10 @@ from uavgram.model.flight.log import (
     GimbalSamples,
     HomeSamples,
     PositionSamples,
+    SimulatedLog,
     TurnRateSamples,
     VelocitySamples,
 )
-from uavgram.model.flight.simulated_log import SimulatedLog
 from uavgram.synthetic.errors import ErrorSpec
 from uavgram.synthetic.flight import STEP_S, FlightBiases, Motion, at, gauss_markov
 from uavgram.synthetic.scenario import Scenario, Site

@@ -180,7 +180,7 @@ USUAL: MappingProxyType[str, MappingProxyType[str, Section]] = MappingProxyType(
 
 
 @dataclass(frozen=True, kw_only=True)
-class Raised:
+class RaisedPoint:
     """Point off the ground without a statement in the project."""
 
     label: str
@@ -196,7 +196,7 @@ class WrongLength:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HabitSpec:
+class FixedErrors:
     """Fixed errors of people, logs and cameras, the same in each repetition.
 
     Attributes
@@ -235,7 +235,7 @@ class HabitSpec:
     gps_jump_m: float = 0.0
     heavy_tails: float = 0.0
     pick_factor: float = 1.0
-    raised: tuple[Raised, ...] = ()
+    raised: tuple[RaisedPoint, ...] = ()
     swapped: tuple[tuple[str, str], ...] = ()
     wrong_lengths: tuple[WrongLength, ...] = ()
 
@@ -249,9 +249,9 @@ class HabitSpec:
         """Return the names of the fixed errors that are not at their defaults."""
         return tuple(f.name for f in fields(self) if getattr(self, f.name) != f.default)
 
-    def only(self, name: str) -> HabitSpec:
+    def only(self, name: str) -> FixedErrors:
         """Return the habits with one of these errors alone."""
-        return replace(HabitSpec(), **{name: getattr(self, name)})
+        return replace(FixedErrors(), **{name: getattr(self, name)})
 
     @property
     def labels(self) -> frozenset[str]:

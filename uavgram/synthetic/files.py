@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from uavgram.errors import OutputError
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.own_files import remove_link
-from uavgram.io.photos.tagging.exif_capture import with_exif
+from uavgram.io.photos.exif_capture import insert_exif
 from uavgram.io.results.codec import Record, encode, records
 from uavgram.io.tables.csv_tables import csv_text
-from uavgram.io.tables.picked import (
+from uavgram.io.tables.updates import (
     LINES_HEADER,
     MEASURE_HEADER,
     PICKS_HEADER,
-    measure_content,
+    update_measure,
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import number_text
@@ -171,7 +171,9 @@ def _write_photos(
         done, jpeg = cv2.imencode(".jpg", photo, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         if not done:
             raise ValueError(f"{name}: an image of shape {photo.shape} cannot be encoded")
-        tagged = with_exif(jpeg.tobytes(), time_utc_s=time, zone_h=zone_h, make=MAKE, model=camera)
+        tagged = insert_exif(
+            jpeg.tobytes(), time_utc_s=time, zone_h=zone_h, make=MAKE, model=camera
+        )
         remove_link(folder / name).write_bytes(tagged)
 
 
@@ -212,7 +214,7 @@ def _write_requests(folder: Path, survey: SimulatedSurvey) -> None:
             columns = _texts(np.column_stack([points.coordinates, points.sigma_m[:, 0]]), 4)
             header = ("label", "east_m", "north_m", "up_m", "sigma_m")
             _write_csv(folder / name, header, zip(points.label, *columns, strict=True))
-    requests = measure_content(None, (), survey.measurements)
+    requests = update_measure(None, (), survey.measurements)
     remove_link(folder / "measure.csv").write_bytes(requests or b"")
 
 

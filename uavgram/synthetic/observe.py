@@ -9,14 +9,14 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
-from uavgram.model.target_families import CORNERS
+from uavgram.model.target_families import PLATE_CORNERS
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.sight import inside, large_plates
 from uavgram.synthetic.truth import SurveyTruth, rolled_pixels
 
 
-class Still(np.random.Generator):
+class MeanGenerator(np.random.Generator):
     """Generator that returns means instead of draws, for the methods used by a simulated survey."""
 
     def __init__(self) -> None:
@@ -102,8 +102,8 @@ def pick(
     sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
     shown, people = inside(calibration, pixel_px), len(scenario.points)
     # corners of a plate are found together, if all are inside the photo and it is large enough
-    whole = shown[:, people:].reshape(len(shown), -1, CORNERS).all(axis=2)
-    shown[:, people:] = np.repeat(whole, CORNERS, axis=1) & large_plates(pixel_px[:, people:])
+    whole = shown[:, people:].reshape(len(shown), -1, PLATE_CORNERS).all(axis=2)
+    shown[:, people:] = np.repeat(whole, PLATE_CORNERS, axis=1) & large_plates(pixel_px[:, people:])
     frame, point = np.nonzero(shown)
     sigma = sigmas[point]
     # normal noise, with a share of picks in the heavy tail

@@ -30,7 +30,7 @@ from uavgram.pipeline.measure.observations import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.inputs import Drawn
-from uavgram.synthetic.observe import Still
+from uavgram.synthetic.observe import MeanGenerator
 from uavgram.synthetic.scenario import RepeatedSurvey
 from uavgram.synthetic.scenario_file import load_repeated
 
@@ -64,7 +64,7 @@ class ProjectWorld:
 
     def exact(self) -> Drawn:
         """Return the survey without any error, with its sigmas as stated."""
-        drawn = self._drawn(Still() for _ in OBSERVATIONS)
+        drawn = self._drawn(MeanGenerator() for _ in OBSERVATIONS)
         options = replace(drawn.inputs.project.solve, noise="stated")
         project = replace(drawn.inputs.project, solve=options)
         return drawn._replace(inputs=replace(drawn.inputs, project=project))

@@ -17,7 +17,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.limits import require, require_sizes
 from uavgram.model.planned import PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.target_families import CORNERS, LARGEST_PLATE_M, corner_label
+from uavgram.model.target_families import LARGEST_PLATE_M, PLATE_CORNERS, corner_label
 from uavgram.synthetic.accident_scene import (
     DEMO_LINES,
     DEMO_POINTS,
@@ -25,7 +25,7 @@ from uavgram.synthetic.accident_scene import (
     SceneLine,
     ScenePoint,
 )
-from uavgram.synthetic.errors import ErrorSpec, HabitSpec, StatedSpec, TelemetryClass
+from uavgram.synthetic.errors import ErrorSpec, FixedErrors, StatedSpec, TelemetryClass
 
 Shape = Literal["plane", "level", "slope", "crown", "relief"]
 
@@ -255,7 +255,7 @@ class PlateSpec:
     @property
     def labels(self) -> tuple[str, ...]:
         """Labels of all corners, plate by plate."""
-        return tuple(corner_label(k, c) for k in range(len(self.at)) for c in range(CORNERS))
+        return tuple(corner_label(k, c) for k in range(len(self.at)) for c in range(PLATE_CORNERS))
 
 
 STEEPEST_DEG = 45.0
@@ -412,7 +412,7 @@ class Scenario:
     telemetry: TelemetryClass = "consumer"
     errors: ErrorSpec = field(default_factory=ErrorSpec)
     stated: StatedSpec = field(default_factory=StatedSpec)
-    habits: HabitSpec = field(default_factory=HabitSpec)
+    habits: FixedErrors = field(default_factory=FixedErrors)
     road: RoadLayout = field(default_factory=RoadLayout)
     points: tuple[ScenePoint, ...] = DEMO_POINTS
     lines: tuple[SceneLine, ...] = DEMO_LINES

@@ -6,10 +6,10 @@ from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from uavgram.config.strict_yaml import Document, Plain, dotted, read_yaml, yaml_text
+from uavgram.config.strict_yaml import Document, Plain, format_key_path, read_yaml, yaml_text
 from uavgram.config.validation import validate
 from uavgram.errors import InputError, near_miss
-from uavgram.io.cameras.choice import drone_cameras
+from uavgram.io.cameras.choice import read_drone_cameras
 from uavgram.io.tables.measure import PARAMETERS, points_fault
 from uavgram.model.camera.calibration import ORDINARY_EQUIVALENTS_MM, Calibration
 from uavgram.model.camera.tags import CameraTags, DroneCamera
@@ -149,7 +149,9 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
     world = ScenarioWorld(scenario, calibration)
     faults = list(senseless(simulate(scenario, calibration, exact=True)))
     if faults:
-        placed = [(document.line_of(one.key), f"{dotted(one.key)}: {one.text}") for one in faults]
+        placed = [
+            (document.line_of(one.key), f"{format_key_path(one.key)}: {one.text}") for one in faults
+        ]
         raise InputError.of_all(document.path, placed)
     return world
 
@@ -177,7 +179,7 @@ def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
     by_name = None if camera.focal_mm is not None else camera_of_drone(camera.drone)
     if by_name is not None:
         return by_name
-    known = drone_cameras()
+    known = read_drone_cameras()
     named = CameraTags(path=str(path), width_px=1, height_px=1, model=camera.drone)
     found = find_camera(named, known)
     if found is None:
@@ -214,5 +216,5 @@ def _of_table(path: Path, camera: CameraSpec, found: DroneCamera) -> Calibration
         model=str(camera.drone),
         focal_mm=focal_mm,
     )
-    calibration, _ = assume_camera(tags, drone_cameras())
+    calibration, _ = assume_camera(tags, read_drone_cameras())
     return replace(calibration, name=str(camera.drone))

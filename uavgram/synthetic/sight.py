@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.target_families import CORNERS, FOUND_PX
+from uavgram.model.target_families import MIN_SIDE_PX, PLATE_CORNERS
 
 EDGE_PX = 12.0
 """Distance from the photo's edge within which marks are not picked."""
@@ -39,10 +39,10 @@ def large_plates(corner_px: Floats) -> Bools:
 
     `corner_px` is (F, 4N, 2), plate by plate.
     """
-    corner = corner_px.reshape(len(corner_px), -1, CORNERS, 2)
+    corner = corner_px.reshape(len(corner_px), -1, PLATE_CORNERS, 2)
     side = np.linalg.norm(np.roll(corner, -1, axis=2) - corner, axis=-1)
     with np.errstate(invalid="ignore"):
-        return np.repeat(side.min(axis=2) >= FOUND_PX, CORNERS, axis=1)
+        return np.repeat(side.min(axis=2) >= MIN_SIDE_PX, PLATE_CORNERS, axis=1)
 
 
 def corner_rays(camera: Calibration, intrinsics: Floats, rotation: Floats) -> Floats:

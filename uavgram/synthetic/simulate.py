@@ -18,15 +18,15 @@ from uavgram.model.result.result import Result
 from uavgram.model.simulation import (
     Repetition,
     Repetitions,
+    SigmaMismatch,
     Simulation,
-    Unlike,
     Variant,
 )
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.parallel import in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
-from uavgram.synthetic.errors import HabitSpec
+from uavgram.synthetic.errors import FixedErrors
 from uavgram.synthetic.inputs import Drawn, ScenarioWorld, World
 from uavgram.synthetic.scenario import GroundSpec, Scenario
 from uavgram.views.simulation.page import render_simulation_page
@@ -44,7 +44,7 @@ SAME = 1e-3
 """Relative difference up to which two sigmas are equal."""
 
 
-def unlike_stated(scenario: Scenario) -> tuple[Unlike, ...]:
+def unlike_stated(scenario: Scenario) -> tuple[SigmaMismatch, ...]:
     """Return the quantities that a scenario draws with another sigma than its project states.
 
     The ± of the results is wrong by these differences.
@@ -66,7 +66,7 @@ def unlike_stated(scenario: Scenario) -> tuple[Unlike, ...]:
         slope = np.hypot(ground.slope_sigma_deg, np.linalg.norm(site.ground_slope_deg) / np.sqrt(2))
         pairs["ground.height_sigma_m"] = float(height), stated.ground_height_sigma_m
         pairs["ground.slope_sigma_deg"] = float(slope), stated.ground_slope_sigma_deg
-    found = (Unlike(key, _each(drawn), _each(says)) for key, (drawn, says) in pairs.items())
+    found = (SigmaMismatch(key, _each(drawn), _each(says)) for key, (drawn, says) in pairs.items())
     return tuple(one for one in found if not np.allclose(one.drawn, one.stated, rtol=SAME))
 
 
@@ -312,7 +312,7 @@ def simulate_many(
         variants=compared,
         running=tuple(_running(found)),
         unlike=unlike_stated(world.scenario) if isinstance(world, ScenarioWorld) else (),
-        amiss=tuple(_apart(world.scenario)[1]) if isinstance(world, ScenarioWorld) else (),
+        deviations=tuple(_apart(world.scenario)[1]) if isinstance(world, ScenarioWorld) else (),
     )
 
 
@@ -392,7 +392,7 @@ def _apart(scenario: Scenario) -> tuple[Scenario, dict[str, Scenario]]:
         scenario,
         errors=replace(errors, readout_ms=0.0, identification_m=0.0),
         ground=even,
-        habits=HabitSpec(),
+        habits=FixedErrors(),
     )
     alone: dict[str, Scenario] = {}
     for name in ("slope_deg", "crown_percent", "slope_break_percent", "kerb_m", "relief_m"):

@@ -10,11 +10,11 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.simulated_log import SimulatedLog
+from uavgram.model.flight.log import SimulatedLog
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.synthetic.autopilot import draw_biases, record
 from uavgram.synthetic.flight import fly
-from uavgram.synthetic.observe import Still, pick, seen_pixels, survey_points, tape
+from uavgram.synthetic.observe import MeanGenerator, pick, seen_pixels, survey_points, tape
 from uavgram.synthetic.quantities import with_true_friction
 from uavgram.synthetic.scenario import CameraSpec, Scenario
 from uavgram.synthetic.scene import draw_surface, point_positions
@@ -98,7 +98,7 @@ def simulate(
     """
     draw = _streams(scenario.seed, repetition)
     if exact:
-        draw = _Streams(draw.motion, *(Still() for _ in _Streams._fields[1:]))
+        draw = _Streams(draw.motion, *(MeanGenerator() for _ in _Streams._fields[1:]))
     # true flight and its log
     motion = fly(scenario.flight, scenario.site, draw.motion)
     biases = draw_biases(scenario, draw.biases)

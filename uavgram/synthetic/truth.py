@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.motion.camera_motion import row_share
+from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.observations import MeasurementRequest
@@ -147,7 +147,7 @@ def rolled_pixels(calibration: Calibration, truth: SurveyTruth, places_m: Floats
     # fixed-point iteration: pixel -> row -> pose at its time -> pixel
     for _ in range(ROUNDS):
         row = np.clip(np.nan_to_num(pixel[..., 1]), 0.0, height - 1.0)
-        center, rotation = truth.rows.at(frame, row_share(row, height))
+        center, rotation = truth.rows.at(frame, compute_row_share(row, height))
         seen = np.einsum("fkij,fki->fkj", rotation, places_m - center)
         pixel = project(calibration.model, truth.intrinsics, seen)
     return pixel

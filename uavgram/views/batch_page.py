@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
-from uavgram.model.batch import Batch, Drift, Pooled, SurveyRow
+from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
 from uavgram.views.batch_map import batch_map
 from uavgram.views.batch_words import KINDS, drift_words, headline, pooled_words, told_name
 from uavgram.views.pages import page
@@ -34,7 +34,7 @@ class Line(NamedTuple):
 class Judged(NamedTuple):
     """A row of pooled statistics, or of a camera's drift, with what it means."""
 
-    found: Pooled | Drift
+    found: PooledRatio | Drift
     words: str
     is_bad: bool
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import NamedTuple
 
-from uavgram.model.batch import Batch, Drift, Pooled, SurveyRow
+from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
 from uavgram.model.result.verdict import VerdictLevel
 
 KINDS = {
@@ -53,17 +53,17 @@ def counts(batch: Batch) -> str:
     return f"{total} survey{'s' * (total != 1)}: {', '.join(parts)}; {lights}."
 
 
-def _is_bad(one: Pooled) -> bool:
+def _is_bad(one: PooledRatio) -> bool:
     """Of all surveys, what a reader must know; cameras and drones are in their table."""
     return one.of == "all" and (one.is_small or (one.is_large and one.kind == "checks"))
 
 
-def kind_words(one: Pooled) -> str:
+def kind_words(one: PooledRatio) -> str:
     """``withheld lengths``: of what kind the observations are."""
     return KINDS.get(one.kind, one.kind)
 
 
-def pooled_words(one: Pooled) -> str:
+def pooled_words(one: PooledRatio) -> str:
     """``the stated ± are too small: errors are 1.4 times as large``."""
     if one.is_small:
         return f"the stated ± are too small: errors are {one.ratio:.2g} times as large"

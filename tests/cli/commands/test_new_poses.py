@@ -19,7 +19,7 @@ from uavgram.io.photos.metadata import (
     build_jpeg,
     parse_jpeg,
 )
-from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
+from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.model.options import GeodeticOrigin
 
 PIX4D = (
@@ -40,7 +40,7 @@ def placed(folder: Path, count: int, xmp: str | None = None) -> Path:
         gps = ExifGps(
             latitude_deg=47 + 1e-4 * k, longitude_deg=8.0, height_m=500.0, sigma_horizontal_m=2.0
         )
-        tags = [Segment(APP1, EXIF_HEAD + with_gps(None, gps))]
+        tags = [Segment(APP1, EXIF_HEAD + set_gps(None, gps))]
         tags += [Segment(APP1, XMP_HEAD + xmp.encode())] if xmp else []
         data = build_jpeg([*tags, *plain.segments], plain.scan)
         (folder / f"P{k}.jpg").write_bytes(data)

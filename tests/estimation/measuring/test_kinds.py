@@ -3,7 +3,7 @@
 import pytest
 
 from uavgram.estimation.measuring.kinds import require_picked
-from uavgram.geometry.ground.measurable import UnmeasurableError
+from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.survey.observations import MeasurementRequest
 
 

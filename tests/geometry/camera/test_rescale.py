@@ -4,8 +4,8 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.geometry.camera.facts import cropped, scaled
 from uavgram.geometry.camera.projection import project
+from uavgram.geometry.camera.properties import crop_calibration, scale_calibration
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
@@ -42,14 +42,14 @@ def centroid(image: Floats) -> Floats:
 def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(
     camera: Calibration, size: tuple[int, int]
 ) -> None:
-    small = scaled(camera, 160, 120)
+    small = scale_calibration(camera, 160, 120)
     point = np.array([0.1, -0.2, 1.0])
     u, v = project("brown", small.parameters, point)
     shrinks = size[0] < 160
     image = cv2.resize(
         blob(u, v), size, interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
     )
-    resized = scaled(small, *size)
+    resized = scale_calibration(small, *size)
 
     np.testing.assert_allclose(
         project("brown", resized.parameters, point),
@@ -59,7 +59,7 @@ def test_a_point_is_seen_where_opencv_puts_it_when_it_resizes_the_photo(
 
 
 def test_a_point_is_seen_where_it_lies_in_the_cropped_photo(camera: Calibration) -> None:
-    part = cropped(camera, 100, 375, 3800, 2250)
+    part = crop_calibration(camera, 100, 375, 3800, 2250)
     points = np.random.default_rng(0).uniform([-0.3, -0.3, 1], [0.3, 0.3, 2], (20, 3))
 
     assert (part.width_px, part.height_px) == (3800, 2250)
@@ -72,11 +72,11 @@ def test_a_point_is_seen_where_it_lies_in_the_cropped_photo(camera: Calibration)
 
 
 def test_the_covariance_of_a_resized_camera_is_that_of_its_pixels(camera: Calibration) -> None:
-    small = scaled(camera, 1000, 1500)
+    small = scale_calibration(camera, 1000, 1500)
     step = np.eye(9) * [1, 1, 1, 1, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]
 
     def moved(by: Floats) -> Floats:
-        return scaled(
+        return scale_calibration(
             Calibration(**{**vars(camera), "parameters": PARAMETERS + by}), 1000, 1500
         ).parameters
 
@@ -87,7 +87,7 @@ def test_the_covariance_of_a_resized_camera_is_that_of_its_pixels(camera: Calibr
 
 
 def test_there_and_back_is_the_same_camera(camera: Calibration) -> None:
-    back = scaled(scaled(camera, 1234, 777), 4000, 3000)
+    back = scale_calibration(scale_calibration(camera, 1234, 777), 4000, 3000)
 
     np.testing.assert_allclose(back.parameters, PARAMETERS, rtol=1e-13)
     np.testing.assert_allclose(back.covariance, camera.covariance, rtol=1e-12)
@@ -96,4 +96,4 @@ def test_there_and_back_is_the_same_camera(camera: Calibration) -> None:
 @pytest.mark.parametrize("part", [(-1, 0, 10, 10), (0, 0, 4001, 10), (3995, 0, 10, 10)])
 def test_a_part_outside_the_photo_is_refused(camera: Calibration, part: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="does not lie inside"):
-        cropped(camera, *part)
+        crop_calibration(camera, *part)

@@ -8,11 +8,11 @@ from derivatives import assert_derivative, central_differences
 
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.plane_pose import (
-    by_ends,
-    by_plane,
+    compute_end_components,
+    differentiate_by_ends,
+    differentiate_by_plane,
     lengths_on_plane,
     pose_above_plane,
-    reach_of,
 )
 from uavgram.model.arrays import Floats
 
@@ -55,7 +55,7 @@ def test_lengths_are_those_between_the_ground_points_of_the_pose() -> None:
 def test_derivatives_by_the_plane_equal_central_differences(plane: Floats) -> None:
     ends = pairs(rays(1), rays(2))
     on_plane = lengths_on_plane(plane[:, None], ends)
-    found = by_plane(on_plane, reach_of(on_plane))
+    found = differentiate_by_plane(on_plane, compute_end_components(on_plane))
     numeric = central_differences(lambda m: lengths_on_plane(m[:, None], ends).length, plane, 1e-5)
     assert_derivative(found.T, numeric)
 
@@ -64,7 +64,7 @@ def test_derivatives_by_the_plane_equal_central_differences(plane: Floats) -> No
 def test_derivatives_by_the_ends_equal_central_differences(plane: Floats) -> None:
     ends = pairs(rays(1), rays(2))
     on_plane = lengths_on_plane(plane[:, None], ends)
-    found = by_ends(on_plane, reach_of(on_plane))
+    found = differentiate_by_ends(on_plane, compute_end_components(on_plane))
 
     def moved(shift: Floats) -> Floats:
         by = np.append(shift.reshape(2, 2), [[0.0, 0.0]], axis=0)
@@ -80,8 +80,8 @@ def test_beyond_the_horizon_there_is_no_length() -> None:
     for ends in (pairs(above, below), pairs(below, above), pairs(below, below)):
         found = lengths_on_plane(level, ends)
         assert np.isnan(found.length).all()
-        assert np.isnan(by_plane(found, reach_of(found))).all()
-        assert np.isnan(by_ends(found, reach_of(found))).all()
+        assert np.isnan(differentiate_by_plane(found, compute_end_components(found))).all()
+        assert np.isnan(differentiate_by_ends(found, compute_end_components(found))).all()
 
 
 @pytest.mark.parametrize("plane", [*planes(), np.array([0, 0.1, 0])])

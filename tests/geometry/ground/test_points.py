@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
-from uavgram.geometry.ground.points import BLOCK, View, ground_points
+from uavgram.geometry.ground.points import BLOCK, View, compute_ground_points
 from uavgram.model.arrays import Floats
 
 LENSES = {
@@ -63,7 +63,7 @@ def test_covariance_is_that_of_central_differences(lens: str) -> None:
     at, pixel = view(lens), pixels(60)
     if lens == "fisheye":  # its corners see the sky
         pixel = 0.4 * pixel + [1200.0, 1200.0]
-    found = ground_points(at, pixel, PIXEL, ABOVE)
+    found = compute_ground_points(at, pixel, PIXEL, ABOVE)
     count = len(at.parameters)
     plain = np.zeros(11 + count)
     np.testing.assert_allclose(
@@ -94,30 +94,30 @@ def test_points_are_those_of_opencv_and_a_level_plane() -> None:
     plain = cv2.undistortPoints(pixel, matrix, at.parameters[4:], criteria=criteria)[:, 0]
     ray = np.column_stack([plain, np.ones(500)]) @ at.world_from_camera.T
     expected = at.center_world_m - ray * (at.center_world_m[2] / ray[:, 2])[:, None]
-    found = ground_points(level, pixel, PIXEL)
+    found = compute_ground_points(level, pixel, PIXEL)
     np.testing.assert_allclose(found.point_world_m, expected, atol=1e-8)
 
 
 def test_blocks_threads_and_noise_of_each_pixel_change_nothing() -> None:
     at, pixel = view("brown"), pixels(3 * BLOCK + 17)
-    found = ground_points(at, pixel, PIXEL, ABOVE)
+    found = compute_ground_points(at, pixel, PIXEL, ABOVE)
     each = np.tile(PIXEL, (len(pixel), 1, 1))
     above = np.full(len(pixel), ABOVE)
     for other in (
-        ground_points(at, pixel, each, above),
-        ground_points(at, pixel, PIXEL, ABOVE, threads=2),
-        ground_points(at, pixel, each, above, threads=3),
+        compute_ground_points(at, pixel, each, above),
+        compute_ground_points(at, pixel, PIXEL, ABOVE, threads=2),
+        compute_ground_points(at, pixel, each, above, threads=3),
     ):
         np.testing.assert_allclose(other.point_world_m, found.point_world_m, rtol=1e-12)
         np.testing.assert_allclose(other.covariance_m2, found.covariance_m2, rtol=1e-12)
-    assert ground_points(at, pixel[:0], PIXEL).point_world_m.shape == (0, 3)
+    assert compute_ground_points(at, pixel[:0], PIXEL).point_world_m.shape == (0, 3)
 
 
 def test_pixels_that_show_no_ground_are_nan() -> None:
     at = view("brown")
     up = replace(at, world_from_camera=at.world_from_camera @ np.diag([1.0, -1, -1]))
     for each, pixel in ((up, pixels(5)), (at, np.array([[np.nan, 0.0], [1e9, 0.0]]))):
-        found = ground_points(each, pixel, PIXEL)
+        found = compute_ground_points(each, pixel, PIXEL)
         assert np.isnan(found.point_world_m).all()
         assert np.isnan(found.covariance_m2).all()
 

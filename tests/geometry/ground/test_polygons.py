@@ -9,10 +9,11 @@ from matplotlib.path import Path as Outline
 
 from uavgram.geometry.ground.polygons import (
     contains,
-    counterclockwise,
     crosses,
-    long_axis,
+    find_long_axis,
+    orient_counterclockwise,
     signed_area,
+    squares_on_plane,
 )
 from uavgram.model.arrays import Floats
 
@@ -49,7 +50,7 @@ def test_what_crosses_has_a_point_inside(seed: int) -> None:
 def test_area_and_sense() -> None:
     square = np.array([[0.0, 0], [0, 3], [4, 3], [4, 0], [0, 0]])
     assert signed_area(square) == pytest.approx(-12.0)
-    turned = counterclockwise(square)
+    turned = orient_counterclockwise(square)
     assert len(turned) == 4
     assert signed_area(turned) == pytest.approx(12.0)
 
@@ -57,9 +58,23 @@ def test_area_and_sense() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_the_smallest_rectangle_is_that_of_opencv(seed: int) -> None:
     corner = star(np.random.default_rng(seed))
-    middle, axis, size = long_axis(corner)
+    middle, axis, size = find_long_axis(corner)
     center, sides, _ = cv2.minAreaRect(corner.astype(np.float32))
     assert np.prod(size) == pytest.approx(np.prod(sides), rel=1e-4)
     assert size[0] >= size[1]
     np.testing.assert_allclose(middle, center, atol=1e-3)
     np.testing.assert_allclose(np.ptp(corner @ axis), size[0], rtol=1e-9)
+
+
+def test_sides_and_diagonals_are_those_of_a_square_that_lies_on_the_plane() -> None:
+    slope, turn = np.array([0.3, -0.2]), np.deg2rad([0.0, 33.0, 250.0])
+    middle = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0], [-5.0, 4.0, 1.0]])
+    corner = squares_on_plane(middle, slope, turn, 0.6)
+    side = np.roll(corner, -1, axis=1) - corner
+    np.testing.assert_allclose(np.linalg.norm(side, axis=-1), 0.6)
+    diagonal = np.linalg.norm(corner[:, [2, 3]] - corner[:, [0, 1]], axis=-1)
+    np.testing.assert_allclose(diagonal, 0.6 * np.sqrt(2.0))
+    away = corner - middle[:, None]
+    np.testing.assert_allclose(away[..., 2], away[..., :2] @ slope, atol=1e-12)
+    np.testing.assert_allclose(np.arctan2(side[:, 0, 1], side[:, 0, 0]) % (2 * np.pi), turn)
+    assert (np.cross(side[:, 0], side[:, 1])[:, 2] > 0).all()  # counterclockwise

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from uavgram.geometry.ground.plane import (
+    choose_knots,
     correlated_basis,
     knots_root,
     quadratic_basis,
-    spread_knots,
 )
 from uavgram.model.arrays import Floats
 
@@ -56,5 +56,5 @@ def test_a_quadratic_surface_is_a_known_polynomial() -> None:
 def test_knots_lie_at_places_far_apart() -> None:
     line = np.column_stack([np.arange(11.0), np.zeros(11)])
 
-    assert sorted(spread_knots(line, 3)[:, 0].tolist()) == [0.0, 5.0, 10.0]
-    assert len(spread_knots(np.zeros((4, 2)), 3)) == 1
+    assert sorted(choose_knots(line, 3)[:, 0].tolist()) == [0.0, 5.0, 10.0]
+    assert len(choose_knots(np.zeros((4, 2)), 3)) == 1

@@ -12,7 +12,12 @@ from scipy.spatial.transform import Rotation
 from top_views import LENSES, ORIGIN, UTM, cv_project, looking, make_view
 
 from uavgram.geometry.earth.geodesy import projected_from_enu
-from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, FrameKnowledge, View, place_sigma
+from uavgram.geometry.ground.top_view import (
+    MAX_OFF_NADIR,
+    FrameCovariance,
+    View,
+    compute_place_sigma,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 
@@ -80,12 +85,12 @@ def test_what_is_above_the_camera_is_not_seen() -> None:
 def test_a_photo_shows_its_pixels_to_their_outer_edges_and_no_flat_ground(oblique: View) -> None:
     u = np.array([-0.5, -0.51, 799.5, 799.51, 100, 100, 100, np.nan])
     v = np.array([10, 10, 10, 10, 599.5, 599.6, 100, 10])
-    off_nadir = np.array([1.0] * 6 + [MOST_OFF_NADIR * 1.001, 1.0])
+    off_nadir = np.array([1.0] * 6 + [MAX_OFF_NADIR * 1.001, 1.0])
 
     shown = oblique.shows(u, v, off_nadir)
 
     assert shown.tolist() == [True, False, True, False, True, False, False, False]
-    assert np.degrees(np.arctan(1 / MOST_OFF_NADIR)) == pytest.approx(10, abs=0.3)
+    assert np.degrees(np.arctan(1 / MAX_OFF_NADIR)) == pytest.approx(10, abs=0.3)
 
 
 def test_the_least_height_is_that_above_the_sloping_plane() -> None:
@@ -131,7 +136,7 @@ def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens: str) ->
     correlation = np.corrcoef(mixed)
     covariance = correlation * np.outer(scale, scale)
     pixel = rng.uniform([60, 60], [740, 540], (30, 2))
-    known = FrameKnowledge(covariance[None], pixel_sigma_px=0.8, roughness_sigma_m=0.06)
+    known = FrameCovariance(covariance[None], pixel_sigma_px=0.8, roughness_sigma_m=0.06)
 
     def place(change: Floats, on_pixel: Floats | float = 0.0) -> Floats:
         moved = rotation @ Rotation.from_rotvec(change[3:6]).as_matrix()
@@ -153,7 +158,7 @@ def test_sigma_is_that_of_everything_moved_by_its_joint_covariance(lens: str) ->
     spread += 0.06**2 * raised @ np.swapaxes(raised, 1, 2)
     expected = np.sqrt(np.linalg.eigvalsh(spread)[:, 1])
 
-    np.testing.assert_allclose(place_sigma(view, 0, pixel, known), expected, rtol=1e-4)
+    np.testing.assert_allclose(compute_place_sigma(view, 0, pixel, known), expected, rtol=1e-4)
 
 
 @pytest.mark.parametrize("lens", ["brown", "fisheye"])
@@ -183,16 +188,16 @@ def test_with_rows_read_in_turn_places_and_sigmas_are_those_of_each_row(lens: st
     count = 10 + len(parameters)
     covariance = np.zeros((1, count, count))
     covariance[0, -1, -1] = 0.004**2  # the readout time alone is uncertain
-    known = FrameKnowledge(covariance, 0.0, 0.0, motion[None])
+    known = FrameCovariance(covariance, 0.0, 0.0, motion[None])
     expected = 0.004 * np.linalg.norm(place(1e-4) - place(-1e-4), axis=1) / 2e-4
-    np.testing.assert_allclose(place_sigma(view, 0, pixel, known), expected, rtol=1e-4)
+    np.testing.assert_allclose(compute_place_sigma(view, 0, pixel, known), expected, rtol=1e-4)
 
 
 def test_sigma_is_none_where_a_pixel_meets_no_ground() -> None:
     view = make_view([[0, 0, 30.0]], [looking(80)])
-    known = FrameKnowledge(np.eye(18)[None] * 1e-6, 1.0, 0.0)
+    known = FrameCovariance(np.eye(18)[None] * 1e-6, 1.0, 0.0)
 
-    sigma = place_sigma(view, 0, np.array([[400.0, 10.0], [400.0, 590.0]]), known)
+    sigma = compute_place_sigma(view, 0, np.array([[400.0, 10.0], [400.0, 590.0]]), known)
 
     assert np.isnan(sigma[0])
     assert np.isfinite(sigma[1])

@@ -17,7 +17,7 @@ from uavgram.geometry.motion.rotation import (
 from uavgram.geometry.motion.telemetry_pose import (
     SHARED_SIZE,
     FlightPath,
-    corrected_time,
+    correct_time,
     predict_pose,
 )
 from uavgram.model.arrays import Floats
@@ -46,7 +46,7 @@ def test_derivatives_equal_central_differences(*, gimbal: bool) -> None:
 
     def pose(values: Floats) -> tuple[Floats, Floats, Floats]:
         at = AT_S - values[10] - values[11] * (AT_S - middle)
-        np.testing.assert_allclose(corrected_time(values, AT_S, middle), at, atol=1e-15)
+        np.testing.assert_allclose(correct_time(values, AT_S, middle), at, atol=1e-15)
         exposures = FlightPath(*tracks(gimbal=gimbal)).at(at)
         return predict_pose(exposures, nominal, values, AT_S - middle)
 

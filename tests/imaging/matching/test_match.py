@@ -8,9 +8,15 @@ from numpy.typing import ArrayLike
 from scipy.stats import chi2
 from textures import Texture
 
-from uavgram.imaging.matching.match import REGION, matched
-from uavgram.imaging.matching.matched import REASON, Matched, Refused, Sought
-from uavgram.imaging.matching.options import PATCHES, MatchOptions
+from uavgram.imaging.matching.match import REGION, match_points
+from uavgram.imaging.matching.matches import (
+    PATCHES,
+    REASON_TEXTS,
+    Matches,
+    MatchOptions,
+    RefusalReason,
+    SoughtPoints,
+)
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 
@@ -43,9 +49,11 @@ def truth(source: Floats, affine: Floats) -> Floats:
     return np.asarray((source - MIDDLE) @ affine.T + MIDDLE + SHIFT)
 
 
-def sought(source: Floats, affine: Floats, sigma: float = 2.0, off: ArrayLike = 0.0) -> Sought:
+def sought(
+    source: Floats, affine: Floats, sigma: float = 2.0, off: ArrayLike = 0.0
+) -> SoughtPoints:
     n = len(source)
-    return Sought(
+    return SoughtPoints(
         source_px=source,
         target_px=truth(source, affine) + np.asarray(off),
         covariance_px2=np.tile(sigma**2 * np.eye(2), (n, 1, 1)),
@@ -54,8 +62,8 @@ def sought(source: Floats, affine: Floats, sigma: float = 2.0, off: ArrayLike = 
     )
 
 
-def why(found: Matched) -> set[Refused]:
-    return {Refused(number) for number in found.refused.tolist()}
+def why(found: Matches) -> set[RefusalReason]:
+    return {RefusalReason(number) for number in found.refused.tolist()}
 
 
 @pytest.mark.parametrize(
@@ -74,8 +82,8 @@ def test_points_are_found_to_hundredths_of_a_pixel(affine: Floats) -> None:
     source = MIDDLE + 0.8 * (SOURCE - MIDDLE)
     texture = Texture.random(3, finest=0.3)
     off = np.random.default_rng(2).normal(0, 2, (12, 2))
-    found = matched(*photos(texture, affine), sought(source, affine, 2.0, off))
-    assert why(found) == {Refused.NONE}
+    found = match_points(*photos(texture, affine), sought(source, affine, 2.0, off))
+    assert why(found) == {RefusalReason.NONE}
     step = float(np.linalg.svd(affine, compute_uv=False).max(initial=1.0))
     error = found.pixel_px - truth(source, affine)
     assert np.sqrt(np.mean(error**2)) < 0.04 * step
@@ -85,8 +93,8 @@ def test_points_are_found_to_hundredths_of_a_pixel(affine: Floats) -> None:
 def test_a_map_that_is_a_little_wrong_is_found_right() -> None:
     affine = turned(3.0, 1.04, 0.97)
     off = truth(SOURCE, affine) - truth(SOURCE, LEVEL)
-    found = matched(*photos(Texture.random(4), affine), sought(SOURCE, LEVEL, 2.0, off))
-    assert why(found) == {Refused.NONE}
+    found = match_points(*photos(Texture.random(4), affine), sought(SOURCE, LEVEL, 2.0, off))
+    assert why(found) == {RefusalReason.NONE}
     assert np.abs(found.pixel_px - truth(SOURCE, affine)).max() < 0.15
 
 
@@ -97,9 +105,9 @@ def test_the_covariance_is_that_of_repeated_noise() -> None:
     squared = []
     for seed in range(10):
         pair = photos(Texture.random(seed, 15.0), affine, seed, noise=3.0)
-        found = matched(*pair, sought(SOURCE, affine), options)
+        found = match_points(*pair, sought(SOURCE, affine), options)
         error = found.pixel_px - truth(SOURCE, affine)
-        some = found.refused == Refused.NONE
+        some = found.refused == RefusalReason.NONE
         weight = np.linalg.inv(found.covariance_px2[some])
         squared.append(np.einsum("ni,nij,nj->n", error[some], weight, error[some]))
     values = np.concatenate(squared)
@@ -111,8 +119,8 @@ def test_the_covariance_is_that_of_repeated_noise() -> None:
 def test_brighter_and_stronger_light_changes_nothing() -> None:
     near, far = photos(Texture.random(5), LEVEL)
     lit = np.clip(0.7 * far + 40, 0, 255).astype(np.uint8)
-    plain, other = (matched(near, photo, sought(SOURCE, LEVEL)) for photo in (far, lit))
-    assert why(other) == {Refused.NONE}
+    plain, other = (match_points(near, photo, sought(SOURCE, LEVEL)) for photo in (far, lit))
+    assert why(other) == {RefusalReason.NONE}
     assert np.abs(plain.pixel_px - other.pixel_px).max() < 0.05
 
 
@@ -121,8 +129,8 @@ def test_a_repeated_marking_is_found_where_the_prediction_decides() -> None:
     pair = photos(Texture.stripes(period), LEVEL)
     off = np.array([2.0, -1.5])
     # The region's radius is a third of the period.
-    found = matched(*pair, sought(SOURCE, LEVEL, period / 3 / REGION**0.5, off))
-    assert why(found) == {Refused.NONE}
+    found = match_points(*pair, sought(SOURCE, LEVEL, period / 3 / REGION**0.5, off))
+    assert why(found) == {RefusalReason.NONE}
     assert np.abs(found.pixel_px - truth(SOURCE, LEVEL)).max() < 0.1
 
 
@@ -131,9 +139,9 @@ def test_a_repeated_marking_is_refused_where_it_does_not(periods: float) -> None
     period = 24.0
     pair = photos(Texture.stripes(period), LEVEL)
     off = np.array([0.45 * period, 0.0])
-    found = matched(*pair, sought(SOURCE, LEVEL, periods * period / REGION**0.5, off))
+    found = match_points(*pair, sought(SOURCE, LEVEL, periods * period / REGION**0.5, off))
     # The largest region reaches beyond the photo.
-    assert why(found) <= {Refused.NOT_UNIQUE, Refused.OUTSIDE}
+    assert why(found) <= {RefusalReason.NOT_UNIQUE, RefusalReason.OUTSIDE}
 
 
 def test_a_neighbour_that_happens_to_lie_on_a_step_is_not_the_better_for_it() -> None:
@@ -146,7 +154,7 @@ def test_a_neighbour_that_happens_to_lie_on_a_step_is_not_the_better_for_it() ->
     places = np.array([[105.0, 100.0], [130.0, 90.0], [151.0, 112.0]])
     on_step = np.array([period / 2 - 0.25, 0.0])  # the true place lies between, the next one not
     asked = sought(places, LEVEL, 18.0 / REGION**0.5, on_step)
-    assert why(matched(*pair, asked)) == {Refused.NOT_UNIQUE}
+    assert why(match_points(*pair, asked)) == {RefusalReason.NOT_UNIQUE}
 
 
 def test_a_repetition_is_seen_in_the_source_where_the_target_hides_the_true_place() -> None:
@@ -158,8 +166,8 @@ def test_a_repetition_is_seen_in_the_source_where_the_target_hides_the_true_plac
     hide = np.ones(SHAPE, bool)
     hide[v - 16 : v + 17, u + 8 : u + 41] = False  # one repetition is left, not the true place
     far[hide] = hidden[hide]
-    found = matched(near, far, sought(SOURCE[:1], LEVEL, 30.0 / REGION**0.5))
-    assert found.refused[0] == Refused.NOT_UNIQUE
+    found = match_points(near, far, sought(SOURCE[:1], LEVEL, 30.0 / REGION**0.5))
+    assert found.refused[0] == RefusalReason.NOT_UNIQUE
 
 
 def test_so_it_is_where_the_next_one_lies_beyond_a_large_region() -> None:
@@ -174,15 +182,15 @@ def test_so_it_is_where_the_next_one_lies_beyond_a_large_region() -> None:
     shown = far[v - 32 : v + 33, u - 32 : u + 33].copy()
     far[v - 32 : v + 33, u + apart - 32 : u + apart + 33] = shown
     far[v - 34 : v + 35, u - 40 : u + 41] = hidden[v - 34 : v + 35, u - 40 : u + 41]
-    found = matched(near, far, sought(place, LEVEL, reach / REGION**0.5, [apart / 2, 0.0]))
-    assert found.refused[0] == Refused.NOT_UNIQUE
+    found = match_points(near, far, sought(place, LEVEL, reach / REGION**0.5, [apart / 2, 0.0]))
+    assert found.refused[0] == RefusalReason.NOT_UNIQUE
 
 
 def test_what_is_not_there_is_not_found() -> None:
     near, _ = photos(Texture.random(1), LEVEL)
     _, far = photos(Texture.random(2), LEVEL)
-    found = matched(near, far, sought(SOURCE, LEVEL))
-    assert why(found) <= {Refused.NOT_LIKE, Refused.NOT_UNIQUE}
+    found = match_points(near, far, sought(SOURCE, LEVEL))
+    assert why(found) <= {RefusalReason.NOT_LIKE, RefusalReason.NOT_UNIQUE}
     assert np.isnan(found.pixel_px).all()
     assert np.isnan(found.sigma_px).all()
 
@@ -194,29 +202,29 @@ def test_half_of_the_patch_hidden_moves_nothing() -> None:
     point = truth(SOURCE[:1], LEVEL)[0]
     edge = int(point[0]) + 4  # what hides begins beside the point
     far[:, edge:] = hidden[:, edge:]
-    found = matched(near, far, sought(SOURCE[:1], LEVEL))
+    found = match_points(near, far, sought(SOURCE[:1], LEVEL))
     moved = found.pixel_px[0] - point
-    assert found.refused[0] != Refused.NONE or np.abs(moved).max() < 4 * found.sigma_px[0]
+    assert found.refused[0] != RefusalReason.NONE or np.abs(moved).max() < 4 * found.sigma_px[0]
 
 
 def test_an_even_picture_is_too_weak() -> None:
     even = np.full(SHAPE, 90, np.uint8)
-    assert why(matched(even, even, sought(SOURCE, LEVEL))) == {Refused.WEAK}
+    assert why(match_points(even, even, sought(SOURCE, LEVEL))) == {RefusalReason.WEAK}
 
 
 def test_an_edge_tells_no_place_along_itself() -> None:
     edge = np.full(SHAPE, 60, np.uint8)
     edge[100:] = 180
     at = np.array([[130.0, 100.0]])
-    found = matched(edge, edge, sought(at, LEVEL, 2.0, -SHIFT))
-    assert found.refused[0] in {Refused.NOT_UNIQUE, Refused.WEAK}
+    found = match_points(edge, edge, sought(at, LEVEL, 2.0, -SHIFT))
+    assert found.refused[0] in {RefusalReason.NOT_UNIQUE, RefusalReason.WEAK}
 
 
 def test_a_weak_texture_is_found_by_smoothing() -> None:
     weak = Texture.random(8, contrast=12.0, finest=0.12)
     pair = photos(weak, LEVEL, noise=6.0)
-    found = matched(*pair, sought(SOURCE, LEVEL))
-    some = found.refused == Refused.NONE
+    found = match_points(*pair, sought(SOURCE, LEVEL))
+    some = found.refused == RefusalReason.NONE
     assert some.mean() > 0.6
     error = (found.pixel_px - truth(SOURCE, LEVEL))[some] / found.sigma_px[some, None]
     assert np.sqrt(np.mean(error**2)) < 1.6
@@ -228,11 +236,15 @@ def test_outside_and_too_far() -> None:
     one = sought(at, LEVEL)
     target = one.target_px + np.array([[0, 0], [400, 0], [0, 0]])
     covariance = one.covariance_px2 * np.array([1, 1, 1e5])[:, None, None]
-    asked = Sought(
+    asked = SoughtPoints(
         source_px=at, target_px=target, covariance_px2=covariance, affine=one.affine, rise=one.rise
     )
-    found = matched(near, far, asked)
-    assert found.refused.tolist() == [Refused.OUTSIDE, Refused.OUTSIDE, Refused.TOO_FAR]
+    found = match_points(near, far, asked)
+    assert found.refused.tolist() == [
+        RefusalReason.OUTSIDE,
+        RefusalReason.OUTSIDE,
+        RefusalReason.TOO_FAR,
+    ]
 
 
 def test_something_like_it_is_not_taken_where_the_point_is_likely_outside() -> None:
@@ -245,14 +257,14 @@ def test_something_like_it_is_not_taken_where_the_point_is_likely_outside() -> N
     ]
     copy[:, 60:] = 255 - copy[:, 60:]
     asked = sought(SOURCE[:1], LEVEL, 10.0, np.array([8.0 - own[0], 0.0]))
-    found = matched(near, copy, asked)
-    assert found.refused[0] == Refused.OUTSIDE
+    found = match_points(near, copy, asked)
+    assert found.refused[0] == RefusalReason.OUTSIDE
 
 
 def test_nothing_sought_is_nothing_found() -> None:
     near, far = photos(Texture.random(5), LEVEL)
-    assert len(matched(near, far, sought(np.empty((0, 2)), LEVEL))) == 0
+    assert len(match_points(near, far, sought(np.empty((0, 2)), LEVEL))) == 0
 
 
 def test_each_reason_has_words() -> None:
-    assert set(REASON) == set(Refused)
+    assert set(REASON_TEXTS) == set(RefusalReason)

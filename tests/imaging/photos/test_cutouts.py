@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.imaging.photos.cutouts import LONGEST_PX, cut_out
 from uavgram.imaging.photos.decode import read_pixels
-from uavgram.imaging.photos.shrink import half
-from uavgram.imaging.photos.tone import AS_IT_IS, automatic_tone
+from uavgram.imaging.photos.preview import LONGEST_PX, cut_parts
+from uavgram.imaging.photos.reduction import halve
+from uavgram.imaging.photos.tone import IDENTITY_TONE, choose_tone
 from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import Region, Subject
 
@@ -40,7 +40,7 @@ def decoded(content: bytes) -> Floats:
 
 
 def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(photo: Path) -> None:
-    (picture,) = cut_out([read_pixels(photo)], AS_IT_IS, [region(120, 200, 90, 60)])
+    (picture,) = cut_parts([read_pixels(photo)], IDENTITY_TONE, [region(120, 200, 90, 60)])
     wanted = decoded(photo.read_bytes())[200:260, 120:210]
 
     assert decoded(picture.jpeg).shape == wanted.shape
@@ -49,7 +49,7 @@ def test_a_part_shows_the_pixels_of_the_photo_and_says_that_they_are_as_stored(p
 
 
 def test_a_large_part_is_reduced(photo: Path) -> None:
-    (picture,) = cut_out([read_pixels(photo)], AS_IT_IS, [region(0, 0, WIDTH, HEIGHT)])
+    (picture,) = cut_parts([read_pixels(photo)], IDENTITY_TONE, [region(0, 0, WIDTH, HEIGHT)])
     shown = decoded(picture.jpeg)
 
     assert picture.shown_px == shown.shape[1] == LONGEST_PX["point"]
@@ -61,7 +61,7 @@ def test_a_dark_photo_is_brightened_alike_in_all_parts_and_says_so(
 ) -> None:
     dark = (decoded(photo.read_bytes()) // 5).astype(np.uint8)
     parts = [region(0, 0, 60, 60), region(400, 300, 60, 60)]
-    pictures = cut_out([dark], automatic_tone(dark), parts)
+    pictures = cut_parts([dark], choose_tone(dark), parts)
 
     assert pictures[0].stretch == pictures[1].stretch is not None
     assert decoded(pictures[1].jpeg).mean() > 2 * dark[300:360, 400:460].mean()
@@ -71,8 +71,8 @@ def test_parts_of_the_same_place_are_the_same_picture_and_each_keeps_its_own_row
     photo: Path,
 ) -> None:
     parts = [region(0, 0, 400, 400), region(0, 0, 400, 400, "measurement"), region(2, 0, 400, 400)]
-    first, larger, higher = cut_out([read_pixels(photo)], AS_IT_IS, parts)
-    again = cut_out([read_pixels(photo)], AS_IT_IS, [*parts, replace(parts[0], row=7)])
+    first, larger, higher = cut_parts([read_pixels(photo)], IDENTITY_TONE, parts)
+    again = cut_parts([read_pixels(photo)], IDENTITY_TONE, [*parts, replace(parts[0], row=7)])
 
     assert again[:3] == (first, larger, higher)
     assert again[3] == replace(first, region=replace(parts[0], row=7))
@@ -84,8 +84,8 @@ def test_a_half_that_is_there_already_is_the_one_that_is_made(photo: Path) -> No
     large = region(0, 0, 2 * LONGEST_PX["point"], 200)
     pixels = np.hstack([pixels, pixels])
 
-    assert cut_out([pixels, half(pixels)], AS_IT_IS, [large]) == cut_out(
-        [pixels], AS_IT_IS, [large]
+    assert cut_parts([pixels, halve(pixels)], IDENTITY_TONE, [large]) == cut_parts(
+        [pixels], IDENTITY_TONE, [large]
     )
 
 
@@ -96,7 +96,7 @@ def test_parts_shown_at_half_size_lie_where_they_are_in_the_photo(
     pixels = np.zeros((740, 740, 3), np.uint8)
     pixels[:, 402:] = 255
 
-    (picture,) = cut_out([pixels], AS_IT_IS, [region(left, 4, 720, 720)])
+    (picture,) = cut_parts([pixels], IDENTITY_TONE, [region(left, 4, 720, 720)])
 
     assert picture.shown_px == 360
     assert decoded(picture.jpeg)[100, 199:201].mean(axis=1) == pytest.approx(at_edge, abs=25)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decode import REDUCED, read_pixels, read_reduced
+from uavgram.imaging.photos.decode import REDUCED, is_same_exposure, read_pixels, read_reduced
 
 
 def written(path: Path, width: int, height: int) -> bytes:
@@ -71,3 +72,38 @@ def test_a_header_that_promises_more_than_there_can_be_is_refused(tmp_path: Path
     (tmp_path / "photo.jpg").write_bytes(content[:size] + b"\xff\xff" * 2 + content[size + 4 :])
     with pytest.raises(InputError, match=r"photo\.jpg: is no photo"):
         read_reduced(tmp_path / "photo.jpg", lambda _: 1)
+
+
+@pytest.fixture
+def photo(tmp_path: Path) -> Path:
+    """Of ground with grains of many sizes."""
+    rng = np.random.default_rng(5)
+    layers = [
+        cv2.resize(rng.normal(0, 14, (6 << k, 8 << k)), (1024, 768), interpolation=cv2.INTER_CUBIC)
+        for k in range(7)
+    ]
+    path = tmp_path / "ground.png"
+    assert cv2.imwrite(str(path), np.clip(sum(layers) + 120, 0, 255).astype(np.uint8))
+    return path
+
+
+@pytest.mark.parametrize(("suffix", "quality"), [(".jpg", 95), (".jpg", 30), (".png", 0)])
+def test_a_photo_saved_anew_shows_the_same(photo: Path, suffix: str, quality: int) -> None:
+    again = photo.with_name(f"again{suffix}")
+    options = [cv2.IMWRITE_JPEG_QUALITY, quality] if quality else []
+    assert cv2.imwrite(str(again), read_pixels(photo), options)
+
+    assert is_same_exposure(str(photo), str(again))
+    assert is_same_exposure(str(again), str(photo))
+
+
+def test_a_photo_of_the_same_place_from_beside_does_not(photo: Path) -> None:
+    beside = photo.with_name("beside.png")
+    assert cv2.imwrite(str(beside), np.roll(read_pixels(photo), 24, axis=1))
+
+    assert not is_same_exposure(str(photo), str(beside))
+
+
+def test_photos_of_a_flight_are_no_copies(data_dir: Path) -> None:
+    photos = sorted((data_dir / "street_nadir" / "photos").glob("*.jpg"))
+    assert not any(is_same_exposure(str(one), str(other)) for one, other in pairwise(photos))

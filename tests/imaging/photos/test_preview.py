@@ -15,10 +15,10 @@ from uavgram.imaging.photos.decode import jpeg_size, read_pixels
 from uavgram.imaging.photos.preview import (
     Pixels,
     decode_preview,
-    jpeg_of_width,
-    preview_of,
-    preview_of_whole,
+    make_preview,
+    make_preview_of_decoded,
     read_preview,
+    shrink_jpeg,
 )
 from uavgram.model.arrays import Floats
 
@@ -73,7 +73,7 @@ def test_a_photo_of_which_all_is_wanted_has_the_preview_of_any_other(
 ) -> None:
     path = write(tmp_path / f"photo.{suffix}", photo(width, height))
     other, reduced = read_preview(path, 400)
-    preview, pixels, halves = preview_of_whole(read_pixels(path), 400)
+    preview, pixels, halves = make_preview_of_decoded(read_pixels(path), 400)
 
     np.testing.assert_array_equal(halves[0], cv2.imread(str(path)))
     for large, small in pairwise(halves):  # means of 2 x 2
@@ -148,10 +148,10 @@ def test_a_decoded_photo_is_reduced_as_its_file_is() -> None:
     rng = np.random.default_rng(0)
     noise = rng.integers(0, 255, (900, 1200)).astype(np.uint8)
     grey = np.asarray(cv2.GaussianBlur(noise, (0, 0), 8), np.uint8)
-    preview = preview_of(grey, 400)
+    preview = make_preview(grey, 400)
     assert (preview.width_px, preview.height_px) == (400, 300)
     assert preview.scale == (3.0, 3.0)
     mean = grey.reshape(300, 3, 400, 3).mean(axis=(1, 3))
     assert np.abs(decode_preview(preview)[..., 0] - mean).mean() < 2.0
-    assert jpeg_size(jpeg_of_width(preview.jpeg, 100)) == (100, 75)
-    assert jpeg_size(jpeg_of_width(preview.jpeg, 1000)) == (400, 300)
+    assert jpeg_size(shrink_jpeg(preview.jpeg, 100)) == (100, 75)
+    assert jpeg_size(shrink_jpeg(preview.jpeg, 1000)) == (400, 300)

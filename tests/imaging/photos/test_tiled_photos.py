@@ -16,8 +16,8 @@ from uavgram.imaging.photos import tiled_photos as module
 from uavgram.imaging.photos.decode import read_pixels
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
-from uavgram.imaging.photos.tiles import FIRST_COARSE, TILE_PX, fine_tile, overview_of
-from uavgram.imaging.photos.tone import AS_IT_IS
+from uavgram.imaging.photos.tiles import FIRST_COARSE, TILE_PX, fine_tile, make_overview
+from uavgram.imaging.photos.tone import IDENTITY_TONE
 
 WIDTH, HEIGHT = 1500, 1100
 
@@ -63,7 +63,7 @@ def test_tiles_are_the_same_before_and_after_a_photo_made_room_for_another(
     assert every_tile(photos, 0) == before
     pixels = np.asarray(cv2.imread(files[0].path), np.uint8)
     assert before[0] == fine_tile(pixels, 0, 0, 0)
-    assert photos.tile(0, FIRST_COARSE, 0, 0) == overview_of(pixels).tile(FIRST_COARSE, 0, 0)
+    assert photos.tile(0, FIRST_COARSE, 0, 0) == make_overview(pixels).tile(FIRST_COARSE, 0, 0)
     assert decoded[:3] == ["0.bmp", "1.bmp", "0.bmp"]
 
 
@@ -172,7 +172,7 @@ def test_a_dark_photo_is_brightened_on_its_tiles_and_not_in_its_pixels(tmp_path:
         for tile in (photos.tile(0, level, 0, 0, None) for level in (0, FIRST_COARSE))
     ]
 
-    assert first == stretched != AS_IT_IS
+    assert first == stretched != IDENTITY_TONE
     assert dark.mean() < 50
     assert all(tile.mean() > 100 for tile in shown)
     assert photos.tile(0, 0, 0, 0) == fine_tile(dark, 0, 0, 0)

@@ -12,14 +12,14 @@ import pytest
 from uavgram.errors import InputError
 from uavgram.imaging.photos.decode import read_pixels
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.shrink import half
+from uavgram.imaging.photos.reduction import halve
 from uavgram.imaging.photos.tiles import (
     FIRST_COARSE,
     TILE_PX,
     fine_tile,
+    halve_repeatedly,
     level_count,
-    overview_of,
-    reduced,
+    make_overview,
 )
 
 TURNED = (
@@ -36,7 +36,7 @@ def test_a_half_is_the_mean_of_two_by_two_with_odd_edges_repeated(
     even = np.pad(pixels, ((0, shape[0] % 2), (0, shape[1] % 2), (0, 0)), mode="edge")
     height, width = even.shape[:2]
     mean = even.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
-    assert np.abs(half(pixels) - mean).max() <= 0.5
+    assert np.abs(halve(pixels) - mean).max() <= 0.5
 
 
 def decoded(jpeg: bytes) -> Pixels:
@@ -47,7 +47,7 @@ def decoded(jpeg: bytes) -> Pixels:
 
 def tiles_of(pixels: Pixels) -> Callable[[int, int, int], bytes | None]:
     """What gives the tiles of a photo."""
-    overview = overview_of(pixels)
+    overview = make_overview(pixels)
 
     def tile(level: int, column: int, row: int) -> bytes | None:
         if level < FIRST_COARSE:
@@ -74,7 +74,7 @@ def test_marks_stay_where_they_are_on_every_level() -> None:
     v, u = np.mgrid[:1401, :2003]
     pixels[...] = (200 * np.exp(-((u - 1950.0) ** 2 + (v - 1340.0) ** 2) / 128))[..., None]
     for k in range(4):
-        grey = reduced(pixels, k)[..., 0].astype(float)
+        grey = halve_repeatedly(pixels, k)[..., 0].astype(float)
         place = [
             (grey * axis).sum() / grey.sum() for axis in np.mgrid[: grey.shape[0], : grey.shape[1]]
         ]
@@ -105,7 +105,7 @@ def test_levels_that_are_made_of_parts_are_those_of_the_whole_photo(
                 there = whole[top : top + TILE_PX, left : left + TILE_PX]
                 np.testing.assert_array_equal(cut.pop(), there)
         assert tile(level, -(-width // TILE_PX), 0) is None
-        whole = half(whole)
+        whole = halve(whole)
 
 
 def test_tiles_join_to_the_photo() -> None:
@@ -125,7 +125,7 @@ def test_there_is_no_tile_outside_the_photo(place: tuple[int, int, int]) -> None
 def test_a_level_has_its_tiles_from_one_source_only() -> None:
     pixels = np.zeros((1401, 2003, 3), np.uint8)
     assert fine_tile(pixels, FIRST_COARSE, 0, 0) is None
-    assert overview_of(pixels).tile(FIRST_COARSE - 1, 0, 0) is None
+    assert make_overview(pixels).tile(FIRST_COARSE - 1, 0, 0) is None
 
 
 def test_levels_are_as_many_as_the_page_is_told() -> None:

@@ -10,13 +10,13 @@ import pytest
 
 from uavgram.imaging.photos.preview import Pixels, decode_preview, read_preview
 from uavgram.imaging.photos.tone import (
-    AS_IT_IS,
-    MOST_GAIN,
+    IDENTITY_TONE,
+    MAX_GAIN,
     Tone,
-    automatic_tone,
-    curve,
-    stretched_tone,
-    toned,
+    apply_tone,
+    choose_full_range_tone,
+    choose_tone,
+    compute_tone_curve,
 )
 
 
@@ -33,16 +33,16 @@ HARD_TO_SEE = [(30, 60, 1.0), (0, 90, 1.0), (0, 255, 4.0), (140, 175, 1.0), (0, 
 @pytest.mark.parametrize(("low", "high", "power"), WELL_EXPOSED)
 def test_what_is_well_exposed_is_shown_as_it_is(low: float, high: float, power: float) -> None:
     pixels = picture(low, high, power)
-    tone = automatic_tone(pixels)
+    tone = choose_tone(pixels)
 
-    assert tone == AS_IT_IS
-    assert toned(pixels, tone) is pixels
+    assert tone == IDENTITY_TONE
+    assert apply_tone(pixels, tone) is pixels
 
 
 @pytest.mark.parametrize(("low", "high", "power"), HARD_TO_SEE)
 def test_what_is_dark_or_flat_is_brightened(low: float, high: float, power: float) -> None:
     pixels = picture(low, high, power)
-    shown = toned(pixels, automatic_tone(pixels))
+    shown = apply_tone(pixels, choose_tone(pixels))
     before, after = (np.percentile(each, [0.5, 50, 99.5]) for each in (pixels, shown))
 
     assert 40 <= after[1] <= 180
@@ -52,17 +52,19 @@ def test_what_is_dark_or_flat_is_brightened(low: float, high: float, power: floa
 @pytest.mark.parametrize(("low", "high"), [(30, 95), (5, 80), (40, 104)])
 def test_a_dark_picture_fills_the_screen_between_numpys_percentiles(low: int, high: int) -> None:
     pixels = picture(low, high)
-    tone = automatic_tone(pixels)
+    tone = choose_tone(pixels)
     ends = np.percentile(pixels[..., 0], [0.5, 99.5])
 
     np.testing.assert_allclose([tone.black, tone.white], ends, atol=0.06)
-    np.testing.assert_allclose(curve(tone)[[round(ends[0]), round(ends[1])]], [0, 255], atol=4)
+    np.testing.assert_allclose(
+        compute_tone_curve(tone)[[round(ends[0]), round(ends[1])]], [0, 255], atol=4
+    )
 
 
 def test_the_size_of_the_copy_that_is_looked_at_does_not_matter() -> None:
     small = np.sort(picture(30, 95), axis=1)
     large = cv2.resize(small, None, fx=5, fy=5, interpolation=cv2.INTER_NEAREST)
-    tones = automatic_tone(small), automatic_tone(np.asarray(large, np.uint8))
+    tones = choose_tone(small), choose_tone(np.asarray(large, np.uint8))
 
     np.testing.assert_allclose(tones[0].black, tones[1].black, atol=3)
     np.testing.assert_allclose(tones[0].white, tones[1].white, atol=3)
@@ -70,7 +72,7 @@ def test_the_size_of_the_copy_that_is_looked_at_does_not_matter() -> None:
 
 @pytest.mark.parametrize("tone", [Tone(), Tone(33, 61, 1), Tone(-40, 400, 0.3), Tone(5, 9, 6)])
 def test_the_curve_never_falls_and_is_that_of_opencv(tone: Tone) -> None:
-    values = curve(tone).astype(int)
+    values = compute_tone_curve(tone).astype(int)
     if tone.gamma == 1.0:
         scale = 255.0 / (tone.white - tone.black)
         own = cv2.convertScaleAbs(  # which takes absolute values: so only what is not cut
@@ -85,15 +87,15 @@ def test_the_curve_never_falls_and_is_that_of_opencv(tone: Tone) -> None:
 
 def test_noise_is_not_brightened_beyond_a_bound() -> None:
     pixels = picture(20, 24)
-    tone = automatic_tone(pixels)
+    tone = choose_tone(pixels)
 
-    assert 255.0 / (tone.white - tone.black) == pytest.approx(MOST_GAIN)
+    assert 255.0 / (tone.white - tone.black) == pytest.approx(MAX_GAIN)
     assert tone.black <= 20
     assert tone.white >= 24
 
 
 def test_who_asks_for_it_gets_a_stretch_of_a_good_picture_too() -> None:
-    tone = stretched_tone(picture(60, 160))
+    tone = choose_full_range_tone(picture(60, 160))
 
     assert tone.black == pytest.approx(60, abs=2)
     assert tone.white == pytest.approx(160, abs=2)

@@ -10,8 +10,7 @@ import pytest
 from board_photos import Sensor
 
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.charuco import charuco_board, sight_charuco
-from uavgram.imaging.targets.dictionaries import dictionary_size
+from uavgram.imaging.targets.charuco import charuco_board, dictionary_size, sight_charuco
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import Board, flat_board
 from uavgram.model.camera.calibration import LensModel

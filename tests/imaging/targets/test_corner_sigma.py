@@ -10,7 +10,7 @@ from board_photos import Sensor
 
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets import saddle
-from uavgram.imaging.targets.gradient import gradient_corners
+from uavgram.imaging.targets.gradient import measure_gradient_corners
 from uavgram.imaging.targets.saddle import cut_windows, fit_saddles
 from uavgram.imaging.targets.sighting import SIGMA_FLOOR_PX, grid_axes, measure_corners
 from uavgram.model.arrays import Floats
@@ -61,7 +61,7 @@ def test_both_operators_err_as_much_as_they_say_under_white_noise(blur: float) -
     image, truth, axes = drawn_saddle(rng, 400, blur=blur)
     windows = cut_windows(image, np.round(truth), axes, 10, 1.0)
     fit = fit_saddles(windows, np.round(truth), axes)
-    corner, covariance = gradient_corners(
+    corner, covariance = measure_gradient_corners(
         image.astype(np.float32), windows, fit.pixel_px, np.full(400, 4.0)
     )
     # Both states a little too much: noise passes for correlation of the fit's residuals, and adds

@@ -10,8 +10,8 @@ import pytest
 
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.chessboard import sight_chessboard
-from uavgram.imaging.targets.gradient import gradient_corners, search_corners
-from uavgram.imaging.targets.grid_growth import grow_grid
+from uavgram.imaging.targets.gradient import measure_gradient_corners, search_corners
+from uavgram.imaging.targets.grid import grow_grid
 from uavgram.imaging.targets.saddle import cut_windows
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.model.camera.board import flat_board
@@ -57,7 +57,7 @@ def test_gradients_know_nothing_beyond_the_edge(squares: Image) -> None:
     start = np.array([[41.0, 58.0], [161.0, 59.5]])
     axes = np.tile(SQUARE * np.eye(2), (2, 1, 1))
     windows = cut_windows(squares, start, axes, 5, 0.35)
-    corner, covariance = gradient_corners(squares, windows, start, np.ones(2))
+    corner, covariance = measure_gradient_corners(squares, windows, start, np.ones(2))
 
     np.testing.assert_allclose(corner[0], [39.5, 59.5], atol=0.02)
     assert np.isfinite(covariance[0]).all()

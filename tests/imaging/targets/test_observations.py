@@ -10,8 +10,8 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.decode import jpeg_size
-from uavgram.imaging.photos.preview import preview_of
-from uavgram.imaging.targets.draw_board import draw_board
+from uavgram.imaging.photos.preview import make_preview
+from uavgram.imaging.targets.board_picture import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.model.camera.board import Board, BoardObservations, LensSetting, flat_board
@@ -117,7 +117,7 @@ def test_the_picture_of_a_photo_shows_marks_where_the_corners_are() -> None:
     observations, _ = collect([sighting(0), sighting(1), sighting(2)])
     photo, board = observations.photos[0], observations.board
     grey = np.full((480, 640), 100, np.uint8)
-    encoded = draw_board(preview_of(grey, 320), board, photo, np.zeros((54, 2)))
+    encoded = draw_board(make_preview(grey, 320), board, photo, np.zeros((54, 2)))
     assert jpeg_size(encoded) == (320, 240)
     decoded = cv2.imdecode(np.frombuffer(encoded, np.uint8), cv2.IMREAD_COLOR)
     assert decoded is not None

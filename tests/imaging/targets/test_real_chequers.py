@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.symmetry import centre_of_symmetry
+from uavgram.imaging.targets.symmetry import find_centre_of_symmetry
 from uavgram.model.arrays import Floats
 
 BOARD = (9, 6)
@@ -38,7 +38,9 @@ def residuals(path: Path) -> tuple[Floats, Floats]:
     steps = (np.linalg.norm(np.diff(start, axis=k), axis=2).min() for k in (0, 1))
     radius = min(0.55 * min(steps), RADIUS_PX)
     board = np.stack(np.meshgrid(*map(np.arange, BOARD)), -1).reshape(-1, 2).astype(np.float64)
-    found = [centre_of_symmetry(photo, place, radius * np.eye(2)) for place in start.reshape(-1, 2)]
+    found = [
+        find_centre_of_symmetry(photo, place, radius * np.eye(2)) for place in start.reshape(-1, 2)
+    ]
     there = [(at, one) for at, one in zip(board, found, strict=True) if one and one.likeness > 0.97]
     if len(there) < 35:
         return np.zeros((0, 2)), np.zeros(0)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import erf
 
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.symmetry import centre_of_symmetry
+from uavgram.imaging.targets.symmetry import find_centre_of_symmetry
 from uavgram.model.arrays import Floats
 
 SIDE_PX = 61
@@ -35,7 +35,7 @@ def errors(noise: float) -> tuple[Floats, Floats]:
         angles = np.array([first, first + rng.uniform(1.1, 2.0)])
         grey = chequer(center, angles, BLUR_PX[k % 3]) + noise * rng.normal(size=(SIDE_PX, SIDE_PX))
         photo: Image = np.clip(np.rint(grey), 0, 255).astype(np.uint8)
-        found = centre_of_symmetry(photo, center + rng.uniform(-0.7, 0.7, 2), 9.0 * np.eye(2))
+        found = find_centre_of_symmetry(photo, center + rng.uniform(-0.7, 0.7, 2), 9.0 * np.eye(2))
         assert found is not None
         off.append(found.pixel_px - center)
         sigma.append(np.sqrt(np.trace(found.covariance_px2) / 2.0))

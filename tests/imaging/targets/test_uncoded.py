@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.symmetry import OF_CAMERAS_PX
-from uavgram.imaging.targets.uncoded import Kind, Uncoded, uncoded_target
+from uavgram.imaging.targets.symmetry import MODEL_SIGMA_PX
+from uavgram.imaging.targets.uncoded import Kind, UncodedTarget, measure_uncoded_target
 from uavgram.model.arrays import Floats
 
 SIDE_PX, FINE = 61, 6
@@ -23,11 +23,11 @@ def test_centres_are_found_to_hundredths_of_a_pixel_with_sigmas_to_match() -> No
             center = 30.0 + rng.uniform(-0.5, 0.5, 2)
             view = _view(rng, 10.0)
             photo = _photo(rng, _painted(name, center, view))
-            found = uncoded_target(photo, center + rng.normal(0.0, 0.8, 2))
+            found = measure_uncoded_target(photo, center + rng.normal(0.0, 0.8, 2))
             if found is not None:
                 assert found.kind is kind, name
                 off.append(found.pixel_px - center)
-                sigma.append(np.sqrt(found.sigma_px**2 - OF_CAMERAS_PX**2))  # by noise alone
+                sigma.append(np.sqrt(found.sigma_px**2 - MODEL_SIGMA_PX**2))  # by noise alone
         away, z = np.array(off), np.array(off) / np.array(sigma)[:, None]
         assert len(off) >= 13, name
         assert np.sqrt((away**2).mean()) <= 0.06, name
@@ -42,7 +42,7 @@ def test_nothing_is_invented() -> None:
         for _ in range(3):
             center = 30.0 + rng.uniform(-0.5, 0.5, 2)
             photo = _photo(rng, _painted(name, center, _view(rng, 10.0)))
-            assert uncoded_target(photo, center) is None, name
+            assert measure_uncoded_target(photo, center) is None, name
 
 
 @pytest.mark.parametrize("name", ["chequer", "disc", "cross"])
@@ -52,7 +52,7 @@ def test_a_target_that_is_half_covered_is_refused(name: str) -> None:
         view = _view(rng, 10.0)
         grey = _painted(name, np.array([30.0, 30.0]), view)
         grey[:, : 30 * FINE] = 110.0
-        assert uncoded_target(_photo(rng, grey), np.array([30.0, 30.0])) is None
+        assert measure_uncoded_target(_photo(rng, grey), np.array([30.0, 30.0])) is None
 
 
 def test_the_middle_of_a_tilted_circle_is_off_by_what_is_said() -> None:
@@ -63,7 +63,7 @@ def test_the_middle_of_a_tilted_circle_is_off_by_what_is_said() -> None:
     outline = focal * np.column_stack([along * np.cos(tilt) / depth, across / depth])
     (u, _), axes, _ = cv2.fitEllipse(outline.astype(np.float32))
     a, b = sorted((0.5 * axes[0], 0.5 * axes[1]), reverse=True)
-    found = Uncoded(Kind.DISC, np.zeros(2), 0.1, 1.0, (a, b))
+    found = UncodedTarget(Kind.DISC, np.zeros(2), 0.1, 1.0, (a, b))
     assert found.off_center_px(focal) == pytest.approx(abs(u), rel=0.02)
 
 

@@ -6,8 +6,7 @@ import numpy as np
 from tied_photos import flight, photo
 
 from uavgram.imaging.ties.features import Features, find_features
-from uavgram.imaging.ties.likeness import likeness
-from uavgram.imaging.ties.matching import Guide, match_features
+from uavgram.imaging.ties.matching import Guide, compute_photo_similarity, match_features
 
 
 def drawn(count: int, seed: int = 1) -> Features:
@@ -80,7 +79,7 @@ def test_photos_of_one_ground_look_more_alike_than_others() -> None:
     features = [find_features(photo(poses, k)) for k in (0, 1)]
     features.append(find_features(np.ascontiguousarray(photo(poses, 3)[::-1])))  # a mirror image
 
-    count = likeness(features, range(3))
+    count = compute_photo_similarity(features, range(3))
 
     np.testing.assert_array_equal(count, count.T)
     assert count[0, 1] > 50

@@ -11,9 +11,9 @@ import synthetic_survey
 
 from uavgram.imaging.photos.preview import Preview, decode_preview
 from uavgram.imaging.top_view import mosaic
-from uavgram.imaging.top_view.gains import DENSE, Light, gains_between
+from uavgram.imaging.top_view.brightness import DENSE_PHOTOS, Light, estimate_gains
 from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
-from uavgram.imaging.top_view.mosaic_grid import Box, Cameras, Grid, boxes_below, choose
+from uavgram.imaging.top_view.mosaic_grid import Box, Cameras, Grid, choose_frames, find_boxes_below
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 
@@ -88,7 +88,7 @@ def test_the_mosaic_shows_the_ground_where_it_is(
 
 
 def test_each_spot_comes_from_the_frame_most_above_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mosaic, "gains_between", lambda _, count: np.ones(count))
+    monkeypatch.setattr(mosaic, "estimate_gains", lambda _, count: np.ones(count))
     result = synthetic_survey.build(clean=True)
     texture = ground_texture(result, previews(result, paint=lambda i: (12 * i, 60, 60)))
     at = spots(texture)[8::16, 8::16]
@@ -168,7 +168,7 @@ def test_a_frame_that_shows_all_of_a_cell_goes_before_one_that_shows_some() -> N
     poses = result.frames.refined
     cameras = Cameras(poses.center_world_m, poses.world_from_camera, result.frames.sweep)
     grid = Grid(result, -60.0, 50.0, 0.15, 64, (10, 12))
-    choice = choose(grid, cameras)
+    choice = choose_frames(grid, cameras)
     row, column = np.meshgrid(np.arange(11.0) * 64, np.arange(13.0) * 64, indexing="ij")
     world = grid.world(column, row)
     seen = np.array(
@@ -199,7 +199,7 @@ def test_of_a_large_survey_each_cell_is_looked_at_by_the_frames_about_it_only() 
         edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
         row, column = np.meshgrid(*edges, indexing="ij")
         world = grid.world(column, row)
-        boxes = boxes_below(grid, everywhere)
+        boxes = find_boxes_below(grid, everywhere)
         for frame, box in enumerate(boxes):
             seen = np.isfinite(grid.pixels_in(everywhere, frame, world)[..., 0])
             within = np.zeros_like(seen)
@@ -218,14 +218,14 @@ def test_photos_that_show_nothing_together_keep_their_brightness() -> None:
     }
     empty = {4: Light(np.zeros(0, np.int64), np.zeros(0))}
 
-    gains = gains_between(seen | empty, 7)
+    gains = estimate_gains(seen | empty, 7)
 
     # 2 and 5 show 16 places together, 0 and 5 nine: too few
     pair = np.linalg.solve([[17.0, -16.0], [-16.0, 17.0]], [1.6, -1.6])
     np.testing.assert_allclose(gains, np.exp([0, 0, pair[0], 0, 0, pair[1], 0]), rtol=1e-12)
-    np.testing.assert_array_equal(gains_between(empty, 2), 1.0)
-    many = gains_between(seen | empty, DENSE + 7)  # solved in another way
-    np.testing.assert_allclose(many, np.append(gains, np.ones(DENSE)), rtol=1e-12)
+    np.testing.assert_array_equal(estimate_gains(empty, 2), 1.0)
+    many = estimate_gains(seen | empty, DENSE_PHOTOS + 7)  # solved in another way
+    np.testing.assert_allclose(many, np.append(gains, np.ones(DENSE_PHOTOS)), rtol=1e-12)
 
 
 def test_a_mosaic_much_coarser_than_the_photos_does_not_flicker() -> None:

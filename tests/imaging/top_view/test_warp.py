@@ -22,11 +22,16 @@ from top_views import (
 )
 
 from uavgram.errors import InputError
-from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, View
+from uavgram.geometry.ground.top_view import MAX_OFF_NADIR, View
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.top_view.photo_cache import MARGIN_PX, PhotoCache, photo_cache, read_photo
+from uavgram.imaging.top_view.photo_cache import (
+    MARGIN_PX,
+    PhotoCache,
+    create_photo_cache,
+    read_photo,
+)
 from uavgram.imaging.top_view.warp import REACH, warp_window
-from uavgram.imaging.top_view.warp_maps import lay_lattice, look_from
+from uavgram.imaging.top_view.warp_maps import make_lattice, project_window
 from uavgram.io.digest import photo_files
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
@@ -62,7 +67,7 @@ def scene(
 
 def cache(view: View, reduction: int = 1) -> PhotoCache:
     paths = photo_files(view.result.frames)
-    return photo_cache(paths, [reduction] * len(paths))
+    return create_photo_cache(paths, [reduction] * len(paths))
 
 
 def whole(view: View, raster: GroundRaster, photos: PhotoCache | None = None) -> Pixels:
@@ -100,9 +105,9 @@ def test_a_top_view_is_the_exact_warp_of_every_pixel(tmp_path: Path, name: str) 
         assert not shown[radius > fold * 1.001].any()
         clear &= radius < fold * 0.99
         assert (clear.sum() / shown.sum()) > 0.9
-    clear &= ground < 0.99 * MOST_OFF_NADIR
+    clear &= ground < 0.99 * MAX_OFF_NADIR
     assert shown[clear].all()
-    assert not shown[ground > 1.01 * MOST_OFF_NADIR].any()
+    assert not shown[ground > 1.01 * MAX_OFF_NADIR].any()
     assert clear.sum() > 15_000
     apart = np.abs(got[..., :3].astype(float) - exact)[clear]
     # half a grey value of rounding, and 1/32 px of OpenCV's table of weights
@@ -140,7 +145,7 @@ def test_places_between_the_nodes_are_good_to_a_hundredth_of_a_pixel(
         west_m=ahead - 15, north_m=15, pixel_m=size, width=300, height=300, crs=None
     )
     window = (0, 0, min(300, round(30 / size)), min(300, round(30 / size)))
-    (sight,) = look_from(view, raster, window, np.array([0]))
+    (sight,) = project_window(view, raster, window, np.array([0]))
     maps = sight.maps()
 
     row, column = np.mgrid[: window[3], : window[2]].reshape(2, -1).astype(float)
@@ -160,7 +165,7 @@ def test_places_between_the_nodes_are_good_to_a_hundredth_of_a_pixel(
 def test_nodes_are_close_where_a_pixel_is_coarse_for_the_height(tmp_path: Path) -> None:
     view = scene(tmp_path, **CASES["nadir"])
     steps = [
-        lay_lattice(
+        make_lattice(
             view,
             GroundRaster(west_m=0, north_m=0, pixel_m=p, width=9, height=9, crs=None),
             (0, 0, 9, 9),
@@ -348,7 +353,7 @@ def test_a_photo_that_is_gone_or_none_is_told_by_name_each_time(tmp_path: Path) 
     (tmp_path / "text.jpg").write_text("no photo")
     (tmp_path / "empty.jpg").write_bytes(b"")
     names = [str(tmp_path / name) for name in ("gone.jpg", "text.jpg", "empty.jpg")]
-    photos = photo_cache(names, [1, 1, 4])
+    photos = create_photo_cache(names, [1, 1, 4])
     for index, said in ((0, r"gone\.jpg: cannot be read"), (1, r"text\.jpg: is no photo")):
         for _ in range(2):
             with pytest.raises(InputError, match=said):
@@ -359,7 +364,7 @@ def test_a_photo_that_is_gone_or_none_is_told_by_name_each_time(tmp_path: Path) 
 
 def test_a_photo_that_could_not_be_read_is_read_once_it_can_be(tmp_path: Path) -> None:
     path = tmp_path / "late.png"
-    photos = photo_cache([str(path)], [1])
+    photos = create_photo_cache([str(path)], [1])
     with pytest.raises(InputError, match=r"late\.png: cannot be read"):
         photos.get(0)
     write_photo(path, pattern())
@@ -370,7 +375,7 @@ def test_a_photo_that_could_not_be_read_is_read_once_it_can_be(tmp_path: Path) -
 def test_the_cache_keeps_what_was_used_last(tmp_path: Path) -> None:
     paths = [write_photo(tmp_path / f"{k}.png", pattern(k)) for k in range(3)]
     one = read_photo(paths[0]).rgba.nbytes
-    photos = photo_cache(paths, [1] * 3, most_bytes=2 * one)
+    photos = create_photo_cache(paths, [1] * 3, most_bytes=2 * one)
     first, _, third = photos.get(0), photos.get(1), photos.get(2)
 
     assert photos.get(2).rgba is third.rgba

@@ -4,22 +4,22 @@ from importlib.resources import files
 
 import numpy as np
 
-from uavgram.io.cameras.choice import drone_cameras
+from uavgram.io.cameras.choice import read_drone_cameras
 
 
 def test_every_camera_of_the_table_is_read() -> None:
-    assert len(drone_cameras()) == 106
+    assert len(read_drone_cameras()) == 106
 
 
 def test_the_pixels_of_every_camera_are_of_a_size_that_sensors_have() -> None:
-    pitch_mm = np.array([camera.pitch_mm for camera in drone_cameras()])
+    pitch_mm = np.array([camera.pitch_mm for camera in read_drone_cameras()])
 
     assert (pitch_mm > 0.0005).all()
     assert (pitch_mm < 0.05).all()
 
 
 def test_a_camera_is_what_the_table_says() -> None:
-    mavic = next(c for c in drone_cameras() if c.make_model == "djiFC220")
+    mavic = next(c for c in read_drone_cameras() if c.make_model == "djiFC220")
 
     assert (mavic.width_px, mavic.height_px, mavic.is_thermal) == (4000, 3000, False)
     assert mavic.pitch_mm == (6.32692 / 4000, 4.7452 / 3000)

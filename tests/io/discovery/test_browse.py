@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.browse import Browsable, home_and_drives
+from uavgram.io.browse import Browsable, find_home_and_drives
 
 
 @pytest.fixture
@@ -62,6 +62,6 @@ def test_what_may_not_be_read_is_one_message(home: Path) -> None:
 
 
 def test_drives_are_found_where_each_system_mounts_them() -> None:
-    assert home_and_drives("darwin", {})[0] == Path.home()
-    assert home_and_drives("linux", {"USER": "nobody-at-all"})[0] == Path.home()
-    assert home_and_drives("win32", {})[0] == Path.home()
+    assert find_home_and_drives("darwin", {})[0] == Path.home()
+    assert find_home_and_drives("linux", {"USER": "nobody-at-all"})[0] == Path.home()
+    assert find_home_and_drives("win32", {})[0] == Path.home()

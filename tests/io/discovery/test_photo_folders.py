@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from uavgram.io import discovery
-from uavgram.io.discovery import folders_with_photos
+from uavgram.io.discovery import find_photo_folders
 
 PHOTO = cv2.imencode(".jpg", np.zeros((30, 40, 3), np.uint8))[1].tobytes()
 
@@ -42,7 +42,7 @@ def project(tmp_path: Path) -> Path:
 
 
 def test_folders_in_the_project_and_beside_it_are_found(project: Path) -> None:
-    found = {folder.path for folder in folders_with_photos(project, 3)}
+    found = {folder.path for folder in find_photo_folders(project, 3)}
     beside = project.parent
     assert found == {
         project,
@@ -53,7 +53,7 @@ def test_folders_in_the_project_and_beside_it_are_found(project: Path) -> None:
 
 
 def test_each_says_how_many_photos_it_holds_and_of_which_size(project: Path) -> None:
-    one = next(one for one in folders_with_photos(project, 3) if one.path.name == "photos")
+    one = next(one for one in find_photo_folders(project, 3) if one.path.name == "photos")
     assert [path.name for path in one.files] == ["P0.JPG", "P1.JPG", "P2.JPG"]
     assert one.size_px == (40, 30)
 
@@ -61,8 +61,8 @@ def test_each_says_how_many_photos_it_holds_and_of_which_size(project: Path) -> 
 def test_a_folder_that_is_too_large_is_not_looked_through(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(discovery, "MOST_FOLDERS", 1)
-    assert [one.path for one in folders_with_photos(project, 3)] == [project]
+    monkeypatch.setattr(discovery, "MAX_FOLDERS", 1)
+    assert [one.path for one in find_photo_folders(project, 3)] == [project]
 
 
 def test_what_leads_elsewhere_is_not_followed(project: Path, tmp_path: Path) -> None:
@@ -71,4 +71,4 @@ def test_what_leads_elsewhere_is_not_followed(project: Path, tmp_path: Path) -> 
     for k in range(3):
         (elsewhere / f"{k}.jpg").write_bytes(PHOTO)
     (project / "link").symlink_to(elsewhere)
-    assert "link" not in {one.path.name for one in folders_with_photos(project, 3)}
+    assert "link" not in {one.path.name for one in find_photo_folders(project, 3)}

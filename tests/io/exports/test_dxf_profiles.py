@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from raised_survey import PROFILE, raised
 
 from uavgram.io.exports.dxf import write_local_dxf
-from uavgram.io.exports.dxf_profiles import places_of, spread
+from uavgram.io.exports.dxf_profiles import count_decimals, spread_places
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import ProfileSheet
 from uavgram.model.result.result import Result
@@ -160,7 +160,7 @@ def test_profiles_of_any_size_fit_on_their_sheets(
 @given(st.lists(st.floats(-100, 100), min_size=1, max_size=30), st.floats(0.01, 10))
 def test_numbers_keep_clear_of_each_other_and_in_order(places: list[float], least: float) -> None:
     x = np.array(places)
-    moved = spread(x, least)
+    moved = spread_places(x, least)
 
     assert (moved >= x).all()
     in_order = moved[np.argsort(x, kind="stable")]
@@ -172,4 +172,4 @@ def test_numbers_keep_clear_of_each_other_and_in_order(places: list[float], leas
 
 @pytest.mark.parametrize(("step", "places"), [(0.05, 2), (0.1, 1), (0.2, 1), (1.0, 0), (50.0, 0)])
 def test_ticks_have_the_decimals_that_they_need(step: float, places: int) -> None:
-    assert places_of(np.array([0.0, step, 2 * step])) == places
+    assert count_decimals(np.array([0.0, step, 2 * step])) == places

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from uavgram.io.exports.measurements_csv import rounded, write_measurements_csv
+from uavgram.io.exports.measurements_csv import round_by_sigma, write_measurements_csv
 from uavgram.model.result.result import Result
 
 INTERVAL = ("20.00000", "20.25000")
@@ -58,4 +58,4 @@ def test_the_table_holds_the_measurements_with_empty_cells_for_what_is_not_known
 def test_a_number_has_two_digits_more_than_its_sigma_deserves(
     value: float, sigma: float, text: str
 ) -> None:
-    assert rounded(value, sigma) == text
+    assert round_by_sigma(value, sigma) == text

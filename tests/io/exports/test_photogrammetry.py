@@ -11,8 +11,7 @@ import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
-from uavgram.io.exports.colmap import write_colmap_model
-from uavgram.io.exports.opendronemap import write_gcp_list
+from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list
 from uavgram.model.maps import Features
 from uavgram.model.result.result import Result
 

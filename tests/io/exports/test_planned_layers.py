@@ -12,8 +12,8 @@ import pyogrio
 import pytest
 from planned_sample import HEIGHT_M, in_metres, sample_plan
 
+from uavgram.io.exports.geojson import write_layers_geojson
 from uavgram.io.exports.kml import write_kml
-from uavgram.io.exports.layers_geojson import write_layers_geojson
 from uavgram.stages.products.planned_layers import plan_layers
 
 PLAN = sample_plan()

@@ -20,12 +20,11 @@ from pyogrio.raw import read
 from pyproj import Transformer
 from raised_survey import RAISED, raised
 
-from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.dxf import write_local_dxf, write_map_dxf
 from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.geopackage import write_geopackage
 from uavgram.io.exports.kml import write_kml
-from uavgram.io.exports.opendronemap import write_gcp_list
+from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list
 from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Features

@@ -12,13 +12,13 @@ from log_mutants import short_logs
 from uavgram.io.logs.dataflash.binary import index_binary
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.quality.rows import (
+    find_plausible_rows,
+    find_restarts,
+    is_near_track,
     is_place,
     is_spike,
-    near_its_track,
-    plausible_rows,
-    restarts,
 )
-from uavgram.io.logs.quality.samples import off_neighbours
+from uavgram.io.logs.quality.samples import compute_deviation
 from uavgram.model.flight.log import FlightLog
 
 ReadText = Callable[[str], FlightLog]
@@ -184,17 +184,17 @@ def test_positions_that_the_receiver_contradicts_are_told(read_changed: ReadChan
 def test_a_step_that_stays_and_a_turn_are_no_damage() -> None:
     time = np.arange(40, dtype=np.float64) * 0.1
     step = np.where(time > 2, 100.0, 0.0)[:, None]
-    assert off_neighbours(time, step).max() == 0
+    assert compute_deviation(time, step).max() == 0
     turn = np.column_stack([np.cos(time), np.sin(time)])
-    assert off_neighbours(time, turn).max() < 0.011  # the acceleration of a step of 0.1 s
+    assert compute_deviation(time, turn).max() < 0.011  # the acceleration of a step of 0.1 s
     turn[20] += 3
-    assert np.flatnonzero(off_neighbours(time, turn) > 1).tolist() == [20]
+    assert np.flatnonzero(compute_deviation(time, turn) > 1).tolist() == [20]
 
 
 def test_of_two_positions_that_no_aircraft_joins_neither_is_taken() -> None:
     time_s, height_m = np.array([1.0, 1.2]), np.array([50.0, 50.0])
-    joined = near_its_track(time_s, np.array([47.4, 47.40001]), np.array([8.5, 8.5]), height_m)
-    apart = near_its_track(time_s, np.array([47.4, 42.8]), np.array([8.5, 8.5]), height_m)
+    joined = is_near_track(time_s, np.array([47.4, 47.40001]), np.array([8.5, 8.5]), height_m)
+    apart = is_near_track(time_s, np.array([47.4, 42.8]), np.array([8.5, 8.5]), height_m)
     assert joined.all()
     assert not apart.any()
 
@@ -204,7 +204,7 @@ def test_a_time_that_is_no_number_is_a_spike_and_no_restart() -> None:
     time = np.array([1.0, 2.0, np.inf, np.inf, np.nan, 3.0, 4.0, 5.0])
 
     assert is_spike(time).tolist() == [False, False, True, True, True, False, False, False]
-    assert restarts(time).tolist() == []
+    assert find_restarts(time).tolist() == []
 
 
 @pytest.mark.parametrize(
@@ -246,4 +246,4 @@ def test_damaged_bytes_that_are_almost_zero_are_no_place() -> None:
 
 def test_times_that_utc_cannot_tell_apart_are_one_instant() -> None:
     time = np.array([1.0, 1.0 + 1e-7, 1.0 + 1e-6, 2.0])  # a damaged format makes such numbers
-    assert plausible_rows(time, np.ones(4, dtype=bool)).tolist() == [0, 2, 3]
+    assert find_plausible_rows(time, np.ones(4, dtype=bool)).tolist() == [0, 2, 3]

@@ -10,7 +10,7 @@ from ulog_writer import ulog
 from uavgram.io.logs.dataflash.reader import TABLE, BootMessages
 from uavgram.io.logs.dataflash.tables import index_text
 from uavgram.io.logs.flight_log import read_flight_log
-from uavgram.io.logs.quality.boots import resets_in_texts, stated_resets
+from uavgram.io.logs.quality.boots import find_resets_in_texts, find_stated_resets
 from uavgram.io.logs.ulog.reader import read_ulog
 from uavgram.model.flight.log import EstimatorReset
 
@@ -29,7 +29,7 @@ MSG, 11000000, PreArm: check
 
 
 def resets_of(data: bytes) -> tuple[EstimatorReset, ...]:
-    return stated_resets(BootMessages(index_text("x.log", data)), TABLE.resets)
+    return find_stated_resets(BootMessages(index_text("x.log", data)), TABLE.resets)
 
 
 def test_dataflash_events_errors_and_texts() -> None:
@@ -50,7 +50,7 @@ def test_columns_that_damage_made_numbers_of_are_no_text() -> None:
 
 
 def test_texts_without_a_time_are_left_out() -> None:
-    assert not list(resets_in_texts([np.nan], ["EKF3 IMU0 emergency yaw reset"]))
+    assert not list(find_resets_in_texts([np.nan], ["EKF3 IMU0 emergency yaw reset"]))
 
 
 @pytest.mark.parametrize("name", ["flight.BIN", "flight.tlog"])

@@ -1,7 +1,10 @@
 """Photos: names, sizes and capture times."""
 
+from __future__ import annotations
+
 import datetime as dt
 import os
+from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
@@ -11,8 +14,8 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.size import image_size
+from uavgram.io.photos.catalogue import name_format, read_photos
+from uavgram.io.photos.metadata import read_image_size
 from uavgram.model.options import TimeOptions
 
 
@@ -67,7 +70,7 @@ def utc(
 
 @pytest.mark.parametrize("suffix", ["jpg", "png", "tif", "bmp"])
 def test_sizes_are_those_of_the_stored_image(photo: Photo, suffix: str) -> None:
-    assert image_size(photo(f"a.{suffix}", 37, 21)) == (37, 21)
+    assert read_image_size(photo(f"a.{suffix}", 37, 21)) == (37, 21)
 
 
 def test_sizes_of_real_photos_equal_opencvs(data_dir: Path) -> None:
@@ -76,7 +79,7 @@ def test_sizes_of_real_photos_equal_opencvs(data_dir: Path) -> None:
         decoded = cv2.imread(str(path), flags)
         assert decoded is not None, path
         height, width = decoded.shape[:2]
-        assert image_size(path) == (width, height), path
+        assert read_image_size(path) == (width, height), path
 
 
 @pytest.mark.parametrize("content", [b"", b"hello", b"\xff\xd8\xff\xe0\x00", b"\x89PNG\r\n\x1a\n"])
@@ -84,7 +87,7 @@ def test_what_is_no_photo_is_refused_by_name(tmp_path: Path, content: bytes) -> 
     path = tmp_path / "a.jpg"
     path.write_bytes(content)
     with pytest.raises(InputError, match="no photo") as caught:
-        image_size(path)
+        read_image_size(path)
     assert caught.value.path == str(path)
 
 
@@ -207,3 +210,33 @@ def test_a_pattern_without_files_is_named(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="matches no file") as caught:
         read_photos((pattern,), TimeOptions())
     assert caught.value.path == pattern
+
+
+@pytest.mark.parametrize(
+    ("stems", "form"),
+    [
+        (["20180805_010050", "20180805_010051"], "%Y%m%d_%H%M%S"),
+        (["2018080501005009Z", "2018080501005094Z"], "%Y%m%d%H%M%S%fZ"),
+        (["IMG_2024-03-01T12-30-05", "IMG_2024-03-01T12-30-06"], "IMG_%Y-%m-%dT%H-%M-%S"),
+        (["100% 20240301_123005.25", "100% 20240301_123005.75"], "100%% %Y%m%d_%H%M%S.%f"),
+    ],
+)
+def test_the_form_of_a_time_is_found(stems: list[str], form: str) -> None:
+    assert name_format(stems) == form
+    datetime.strptime(stems[0], form)  # noqa: DTZ007
+
+
+@pytest.mark.parametrize(
+    "stems",
+    [
+        [],
+        ["IMG_0041", "IMG_0042"],
+        ["DJI_20240301123005_0001", "DJI_20240301123007_0002"],  # a counter, too: no one form
+        ["20240301_123005", "other"],
+        ["20240301_123005_a", "20240301_123005_a"],  # the same moment
+        ["20241301_123005", "20241301_123006"],  # no thirteenth month
+        ["2024030112", "2024030113"],
+    ],
+)
+def test_what_is_no_time_of_one_form_is_none(stems: list[str]) -> None:
+    assert name_format(stems) is None

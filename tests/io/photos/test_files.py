@@ -11,7 +11,7 @@ from pick_pages import small_project
 from uavgram.cli import main
 from uavgram.errors import InputError
 from uavgram.io.photos import files as photo_files
-from uavgram.io.photos.files import matching_files
+from uavgram.io.photos.files import find_matching_files
 
 
 @pytest.fixture
@@ -45,7 +45,7 @@ def test_a_pipe_among_the_photos_is_named_as_one(
 def test_what_is_no_file_is_named_as_what_it_is(tmp_path: Path, name: str, said: str) -> None:
     (tmp_path / "gone.jpg").symlink_to("nowhere.jpg")
     with pytest.raises(InputError) as caught:
-        matching_files(str(tmp_path / name), "correct it")
+        find_matching_files(str(tmp_path / name), "correct it")
     assert said in str(caught.value)
 
 
@@ -53,7 +53,7 @@ def test_folders_that_a_wildcard_meets_are_passed_over(tmp_path: Path) -> None:
     (tmp_path / "more").mkdir()
     (tmp_path / "a.jpg").touch()
     (tmp_path / "more" / "b.jpg").touch()
-    found = matching_files(str(tmp_path / "**"), "")
+    found = find_matching_files(str(tmp_path / "**"), "")
     assert [path.name for path in found] == ["a.jpg", "b.jpg"]
 
 
@@ -99,17 +99,17 @@ def test_a_pattern_beyond_reason_ends_early(
     for k in range(12):
         (tmp_path / f"{k}.txt").touch()
         (tmp_path / "deep" / f"{k}.txt").touch()
-    monkeypatch.setattr(photo_files, "MOST_ENTRIES", 10)
+    monkeypatch.setattr(photo_files, "MAX_ENTRIES", 10)
     with pytest.raises(InputError, match=r"more than 10 files.* such as photos/\*\.jpg"):
-        matching_files(str(tmp_path / pattern), "")
+        find_matching_files(str(tmp_path / pattern), "")
 
 
 def test_a_circle_of_links_ends(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("one", "two"):
         (tmp_path / name).symlink_to(tmp_path, target_is_directory=True)
-    monkeypatch.setattr(photo_files, "MOST_ENTRIES", 1000)
+    monkeypatch.setattr(photo_files, "MAX_ENTRIES", 1000)
     with pytest.raises(InputError, match="looks through more than 1,000"):
-        matching_files(str(tmp_path / "**" / "*.jpg"), "")
+        find_matching_files(str(tmp_path / "**" / "*.jpg"), "")
 
 
 def test_new_in_a_folder_of_everything_says_so(
@@ -117,7 +117,7 @@ def test_new_in_a_folder_of_everything_says_so(
 ) -> None:
     for k in range(12):
         (tmp_path / f"{k}.txt").touch()
-    monkeypatch.setattr(photo_files, "MOST_ENTRIES", 10)
+    monkeypatch.setattr(photo_files, "MAX_ENTRIES", 10)
     assert main(["new", str(tmp_path)]) == 1
     assert "holds more than 10 files: name the folder of one flight" in capsys.readouterr().err
 

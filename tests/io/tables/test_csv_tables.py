@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,8 +13,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavgram.errors import InputError
-from uavgram.io.tables.csv_tables import Columns, Table, own_columns, parse_number, read_table
-from uavgram.model.limits import unshowable
+from uavgram.io.tables.csv_tables import (
+    Columns,
+    Table,
+    find_own_columns,
+    guard_formula,
+    is_formula,
+    parse_number,
+    read_table,
+    unguard_formula,
+)
+from uavgram.io.tables.rewrite import create_table
+from uavgram.io.tables.updates import create_picks
+from uavgram.model.limits import UNSHOWABLE, find_unshowable
+from uavgram.model.survey.observations import ImportedPicks
 
 Read = Callable[[str | bytes], Table]
 ReadOwn = Callable[[str], Table]
@@ -177,7 +191,7 @@ def test_columns_of_a_persons_own_are_left_alone_where_a_table_may_have_them(
     path = tmp_path / "table.csv"
     path.write_text("tape,name,length_m,sigma_m,names\nold,a,1,2,b\n")
     assert read_table(path, OWN).numbers["length_m"].tolist() == [1.0]
-    assert own_columns(path, OWN) == ("tape", "names")
+    assert find_own_columns(path, OWN) == ("tape", "names")
 
 
 @pytest.mark.parametrize(
@@ -203,14 +217,14 @@ def test_what_can_be_no_standard_deviation_is_named(read_own: ReadOwn, sigma: st
     "code", [*range(0x202A, 0x202F), *range(0x2066, 0x206A), 0x200E, 0x200F, 0x061C, 0xFEFF, 0xAD]
 )
 def test_what_turns_or_hides_what_is_read_is_no_part_of_a_name(code: int) -> None:
-    assert f"U+{code:04X}" in unshowable(f"kerb{chr(code)}1")
+    assert f"U+{code:04X}" in find_unshowable(f"kerb{chr(code)}1")
 
 
 @pytest.mark.parametrize(
     "name", ["بهـ\u200cها", "क्\u200dष", "👩\u200d🚒", "Straße 3", "ß é ñ 漢字"]
 )
 def test_names_in_any_script_are_names(name: str) -> None:
-    assert not unshowable(name)
+    assert not find_unshowable(name)
 
 
 def test_semicolons_and_decimal_commas_are_read_as_spreadsheets_write_them(read: Read) -> None:
@@ -228,3 +242,72 @@ def test_one_comma_that_is_clear_answers_for_the_whole_table(read: Read) -> None
 
 def test_a_quoted_decimal_comma_between_commas_is_read_too(read: Read) -> None:
     assert read('name,length_m\na,"1,5"\n').numbers["length_m"].tolist() == [1.5]
+
+
+COMMAND = "=cmd|' /C calc'!A0"
+FORMULA = re.compile(r"[\s]*[=+\-@＝＋－＠]|\t|\r|\n")
+NUMBER = re.compile(r"[-+]?[0-9]*\.?[0-9]*([eE][-+]?[0-9]+)?")
+TEXT = st.text(st.sampled_from("=+-@\t\r\n＝＋－＠'; \"a5.e\0,"), max_size=9) | st.text()
+
+
+@given(TEXT)
+def test_every_text_comes_back_and_no_part_of_it_begins_a_formula(text: str) -> None:
+    cell = guard_formula(text)
+    assert unguard_formula(cell) == text
+    for part in cell.split(";"):
+        assert not FORMULA.match(part) or NUMBER.fullmatch(part)
+    assert not is_formula(cell)
+
+
+@pytest.mark.parametrize(
+    ("text", "cell"),
+    [
+        (COMMAND, "'" + COMMAND),
+        ("+1+1", "'+1+1"),
+        ("-A", "'-A"),
+        ("@SUM(A1)", "'@SUM(A1)"),
+        ("＝1+1", "'＝1+1"),
+        ("\t=1", "'\t=1"),
+        ("P1;=1+1", "P1;'=1+1"),
+        ("'=1", "''=1"),
+        ("-5", "-5"),
+        ("+1.5e3", "+1.5e3"),
+        ("skid left", "skid left"),
+        ("'tis", "'tis"),
+        ("O'Neil=2", "O'Neil=2"),
+        ("", ""),
+    ],
+)
+def test_what_runs_gets_an_apostrophe_and_what_does_not_stays(text: str, cell: str) -> None:
+    assert guard_formula(text) == cell
+    assert unguard_formula(text if cell == text else cell) == text
+
+
+@given(
+    st.lists(
+        TEXT.map(str.strip).filter(lambda text: text and not UNSHOWABLE.search(text)),
+        min_size=1,
+        max_size=3,
+    )
+)
+def test_a_table_reads_what_the_page_wrote(
+    tmp_path_factory: pytest.TempPathFactory, names: list[str]
+) -> None:
+    path = tmp_path_factory.getbasetemp() / "written.csv"
+    path.write_bytes(create_table(["name", "kind"], [{"name": n, "kind": "x"} for n in names]))
+    table = read_table(path, Columns(text=("name", "kind")))
+    assert table.text["name"] == tuple(names)
+    with path.open(encoding="utf-8", newline="") as stream:
+        assert not any(is_formula(cell) for row in csv.reader(stream) for cell in row)
+
+
+def test_imported_labels_are_guarded(tmp_path: Path) -> None:
+    picks = ImportedPicks(
+        image=("-a.jpg",),
+        label=(COMMAND,),
+        pixel_px=np.array([[1.0, 2.0]]),
+        known=None,
+        messages=(),
+    )
+    content = create_picks(picks, tmp_path / "picks.csv").decode()
+    assert f"'-a.jpg,'{COMMAND},1.0,2.0" in content

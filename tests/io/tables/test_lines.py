@@ -9,7 +9,7 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.io.tables.known import read_lines
-from uavgram.io.tables.picked import lines_content
+from uavgram.io.tables.updates import update_lines
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import changed
 from uavgram.picking.document.state import State, observations_of, state_of
@@ -39,9 +39,9 @@ def test_tape_and_along_come_back_from_the_page_as_they_were(tmp_path: Path) -> 
     _, after = observations_of(changed(state, change))
 
     assert (after.tape, after.along) == (before.tape, before.along)
-    assert lines_content(TABLE.encode(), before, after) == TABLE.replace("11.5", "11.6").encode()
+    assert update_lines(TABLE.encode(), before, after) == TABLE.replace("11.5", "11.6").encode()
     _, blue = observations_of(changed(state, replace(change, tape="blue", along="slope")))
-    written = lines_content(TABLE.encode(), before, blue)
+    written = update_lines(TABLE.encode(), before, blue)
     assert written == TABLE.replace("11.5,0.01,red,horizontal", "11.6,0.01,blue,").encode()
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.io.tables.ties import count_made, read_ties, ties_content
+from uavgram.io.tables.ties import count_made, read_ties, update_ties
 from uavgram.model.survey.ties import NO_TIES, TiePicks
 
 HEADER = "image,tie,u_px,v_px,sigma_px,source\n"
@@ -75,7 +75,7 @@ def test_a_column_that_is_missing_is_named(tmp_path: Path) -> None:
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
     path = tmp_path / "ties.csv"
-    path.write_bytes(ties_content(path, found()) or b"")
+    path.write_bytes(update_ties(path, found()) or b"")
 
     read = read_ties(path)
 
@@ -86,7 +86,7 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
 
 
 def test_the_programs_own_rows_are_replaced(tmp_path: Path) -> None:
-    content = ties_content(table(tmp_path, TWO), found())
+    content = update_ties(table(tmp_path, TWO), found())
 
     assert content is not None
     assert b"t1," not in content.replace(b"tie1,", b"")
@@ -97,7 +97,7 @@ def test_rows_of_others_stay_as_they_are_and_names_do_not_meet(tmp_path: Path) -
     own = "a.jpg,tie1, 7.50,8,0.5,metashape\nb.jpg,tie1,9,10,0.5,metashape\n"
     path = table(tmp_path, TWO + own)
 
-    content = ties_content(path, found())
+    content = update_ties(path, found())
 
     assert content is not None
     assert own in content.decode()
@@ -109,12 +109,12 @@ def test_rows_of_others_stay_as_they_are_and_names_do_not_meet(tmp_path: Path) -
 def test_all_is_taken_back_and_nothing_else(tmp_path: Path) -> None:
     own = "a.jpg,m1,7.50,8,0.5,\nb.jpg,m1,9,10,0.5,\n"
 
-    assert ties_content(table(tmp_path, own + TWO), NO_TIES) == (HEADER + own).encode()
-    assert ties_content(table(tmp_path, TWO), NO_TIES) is None
-    assert ties_content(tmp_path / "none.csv", NO_TIES) is None
+    assert update_ties(table(tmp_path, own + TWO), NO_TIES) == (HEADER + own).encode()
+    assert update_ties(table(tmp_path, TWO), NO_TIES) is None
+    assert update_ties(tmp_path / "none.csv", NO_TIES) is None
     assert count_made(tmp_path / "none.csv") == 0
 
 
 def test_a_wrong_table_is_not_written_over(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="stands in one image only"):
-        ties_content(table(tmp_path, "a.jpg,t1,1,2,0.1,\n"), found())
+        update_ties(table(tmp_path, "a.jpg,t1,1,2,0.1,\n"), found())

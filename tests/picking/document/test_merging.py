@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavgram.io.tables.measure import THERE_AND_BACK, points_fault
+from uavgram.io.tables.measure import REPEATED_POINT_KINDS, points_fault
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply, changed
@@ -176,7 +176,7 @@ REQUESTS = st.lists(
     st.builds(
         MeasurementRequest,
         name=st.just("M"),
-        kind=st.sampled_from(sorted(THERE_AND_BACK)),
+        kind=st.sampled_from(sorted(REPEATED_POINT_KINDS)),
         points=st.lists(st.sampled_from("ABC"), min_size=2, max_size=4).map(tuple),
     ).filter(lambda one: not points_fault(one)),
     max_size=1,

@@ -12,7 +12,7 @@ import pytest
 from plate_pictures import photo_of, plate_samples, quad
 
 from uavgram.imaging.photos.grey_photos import GreyPhotos
-from uavgram.imaging.plates.families import cells_of
+from uavgram.imaging.plates.families import read_cells
 from uavgram.imaging.raster import Image
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.model.survey.observations import MeasurementRequest
@@ -54,7 +54,7 @@ class World:
     """
 
     def __init__(self, folder: Path) -> None:
-        samples = plate_samples(cells_of("aruco-4x4-50", 7), CORNERS, (SIZE_PX, SIZE_PX))
+        samples = plate_samples(read_cells("aruco-4x4-50", 7), CORNERS, (SIZE_PX, SIZE_PX))
         cv2.imwrite(str(folder / SHOWN), photo_of(samples, np.random.default_rng(0)))
         for name in (EMPTY, GONE):
             cv2.imwrite(str(folder / name), np.full((SIZE_PX, SIZE_PX), 90, np.uint8))

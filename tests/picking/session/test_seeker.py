@@ -14,7 +14,7 @@ import pytest
 from uavgram.errors import InputError
 from uavgram.estimation.measuring.transferred_pixels import Transferred
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.matched import REASON, Matched, Refused
+from uavgram.imaging.matching.matches import REASON_TEXTS, Matches, RefusalReason
 from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -62,7 +62,7 @@ class World:
 
     def __init__(self) -> None:
         self.radius_px = 20.0
-        self.refused: dict[str, Refused] = {}
+        self.refused: dict[str, RefusalReason] = {}
         self.looked: list[tuple[str, str]] = []
         self.places: Places | None = None
         self.wrong: list[tuple[str, str]] = []
@@ -97,16 +97,16 @@ class World:
         self.places = Agreeing(pick, image, label, radius, raised, row, found, self.adjustment)
         return self.places
 
-    def look(self, photos: Photos, work: Sequence[Task], count: int) -> Matched:
+    def look(self, photos: Photos, work: Sequence[Task], count: int) -> Matches:
         self.begun.set()
         self.go_on.wait(LONGEST_WAIT_S)
         why = np.zeros(count, np.int64)
         for task in work:
             photos.get(task.target)
             self.looked += [(task.target, f"{u:.0f}") for u, _ in task.sought.source_px]
-            why[task.rows] = self.refused.get(task.target, Refused.NONE)
+            why[task.rows] = self.refused.get(task.target, RefusalReason.NONE)
         pixel = np.where(why[:, None] > 0, np.nan, 50.5)
-        return Matched(
+        return Matches(
             pixel_px=np.broadcast_to(pixel, (count, 2)),
             covariance_px2=np.tile(np.diag([0.03**2, 0.06**2]), (count, 1, 1)),
             sigma_px=np.where(why > 0, np.nan, 0.06),
@@ -156,14 +156,14 @@ def until(holds: Callable[[], bool]) -> None:
 
 def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: Start) -> None:
     world = World()
-    world.refused = {"3.jpg": Refused.NOT_UNIQUE}
+    world.refused = {"3.jpg": RefusalReason.NOT_UNIQUE}
     seeker, told = start(world)
     seeker.submit(Wanted(state("A"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     found, asked = seeker.proposed.outcomes["2.jpg", "A"], seeker.proposed.outcomes["3.jpg", "A"]
     assert found.found is not None
     assert (found.found.source, found.found.sigma_px, found.found.from_u_px) == ("match", 0.06, 10)
-    assert (asked.found, asked.why) == (None, REASON[Refused.NOT_UNIQUE])
+    assert (asked.found, asked.why) == (None, REASON_TEXTS[RefusalReason.NOT_UNIQUE])
     until(lambda: bool(told) and told[-1][2] == 0)
     assert told[-1][1] == {"A"}
 
@@ -184,7 +184,7 @@ def test_it_is_kept_whether_all_that_surrounds_a_find_is_alike(
     start: Start, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     likeness = iter([0.79, 0.81])
-    monkeypatch.setattr(module, "least_likeness", lambda *_: next(likeness))
+    monkeypatch.setattr(module, "compute_worst_quarter_correlation", lambda *_: next(likeness))
     seeker, _ = start(World())
     seeker.submit(Wanted(state("A"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 2)
@@ -205,7 +205,7 @@ def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start)
 
 def test_nothing_is_looked_at_twice_until_far_more_is_known(start: Start) -> None:
     world = World()
-    world.refused = {"3.jpg": Refused.TOO_FAR}
+    world.refused = {"3.jpg": RefusalReason.TOO_FAR}
     seeker, _ = start(world)
     for radius, looked in ((20.0, 2), (15.0, 2), (8.0, 3)):
         world.radius_px, world.places = radius, None

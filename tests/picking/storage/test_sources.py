@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-from uavgram.io.tables.picked import picks_content
 from uavgram.io.tables.picks import read_picks
+from uavgram.io.tables.updates import update_picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply
@@ -35,7 +35,7 @@ def state_in(path: Path) -> State:
 
 def written(path: Path, before: State, after: State) -> bytes:
     (old, _), (new, _) = observations_of(before), observations_of(after)
-    content = picks_content(path.read_bytes(), old, new)
+    content = update_picks(path.read_bytes(), old, new)
     assert content is not None
     return content
 

@@ -8,7 +8,7 @@ import pytest
 from pick_pages import small_project
 
 from uavgram.config.project import load_project
-from uavgram.config.project_text import with_settings
+from uavgram.config.project_text import apply_settings
 from uavgram.errors import InputError
 from uavgram.io.discovery import PhotoFolder
 from uavgram.model.camera.board import CalibrationOptions
@@ -36,11 +36,11 @@ def project(tmp_path: Path) -> Path:
     ],
 )
 def test_one_line_names_the_camera_and_nothing_else_changes(before: str, after: str | None) -> None:
-    assert with_settings(before, {"camera": "new/c.yaml"}) == after
+    assert apply_settings(before, {"camera": "new/c.yaml"}) == after
 
 
 def test_a_name_that_yaml_would_misread_is_quoted() -> None:
-    assert with_settings("camera: a\n", {"camera": "- #1.yaml"}) == 'camera: "- #1.yaml"\n'
+    assert apply_settings("camera: a\n", {"camera": "- #1.yaml"}) == 'camera: "- #1.yaml"\n'
 
 
 def test_a_calibrated_camera_takes_the_place_of_one_that_nobody_knows(

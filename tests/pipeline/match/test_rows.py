@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.io.tables.picked import picks_content
 from uavgram.io.tables.picks import read_picks
+from uavgram.io.tables.updates import update_picks
 from uavgram.pipeline.match.rows import with_found
 from uavgram.stages.match import Found
 
@@ -28,7 +28,7 @@ def test_rows_of_people_stay_to_the_byte_and_so_does_their_own_source(tmp_path: 
     before = read_picks(path)
     after = with_found(before, {("b.jpg", "P"): found(0, 5.5), ("a.jpg", "Q"): found(1, 6.5)})
 
-    content = picks_content(path.read_bytes(), before, after)
+    content = update_picks(path.read_bytes(), before, after)
 
     assert content is not None
     lines = content.decode().splitlines()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from uavgram.imaging.matching.matched import REASON, Refused
+from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason
 from uavgram.model.arrays import Floats
 from uavgram.pipeline.match.search import _silent
 from uavgram.stages.match import CONTRADICTED, Candidates, Found, Missed, Pair, Record
@@ -42,5 +42,5 @@ def test_what_moved_beside_its_line_of_sight_says_nothing_of_a_height(
 
 
 def test_the_end_of_a_photo_says_nothing_and_another_thing_there_does() -> None:
-    assert silent(Missed(0, 8.0, REASON[Refused.OUTSIDE])) == {PAIR}
-    assert silent(Missed(0, 8.0, REASON[Refused.NOT_LIKE])) == set()
+    assert silent(Missed(0, 8.0, REASON_TEXTS[RefusalReason.OUTSIDE])) == {PAIR}
+    assert silent(Missed(0, 8.0, REASON_TEXTS[RefusalReason.NOT_LIKE])) == set()

@@ -17,7 +17,7 @@ from uavgram.io.results.results_json import load_results, write_results
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
-from uavgram.model.survey.mend import Cause, Ends, Mend
+from uavgram.model.survey.corrections import Cause, Ends, SurveyCorrection
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.observations import with_mends
@@ -50,7 +50,7 @@ def values_of(result: Result) -> Floats:
     return np.asarray(result.measurements.value)
 
 
-def cause(mend: Mend | None) -> Cause:
+def cause(mend: SurveyCorrection | None) -> Cause:
     message = Message("warning", "labels-swapped", "It is wrong.")
     return Cause(message=message, mend=mend, gain=99.0)
 
@@ -77,10 +77,10 @@ def test_tables_are_of_what_was_taken_wherever_the_survey_has_it(small: Inputs) 
         pick_sigma_px=np.ones(picks),
     )
     causes = [
-        cause(Mend(label_of_pick={0: 3}, length_m={1: 7.25})),
+        cause(SurveyCorrection(label_of_pick={0: 3}, length_m={1: 7.25})),
         cause(None),
-        cause(Mend(pixel_of_pick={4: (12.0, 34.0)}, ends={0: Ends(5, 2)})),
-        cause(Mend(label_of_pick={0: 4})),
+        cause(SurveyCorrection(pixel_of_pick={4: (12.0, 34.0)}, ends={0: Ends(5, 2)})),
+        cause(SurveyCorrection(label_of_pick={0: 4})),
     ]
     found = with_mends(small, assembled, causes)
     row = {int(k): i for i, k in enumerate(pick_at)}
@@ -112,7 +112,7 @@ def test_labels_are_as_mended_picks_taken_out_are_removed_and_the_record_says_so
         at = survey.pick_label
         if survey.label[at[one]] == small.picks.label[rows[0]]:
             return IdentifiedCauses((), ())
-        mend = Mend(
+        mend = SurveyCorrection(
             label_of_pick={one: int(at[other]), other: int(at[one])},
             without_picks=frozenset([third]),
         )

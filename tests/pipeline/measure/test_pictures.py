@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import synthetic_survey as survey
 
-from uavgram.imaging.photos.preview import preview_of_whole, read_preview
+from uavgram.imaging.photos.preview import make_preview_of_decoded, read_preview
 from uavgram.io.digest import photo_files
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure import pictures
@@ -36,8 +36,8 @@ def result(tmp_path: Path) -> Result:
 def test_photos_of_which_parts_are_shown_do_not_spoil_each_other(
     result: Result, monkeypatch: pytest.MonkeyPatch, width: int
 ) -> None:
-    reduce = partial(preview_of_whole, max_width_px=width)
-    monkeypatch.setattr(pictures, "preview_of_whole", reduce)
+    reduce = partial(make_preview_of_decoded, max_width_px=width)
+    monkeypatch.setattr(pictures, "make_preview_of_decoded", reduce)
     parts = ReportPictures(result)
     wanted = [path for path in photo_files(result.frames) if parts.wants(path)]
     assert 1 < len(wanted) < len(photo_files(result.frames))

@@ -12,7 +12,7 @@ from PIL import Image
 from top_views import SIZE_PX, looking, make_view, write_photo
 
 from uavgram.errors import GeometryError
-from uavgram.model.maps import PLAN_PDF, PlanWish
+from uavgram.model.maps import PLAN_PDF, PlanPaper
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.plan import PLAN_MAP, PLAN_PNG, write_plan
 
@@ -30,7 +30,7 @@ def result(tmp_path: Path) -> Result:
 
 
 def test_it_shows_the_photos_in_one_light(result: Result, tmp_path: Path) -> None:
-    write_plan(result, PlanWish("a4"), tmp_path)
+    write_plan(result, PlanPaper("a4"), tmp_path)
     shown = np.asarray(Image.open(tmp_path / PLAN_PNG).convert("RGB")).astype(int)
     is_green = (shown[..., 1] > 2 * shown[..., 0]) & (shown[..., 1] > 2 * shown[..., 2])
     green = shown[..., 1][is_green]
@@ -50,4 +50,4 @@ def test_a_survey_without_adjusted_photos_says_so(result: Result, tmp_path: Path
     without = replace(result, frames=replace(frames, refined=nowhere))
 
     with pytest.raises(GeometryError, match="no photo was adjusted"):
-        write_plan(without, PlanWish("a4"), tmp_path)
+        write_plan(without, PlanPaper("a4"), tmp_path)

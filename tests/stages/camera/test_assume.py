@@ -15,7 +15,7 @@ import yaml
 
 from uavgram.errors import InputError
 from uavgram.geometry.camera.projection import project
-from uavgram.io.cameras.choice import drone_cameras
+from uavgram.io.cameras.choice import read_drone_cameras
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import calibration
@@ -46,7 +46,7 @@ def assume(
     *, may_be_unknown: bool = False, size: tuple[int, int] = (4000, 3000), **tags: Unpack[Tags]
 ) -> tuple[Calibration, tuple[Message, ...]]:
     given = CameraTags(path="photo.jpg", width_px=size[0], height_px=size[1], **tags)
-    return assume_camera(given, drone_cameras(), may_be_unknown=may_be_unknown)
+    return assume_camera(given, read_drone_cameras(), may_be_unknown=may_be_unknown)
 
 
 def sigma_of(camera: Calibration) -> Floats:
@@ -126,7 +126,7 @@ def test_a_distortion_that_folds_back_in_the_image_is_not_believed() -> None:
 
     assert not camera.parameters[4:].any()
     assert "its distortion is unknown" in messages[0].text
-    assert sigma_of(camera)[4] == calibration.RADIAL_UNKNOWN[0]
+    assert sigma_of(camera)[4] == calibration.UNKNOWN_RADIAL_SIGMAS[0]
 
 
 def test_an_unknown_camera_has_its_35_mm_equivalent() -> None:
@@ -174,10 +174,10 @@ def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are() -> No
     assert equivalents.min() > equivalent * (1 - 2 * share[0])
     assert equivalents.max() < equivalent * (1 + 2.5 * share[0])
     spread = math.log(scipy.stats.gstd(equivalents))
-    np.testing.assert_allclose(share, math.hypot(spread, calibration.FOCAL_OF_A_STRIP))
+    np.testing.assert_allclose(share, math.hypot(spread, calibration.CROPPED_FOCAL_SIGMA))
     assert camera.parameters[2:].tolist() == [1999.5, 1499.5, 0, 0, 0, 0, 0]
     assert sigma_of(camera)[2] == pytest.approx(0.02 * 4000)
-    assert sigma_of(camera)[[4, 5, 8]].tolist() == [*calibration.RADIAL_UNKNOWN]
+    assert sigma_of(camera)[[4, 5, 8]].tolist() == [*calibration.UNKNOWN_RADIAL_SIGMAS]
     (message,) = messages
     assert (message.level, message.code) == ("warning", "camera-unknown")
     assert "does not say which camera took it" in message.text
@@ -186,7 +186,7 @@ def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are() -> No
 
 
 def test_what_an_ordinary_camera_is_comes_from_cameras_of_the_table() -> None:
-    table = {camera.make_model: camera for camera in drone_cameras() if not camera.is_thermal}
+    table = {camera.make_model: camera for camera in read_drone_cameras() if not camera.is_thermal}
     lens_mm = {"djiFC550": 15, "djiZP1": 35, "djiFC6540": 24, "djiXT2": 8}
     for name, equivalent in calibration.ORDINARY_EQUIVALENTS_MM.items():
         camera = table[name]
@@ -202,7 +202,7 @@ def test_the_said_corner_error_is_that_of_the_assumed_distortion() -> None:
     corner = np.array([[2000.0, 1500.0, camera.parameters[0]]])
     middle = camera.parameters[2:4]
     at = []
-    for which, sigma in zip((4, 5, 8), calibration.RADIAL_UNKNOWN, strict=True):
+    for which, sigma in zip((4, 5, 8), calibration.UNKNOWN_RADIAL_SIGMAS, strict=True):
         parameters = np.array(camera.parameters)
         parameters[which] = sigma
         moved = project("brown", parameters, corner)[0] - middle
@@ -268,7 +268,7 @@ def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Pa
         ("narrabeen_mavic", "snapshotNarrabeen.JPG"),
     ):
         truth = json.loads((data_dir / folder / "control.json").read_text())["camera"]
-        camera, _ = assume_camera(read_camera_tags(data_dir / folder / photo), drone_cameras())
+        camera, _ = assume_camera(read_camera_tags(data_dir / folder / photo), read_drone_cameras())
         width, height = truth.get("for_size", (camera.width_px, camera.height_px))
         fx, fy = camera.parameters[:2]
         shares += [truth["fx"] / fx - 1, truth["fy"] / fy - 1]
@@ -280,8 +280,8 @@ def test_assumed_sigmas_hold_for_calibrations_that_were_really_made(data_dir: Pa
         assert (within < 2).all()
 
     np.testing.assert_allclose(shares, [0.0071, 0.0107, 0.1173, 0.1170], atol=2e-4)
-    assert np.sqrt(np.mean(np.square(shares))) < 1.1 * calibration.FOCAL_OF_A_STRIP
-    assert np.sqrt(np.mean(np.square(offsets))) < 1.2 * calibration.CENTRE_OF_A_STRIP
+    assert np.sqrt(np.mean(np.square(shares))) < 1.1 * calibration.CROPPED_FOCAL_SIGMA
+    assert np.sqrt(np.mean(np.square(offsets))) < 1.2 * calibration.CROPPED_CENTRE_SIGMA
 
 
 def test_assumed_focal_lengths_go_together_as_far_as_pixels_are_square() -> None:

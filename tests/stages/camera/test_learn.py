@@ -7,14 +7,14 @@ import pytest
 
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.result.shared import Estimate, LearntCamera, learnt_camera
+from uavgram.model.result.shared import CameraUpdate, Estimate, compare_cameras
 from uavgram.stages.camera import report_learnt_camera
 
 VALUE = np.array([2300.0, 2300, 2000, 1500, 0, 0, 0, 0, 0])
 PRIOR = np.array([40.0, 40, 20, 20, 0.02, 0.1, 0.006, 0.006, 0.0])
 
 
-def learnt(value: Floats = VALUE, sigma: Floats = PRIOR, prior: Floats = PRIOR) -> LearntCamera:
+def learnt(value: Floats = VALUE, sigma: Floats = PRIOR, prior: Floats = PRIOR) -> CameraUpdate:
     calibration = Calibration(
         name="c",
         model="brown",
@@ -23,7 +23,7 @@ def learnt(value: Floats = VALUE, sigma: Floats = PRIOR, prior: Floats = PRIOR) 
         parameters=VALUE,
         covariance=np.diag(np.square(prior)),
     )
-    return learnt_camera(calibration, Estimate(value=value, sigma=sigma))
+    return compare_cameras(calibration, Estimate(value=value, sigma=sigma))
 
 
 def changed(at: int, by: float, array: Floats) -> Floats:

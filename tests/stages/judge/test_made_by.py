@@ -11,8 +11,8 @@ from uavgram.model.result.tables import (
     MeasurementResults,
     PickResults,
     PickStatus,
-    picks_by_source,
-    sources_behind,
+    count_picks_by_source,
+    find_sources,
 )
 from uavgram.model.survey.observations import Source
 from uavgram.stages.judge import judge_makers
@@ -83,5 +83,5 @@ def test_surveys_that_people_picked_are_as_before() -> None:
     [(("K",), ("hand", "match")), (("T1", "K"), ("hand", "match", "target")), (("no",), ())],
 )
 def test_who_stands_behind_a_measurement(points: tuple[str, ...], behind: tuple[str, ...]) -> None:
-    assert sources_behind(picks(), [points]) == (behind,)
-    assert picks_by_source(picks())["K"] == {"hand": 1, "match": 2}
+    assert find_sources(picks(), [points]) == (behind,)
+    assert count_picks_by_source(picks())["K"] == {"hand": 1, "match": 2}

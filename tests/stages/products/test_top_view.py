@@ -10,7 +10,7 @@ import pytest
 from top_views import BROWN, SIZE_PX, UTM, cv_project, looking, make_view
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, View
+from uavgram.geometry.ground.top_view import MAX_OFF_NADIR, View
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 from uavgram.model.result.result import Result
@@ -110,7 +110,7 @@ def test_an_oblique_photo_reaches_as_far_as_rays_are_steep() -> None:
     raster = lay_raster(view, 0.1)
 
     # straight ahead, ten degrees below the horizon; the edge is found between the samples
-    far = 20.0 * MOST_OFF_NADIR
+    far = 20.0 * MAX_OFF_NADIR
     width = raster.width * 0.1
     assert raster.north_m == pytest.approx(far, rel=2e-3)
     assert width < 2 * far

@@ -17,7 +17,7 @@ from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import move
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import Beside
+from uavgram.model.survey.ties import GroundConstraints
 from uavgram.stages.refine.ground_from_ties import (
     OTHER_OBJECT_M,
     _ground_constraints,
@@ -47,7 +47,7 @@ def guessed(survey: TiedSurvey, found: Survey) -> tuple[Floats, Floats]:
     tie = {f"t{t}": survey.flight.point[t] for t in rays.point}
     first = np.unique(found.ties.point, return_index=True)[1]
     true = np.array([tie[survey.observed.ties.tie[row]] for row in found.ties.row[first]])
-    beside = found.ties.beside
+    beside = found.ties.constraints
     said = np.sum(beside.weight * true[beside.tie, 2], axis=1)
     prior = 1.0 / (beside.uneven * found.ground.roughness_sigma_m) ** 2
     known = np.where(np.isfinite(beside.sigma_m), beside.sigma_m, np.inf) ** -2.0
@@ -109,21 +109,21 @@ def test_labels_left_out_take_no_tie_with_them(waves: tuple[TiedSurvey, Survey])
 
     before, after = found.ties, less.ties
     assert after.points == before.points
-    assert [less.label[k] for k in after.beside.label] == [
-        name for k in before.beside.label if (name := found.label[k]) in less.label
+    assert [less.label[k] for k in after.constraints.label] == [
+        name for k in before.constraints.label if (name := found.label[k]) in less.label
     ]
-    rows = np.flatnonzero(np.isin(before.beside.label, np.unique(found.pick_label[kept])))
-    np.testing.assert_array_equal(after.beside.tie, before.beside.tie[rows])
+    rows = np.flatnonzero(np.isin(before.constraints.label, np.unique(found.pick_label[kept])))
+    np.testing.assert_array_equal(after.constraints.tie, before.constraints.tie[rows])
 
 
 def test_ties_that_are_gone_leave_what_they_said_to_the_others(
     waves: tuple[TiedSurvey, Survey],
 ) -> None:
     ties = waves[1].ties
-    least = ties.beside.tie[0, np.argmin(np.abs(ties.beside.weight[0]))]
+    least = ties.constraints.tie[0, np.argmin(np.abs(ties.constraints.weight[0]))]
     less, points = ties.without(ties.point == least)
 
-    before, after = ties.beside, less.beside
+    before, after = ties.constraints, less.constraints
     assert least not in points
     here = np.flatnonzero((before.tie == least).any(axis=1))
     np.testing.assert_allclose(
@@ -138,11 +138,11 @@ def test_a_label_that_has_lost_most_of_its_ties_is_on_ground_as_uneven_as_before
     waves: tuple[TiedSurvey, Survey],
 ) -> None:
     found = waves[1]
-    beside = found.ties.beside
+    beside = found.ties.constraints
     ties, _ = found.ties.without(np.isin(found.ties.point, beside.tie[0]))
 
     assert np.isfinite(beside.sigma_m[0])
-    assert np.isnan(ties.beside.sigma_m[0])
+    assert np.isnan(ties.constraints.sigma_m[0])
     before, after = (ThirdCoordinate.of(replace(found, ties=each)) for each in (found.ties, ties))
     np.testing.assert_array_equal(before.sigma_m, after.sigma_m)
 
@@ -150,14 +150,14 @@ def test_a_label_that_has_lost_most_of_its_ties_is_on_ground_as_uneven_as_before
 def test_derivatives_of_heights_beside_labels() -> None:
     scene = make_scene(3, roughness=0.05, verge=(0, 1, 2, 5), control=3)
     found = with_found(scene.survey, chains=1, ties=4)
-    beside = Beside(
+    beside = GroundConstraints(
         label=np.array([0, 3]),
         tie=np.array([[0, 3, 1], [2, 0, 1]]),
         weight=np.array([[0.7, 0.5, -0.2], [1.0, 0.0, 0.0]]),
         sigma_m=np.array([0.02, 0.03]),
         uneven=np.ones(2),
     )
-    ties = replace(found.ties, beside=beside)
+    ties = replace(found.ties, constraints=beside)
     survey = replace(found, ties=ties)
     problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
     size = problem.layout.size

@@ -12,7 +12,13 @@ from scenes import PIXEL_SIGMA, Scene, make_scene, picked_beside
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.result.reliability import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
+from uavgram.model.result.reliability import (
+    AreaNoise,
+    EstimatedSigma,
+    Noise,
+    PickNoise,
+    SurfaceShape,
+)
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.noise import report_noise
@@ -144,7 +150,9 @@ MANY = tuple((k, other) for k in range(12) for other in range(k + 1, min(k + 3, 
 """Lengths of twelve labels that share their ends."""
 
 
-def lengths_and_identification(scene: Scene, stated_m: float) -> tuple[LearntSigma, LearntSigma]:
+def lengths_and_identification(
+    scene: Scene, stated_m: float
+) -> tuple[EstimatedSigma, EstimatedSigma]:
     sigma = np.full(len(scene.survey.label), stated_m)
     refined = refined_of(replace(scene.survey, identification_sigma_m=sigma))
     assert refined.noise is not None
@@ -260,7 +268,7 @@ def test_likeness_that_is_more_exact_than_stated_is_no_news(source: str, count: 
 
 @pytest.mark.parametrize(("factor", "is_reported"), [(3.4, True), (2.0, False), (0.5, False)])
 def test_marks_far_beside_what_was_taped_are_reported(factor: float, *, is_reported: bool) -> None:
-    beside = LearntSigma(stated_m=0.01, factor=factor, sigma=0.6)
+    beside = EstimatedSigma(stated_m=0.01, factor=factor, sigma=0.6)
     messages = list(report_noise(replace(noise(0.0), identification=beside)))
 
     assert [one.code for one in messages] == ["identification-less-exact"] * is_reported
@@ -270,7 +278,7 @@ def test_marks_far_beside_what_was_taped_are_reported(factor: float, *, is_repor
 
 @pytest.mark.parametrize(("factor", "said"), [(2.1, True), (1.35, False), (0.5, False)])
 def test_lengths_that_scatter_more_than_stated_are_told(factor: float, *, said: bool) -> None:
-    lengths = LearntSigma(stated_m=0.01, factor=factor, sigma=0.4)
+    lengths = EstimatedSigma(stated_m=0.01, factor=factor, sigma=0.4)
     messages = list(report_noise(replace(noise(0.0), lengths=lengths)))
 
     assert [one.code for one in messages] == ["lengths-less-exact"] * said

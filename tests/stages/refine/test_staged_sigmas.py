@@ -14,7 +14,7 @@ from uavgram.estimation.first_poses import known_frames
 from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimum
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
-from uavgram.io.cameras.choice import drone_cameras
+from uavgram.io.cameras.choice import read_drone_cameras
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.survey.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
@@ -33,7 +33,7 @@ def strip(data_dir: Path) -> Callable[..., Survey]:
     """``strip(share)``: a twin's photos without their log, the focal length that far off."""
     inputs = read_inputs(data_dir / "wind_oblique" / "project.yaml")
     tags = CameraTags(path="", width_px=3000, height_px=2250)
-    camera, _ = assume_camera(tags, drone_cameras(), may_be_unknown=True)
+    camera, _ = assume_camera(tags, read_drone_cameras(), may_be_unknown=True)
 
     def make(share: float = 1.0) -> Survey:
         parameters, covariance = np.array(camera.parameters), np.array(camera.covariance)

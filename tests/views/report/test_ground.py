@@ -10,8 +10,8 @@ import pytest
 import synthetic_survey as survey
 from PIL import Image
 
-from uavgram.imaging.photos.tone import AS_IT_IS
-from uavgram.imaging.top_view.ground_cut import MOST_PX, cut_ground
+from uavgram.imaging.photos.tone import IDENTITY_TONE
+from uavgram.imaging.top_view.ground_picture import MOST_PX, cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.pictures import NO_PICTURES
 from uavgram.views.report import render_report, shown_ground
@@ -27,7 +27,7 @@ def texture() -> GroundTexture:
     rows, columns = np.mgrid[:1400, :1600]
     rgb = np.dstack([columns * SIZE_M, rows * SIZE_M, np.full(rows.shape, 40.0)]).astype(np.uint8)
     covered = columns < 1200
-    return GroundTexture(rgb, covered, WEST_M, NORTH_M, SIZE_M, AS_IT_IS)
+    return GroundTexture(rgb, covered, WEST_M, NORTH_M, SIZE_M, IDENTITY_TONE)
 
 
 def test_a_point_of_the_picture_is_where_it_is_on_the_ground() -> None:

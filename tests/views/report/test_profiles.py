@@ -12,7 +12,7 @@ import pytest
 import synthetic_survey as survey
 from html_page import Page
 
-from uavgram.io.exports.profiles_csv import dump_profiles_csv
+from uavgram.io.exports.measurements_csv import dump_profiles_csv
 from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import ProfileResults

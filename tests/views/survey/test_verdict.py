@@ -11,7 +11,7 @@ import synthetic_survey as survey
 
 from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
-from uavgram.io.results.verdict_json import dump_verdict, load_verdict
+from uavgram.io.results.results_json import dump_verdict, load_verdict
 from uavgram.model.message import Message, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults

@@ -98,30 +98,30 @@ def camera(
 
 
 def _changed(read: CameraRead, crop: str | None, size: str | None) -> CameraRead:
-    from uavgram.geometry.camera.facts import cropped, scaled
+    from uavgram.geometry.camera.properties import crop_calibration, scale_calibration
 
     calibration = read.calibration
     if crop is not None:
         left, top, width, height = map(int, re.split("[,x]", crop))
         try:
-            calibration = cropped(calibration, left, top, width, height)
+            calibration = crop_calibration(calibration, left, top, width, height)
         except ValueError as fault:
             raise InputError(read.path, f"--crop: {fault}") from fault
     if size is not None:
         width, height = map(int, size.split("x"))
-        calibration = scaled(calibration, width, height)
+        calibration = scale_calibration(calibration, width, height)
     return replace(read, calibration=calibration)
 
 
 def _shown(read: CameraRead) -> list[str]:
-    from uavgram.geometry.camera.facts import camera_facts
+    from uavgram.geometry.camera.properties import compute_camera_properties
     from uavgram.pipeline.cameras.read import focal_on_sensor_mm
     from uavgram.views.calibration.camera_text import camera_lines
     from uavgram.views.terminal import message_lines
 
     lines = camera_lines(
         read.calibration,
-        camera_facts(read.calibration),
+        compute_camera_properties(read.calibration),
         read.provenance,
         focal_on_sensor_mm(read),
     )

@@ -72,9 +72,9 @@ def _has_none(folder: Path) -> bool:
 
 def _present() -> Path | None:
     """Return the present folder, if it holds a project or photos."""
-    from uavgram.io.browse import look_into
+    from uavgram.io.browse import count_photos
 
-    own = look_into(Path.cwd())
+    own = count_photos(Path.cwd())
     return Path() if own.has_project or own.photos else None
 
 

@@ -97,7 +97,7 @@ def run(
     from uavgram.cli.as_json import run_object
     from uavgram.cli.commands.view import show
     from uavgram.config.project import load_project
-    from uavgram.model.maps import PlanWish
+    from uavgram.model.maps import PlanPaper
     from uavgram.pipeline.measure.compute import Sampling
     from uavgram.pipeline.measure.run import FROM_PROJECT
     from uavgram.pipeline.measure.run import run as run_project
@@ -107,7 +107,7 @@ def run(
     log_to_stderr(verbose=verbose)
     tell_as(project)
     paper = Printed() if printed is None else printed
-    plan = None if paper.plan is None else PlanWish(paper.plan, paper.plan_scale)
+    plan = None if paper.plan is None else PlanPaper(paper.plan, paper.plan_scale)
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
     target = FROM_PROJECT if output is None else output
     result = run_project(project, target, progress(), sampling, paper.pdf, plan)

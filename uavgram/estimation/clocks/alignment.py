@@ -26,7 +26,7 @@ from uavgram.estimation.clocks.clock_line import (
     fit_camera_clock,
     fit_line,
 )
-from uavgram.geometry.motion.interpolation import running_median, windows
+from uavgram.geometry.motion.interpolation import compute_running_median, make_running_windows
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.frames import PairStatus
 
@@ -236,7 +236,7 @@ def _usual_spacing(event_s: Floats) -> Floats:
     spacing = np.diff(event_s)
     if not len(spacing):
         return spacing
-    return running_median(spacing, min(11, len(spacing)))
+    return compute_running_median(spacing, min(11, len(spacing)))
 
 
 def _may_be_missing(time_s: Floats, event_s: Floats, usual_s: Floats, tolerance_s: float) -> Bools:
@@ -472,7 +472,7 @@ def _could_hide_its_own(time_s: Floats, event_s: Floats, index: Ints, tolerance_
     """
     if len(event_s) < 2:
         return np.ones(len(time_s), dtype=bool)
-    spacing = windows(np.diff(event_s), _SPACINGS_AROUND).min(axis=1)
+    spacing = make_running_windows(np.diff(event_s), _SPACINGS_AROUND).min(axis=1)
     padded = np.concatenate([[-np.inf], event_s, [np.inf]])
     k = np.maximum(index, 0)
     least = np.maximum(_SPACING_SHARE * spacing[np.minimum(k, len(spacing) - 1)], _FASTEST_S)

@@ -23,8 +23,18 @@ import numpy as np
 from uavgram.estimation.first_poses.plane_search import PlaneCandidate, search_planes
 from uavgram.estimation.survey.likelihood import covariance_root
 from uavgram.geometry.camera.back_projection import back_project, rays_and_lens
-from uavgram.geometry.camera.lens import Distorted, distort, each, write_parameter_derivative
-from uavgram.geometry.ground.plane_pose import by_ends, by_plane, lengths_on_plane, reach_of
+from uavgram.geometry.camera.lens import (
+    Distorted,
+    distort,
+    split_components,
+    write_parameter_derivative,
+)
+from uavgram.geometry.ground.plane_pose import (
+    compute_end_components,
+    differentiate_by_ends,
+    differentiate_by_plane,
+    lengths_on_plane,
+)
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 
@@ -134,14 +144,14 @@ class Block:
         """Compute the view with each frame's own interior (B, P), at rays (3, 2, B, n)."""
         interior = own.T[:, None, :, None] if len(own) > 1 else own[0]
         lens = distort(self.calibration.model, interior[4:], ray[0], ray[1])
-        fx, fy, cx, cy = each(interior[:4])
+        fx, fy, cx, cy = split_components(interior[:4])
         off = np.empty((2, *lens.x.shape))
         np.subtract(self.pixel[..., 0], fx * lens.x + cx, out=off[0])
         np.subtract(self.pixel[..., 1], fy * lens.y + cy, out=off[1])
         return self._view(interior, ray, lens, off)
 
     def _view(self, interior: Floats, ray: Floats, lens: Distorted, off: Floats) -> View:
-        fx, fy = each(interior[:2])
+        fx, fy = split_components(interior[:2])
         # Inverse of the symmetric 2 x 2 Jacobian [[a, b], [b, c]] of the distortion, over fx and
         # fy.
         over = 1.0 / (lens.a * lens.c - lens.b * lens.b)
@@ -171,10 +181,10 @@ class Block:
             View at these rays.
         """
         lengths = lengths_on_plane(plane.T[:, :, None], ray)
-        reach = reach_of(lengths)
-        by_m = by_plane(lengths, reach)
+        reach = compute_end_components(lengths)
+        by_m = differentiate_by_plane(lengths, reach)
         # Chain rule from the undistorted point to the pixel: (u or v, end, B, n).
-        by_pixel = np.add.reduce(view.inverse * by_ends(lengths, reach), axis=1)
+        by_pixel = np.add.reduce(view.inverse * differentiate_by_ends(lengths, reach), axis=1)
         # By the interior at a fixed pixel: the undistorted point moves in the opposite sense.
         by_interior = np.add.reduce(view.d_interior * by_pixel[:, None], axis=(0, 2))
         noise = np.zeros(self.shape)

@@ -31,7 +31,11 @@ from uavgram.estimation.solver.batched import (
 from uavgram.geometry.ground import conditions
 from uavgram.geometry.ground.conditions import Residuals
 from uavgram.geometry.ground.line_of_position import unit_vectors
-from uavgram.geometry.ground.plane_pose import by_plane, lengths_on_plane, reach_of
+from uavgram.geometry.ground.plane_pose import (
+    compute_end_components,
+    differentiate_by_plane,
+    lengths_on_plane,
+)
 from uavgram.model.arrays import Bools, Floats, Ints
 
 _HORIZON = 1e-12
@@ -365,7 +369,7 @@ def _explanations(
         own = scene[which]
         wanted, weight = observed[0][own], observed[1][own]
         lengths = lengths_on_plane(np.ascontiguousarray(state[0].T)[:, :, None], ends[:, :, own])
-        by = by_plane(lengths, reach_of(lengths)) * weight
+        by = differentiate_by_plane(lengths, compute_end_components(lengths)) * weight
         return lengths.length * weight - wanted, np.moveaxis(by, 0, 2)
 
     minima = minimise_each(Explicit(rows, _moved), (start,))

@@ -14,8 +14,8 @@ import numpy as np
 
 from uavgram.errors import near_miss
 from uavgram.estimation.survey.ground_below import ground_below
-from uavgram.geometry.ground import measurable, shapes
-from uavgram.geometry.ground.measurable import UnmeasurableError
+from uavgram.geometry.ground import measurements, shapes
+from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
@@ -123,14 +123,14 @@ def measurands(
         if feet is None:
             raise ValueError(f"{kind} of {request.points} needs the feet of its points")
         return [_over_ground(request, points, feet, survey, error)]
-    value, gradient = measurable.shape_of(kind, points, dict(request.parameters))
+    value, gradient = measurements.measure_shape(kind, points, dict(request.parameters))
     return [Measurand(request.name, request, value, gradient, {})]
 
 
 def refers_to_ground(request: MeasurementRequest) -> bool:
     """Return whether a request is measured from the ground straight below its points."""
     parameters = dict(request.parameters)
-    return measurable.refers_to_ground(request.kind, len(request.points), parameters)
+    return measurements.refers_to_ground(request.kind, len(request.points), parameters)
 
 
 def _skid_speed(
@@ -200,7 +200,7 @@ def _over_ground(
     sources = [f"{BELOW}{one}" for one in request.points]
     lifted = below.feet.copy()
     lifted[:, 2] += below.sigma_m * [error(one) for one in sources]
-    value, by_points, by_feet = measurable.over_ground(
+    value, by_points, by_feet = measurements.measure_over_ground(
         request.kind, points, lifted, dict(request.parameters)
     )
     effects = dict(zip(sources, (by_feet[:, 2] * below.sigma_m).tolist(), strict=True))

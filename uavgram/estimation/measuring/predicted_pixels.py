@@ -18,9 +18,9 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
-from uavgram.geometry.motion.camera_motion import camera_motion, row_share
+from uavgram.geometry.motion.camera_motion import camera_motion, compute_row_share
 from uavgram.geometry.motion.rotation import exp_so3, hat
-from uavgram.geometry.motion.telemetry_pose import corrected_time, exposures_by_time, predict_pose
+from uavgram.geometry.motion.telemetry_pose import correct_time, exposures_by_time, predict_pose
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.log import Track
@@ -203,7 +203,7 @@ def _in_others(
         return rows_at(adjustment, nothing, nothing)
     time_s = prior.time_s[rows]
     center, rotation, d_shared = predict_pose(
-        exposures_by_time(track, chosen)(corrected_time(state.telemetry, time_s, prior.middle_s)),
+        exposures_by_time(track, chosen)(correct_time(state.telemetry, time_s, prior.middle_s)),
         prior.gimbal_from_camera,
         state.telemetry,
         time_s - prior.middle_s,
@@ -224,7 +224,7 @@ def _in_others(
     shown = in_photo(survey.calibration, place)
     frame, label, world = frame[shown], label[shown], world[shown]
     poses = RowPoses(*(part[shown] for part in poses))
-    share = row_share(place[shown, 1], survey.calibration.height_px)
+    share = compute_row_share(place[shown, 1], survey.calibration.height_px)
     of_row, turn = poses.at(share)
     camera_from_world = np.swapaxes(poses.rotation @ exp_so3(turn), 1, 2)
     camera = np.einsum("nij,nj->ni", camera_from_world, world - of_row)
@@ -309,7 +309,7 @@ def pixels_of_known_points(
     place = project_rows(calibration, calibration.parameters, of_rows, world_m[point])
     shown = np.flatnonzero(in_photo(calibration, place))
     pose, point = pose[shown], point[shown]
-    of_row, turn = of_rows.at(row_share(place[:, 1], calibration.height_px))
+    of_row, turn = of_rows.at(compute_row_share(place[:, 1], calibration.height_px))
     from_world = np.swapaxes(rotation[pose] @ exp_so3(turn[shown]), 1, 2)
     camera = np.einsum("nij,nj->ni", from_world, world_m[point] - of_row[shown])
     pixel, d_camera, _ = project_with_jacobian(calibration.model, calibration.parameters, camera)

@@ -20,7 +20,7 @@ from uavgram.estimation.measuring.kinds import (
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
-from uavgram.geometry.ground.measurable import UnmeasurableError
+from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest

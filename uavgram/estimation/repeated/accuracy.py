@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import betaincinv, chdtri, stdtrit
 
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.simulation import SIGMAS, Accuracy, Repetitions
+from uavgram.model.simulation import COVERAGE_SIGMAS, Accuracy, Repetitions
 
 TAIL = 0.025
 """Probability on each side of a confidence interval."""
@@ -32,7 +32,7 @@ def accuracy_of(repetitions: Repetitions) -> Accuracy:
         half = stdtrit(np.maximum(count - 1, 1), 1.0 - TAIL) * spread / np.sqrt(count)
     z = root_mean_square(ratio, counted)
     # Share of errors within k stated sigmas.
-    within = np.stack([(np.abs(ratio) <= k).sum(axis=0) for k in SIGMAS], axis=1)
+    within = np.stack([(np.abs(ratio) <= k).sum(axis=0) for k in COVERAGE_SIGMAS], axis=1)
     share, share_range = shares(within, count[:, None])
     return Accuracy(
         count=count,

@@ -24,7 +24,7 @@ from uavgram.estimation.repeated.common_errors import (
 )
 from uavgram.estimation.repeated.turns import turned
 from uavgram.estimation.solver.batched import backward, cholesky, forward
-from uavgram.geometry.camera.lens import distort, each
+from uavgram.geometry.camera.lens import distort, split_components
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
@@ -251,7 +251,7 @@ def _sighted(
     """Compute errors (2, E, B) of sightings in sigmas, and inverse derivatives by the places."""
     camera = design.calibration
     ray, slope = rays
-    fx, fy, cx, cy = each(parameters[:4])
+    fx, fy, cx, cy = split_components(parameters[:4])
     right, down, ahead = (
         rotation[0, k] * ray[0] + rotation[1, k] * ray[1] + rotation[2, k] * ray[2]
         for k in range(3)

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.observations.known import things_of_rows
 from uavgram.estimation.survey.observations.lengths import Taped, tape_rows, tapes_of
 from uavgram.estimation.survey.observations.telemetry import telemetry_prior
 from uavgram.estimation.survey.unknowns import Layout, State, layout_of
-from uavgram.geometry.lengths import lengths_of
+from uavgram.geometry.motion.rotation import lengths_of
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 

@@ -53,8 +53,8 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     lines = np.flatnonzero((start >= 0) & (end >= 0))
     control = np.flatnonzero(new_label[survey.control_label] >= 0)
     matches, chains = _some_sightings(survey.matches, new_frame, new_pick)
-    beside = survey.ties.beside.of_labels(new_label)
-    ties, tied = _some_sightings(replace(survey.ties, beside=beside), new_frame, new_pick)
+    beside = survey.ties.constraints.of_labels(new_label)
+    ties, tied = _some_sightings(replace(survey.ties, constraints=beside), new_frame, new_pick)
     reduced = replace(
         survey,
         frame_id=tuple(survey.frame_id[i] for i in frames),

@@ -19,7 +19,7 @@ from uavgram.geometry.camera.lens import (
     Radial,
     distort,
     fold_argument,
-    folded,
+    is_folded,
     largest_radius,
     radial_coefficients,
     write_parameter_derivative,
@@ -392,7 +392,7 @@ def _newton(parameters: Floats, target: Floats, start: Floats) -> Floats:
         miss = np.stack([lens.x, lens.y], axis=-1) - wanted
         allowed = _TOLERANCE_PX + _ROUNDING * np.abs(wanted * parameters[:2])
         done = (np.abs(miss) * parameters[:2] <= allowed).all(axis=1)
-        good = done & ~folded(lens, now[:, 0], now[:, 1], largest)
+        good = done & ~is_folded(lens, now[:, 0], now[:, 1], largest)
         point[index[good]] = now[good]
         # Newton step by the symmetric 2x2 Jacobian, where its determinant is positive.
         determinant = lens.a * lens.c - lens.b * lens.b

@@ -70,14 +70,14 @@ def distort(model: LensModel, coefficients: Floats, x: Floats, y: Floats) -> Dis
     return _distort_fisheye(coefficients, x, y)
 
 
-def each(values: Floats) -> list[Any]:
+def split_components(values: Floats) -> list[Any]:
     """Split values along the first axis: numbers for a vector, arrays where there are more axes."""
     return values.tolist() if values.ndim == 1 else list(values)
 
 
 def _distort_brown(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
     # OpenCV 4 documentation, calib3d, "Detailed Description"
-    k1, k2, p1, p2, k3, *rational = each(coefficients)
+    k1, k2, p1, p2, k3, *rational = split_components(coefficients)
     xx, yy = x * x, y * y
     r2 = xx + yy
     r4 = r2 * r2
@@ -120,7 +120,7 @@ def _divide(
 
 def _distort_fisheye(coefficients: Floats, x: Floats, y: Floats) -> Distorted:
     # OpenCV 4 documentation, calib3d, "Fisheye camera model" (Kannala and Brandt 2006)
-    k1, k2, k3, k4 = each(coefficients)
+    k1, k2, k3, k4 = split_components(coefficients)
     r2 = x * x + y * y
     safe = np.maximum(r2, _TINY_RADIUS_SQUARED)
     r = np.sqrt(safe)
@@ -207,7 +207,7 @@ def _largest_radius(model: LensModel, coefficients: tuple[float, ...]) -> float:
     return math.tan(argument) if argument < math.pi / 2 else math.inf
 
 
-def folded(lens: Distorted, x: Floats, y: Floats, largest: float) -> Bools:
+def is_folded(lens: Distorted, x: Floats, y: Floats, largest: float) -> Bools:
     """Mark the undistorted points (x, y) at which the lens model folds back; (N,).
 
     The model folds back beyond the largest radius, and a little before it where the tangential
@@ -246,7 +246,7 @@ def write_parameter_derivative(
     lens, undistorted
         Result of `distort` at the undistorted points, and their (x, y), each (...).
     """
-    fx, fy = each(parameters[:2])
+    fx, fy = split_components(parameters[:2])
     x, y = undistorted
     out[..., :4] = 0
     out[..., 0, 0] = lens.x

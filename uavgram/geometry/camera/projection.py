@@ -15,9 +15,9 @@ from uavgram.geometry.camera.lens import (
     BLOCK,
     Distorted,
     distort,
-    each,
-    folded,
+    is_folded,
     largest_radius,
+    split_components,
     write_parameter_derivative,
 )
 from uavgram.model.arrays import Floats
@@ -69,7 +69,7 @@ def project(
         lens = distort(model, parameters[4:], x, y)
         _write_pixel(pixel[block], parameters, lens)
         if fold is not None:
-            pixel[block][folded(lens, x, y, fold)] = np.nan
+            pixel[block][is_folded(lens, x, y, fold)] = np.nan
     return pixel.reshape(*shape, 2)
 
 
@@ -111,7 +111,7 @@ def project_with_jacobian(
         lens = distort(model, own[4:], x, y)
         bad = np.isnan(inverse_depth)
         if fold is not None:
-            bad |= folded(lens, x, y, fold)
+            bad |= is_folded(lens, x, y, fold)
         _write_pixel(pixel[block], own, lens)
         _write_point_derivative(d_point[block], own, lens, (x, y, inverse_depth))
         write_parameter_derivative(d_parameters[block], model, own, lens, (x, y))
@@ -126,7 +126,7 @@ def project_with_jacobian(
 
 
 def _write_pixel(out: Floats, parameters: Floats, lens: Distorted) -> None:
-    fx, fy, cx, cy = each(parameters[:4])
+    fx, fy, cx, cy = split_components(parameters[:4])
     np.add(fx * lens.x, cx, out=out[:, 0])
     np.add(fy * lens.y, cy, out=out[:, 1])
 

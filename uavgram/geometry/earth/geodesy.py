@@ -62,14 +62,14 @@ def enu_from_geodetic(
     return _finite_or_nan(np.stack([east, north, up], axis=-1))
 
 
-EXCHANGED = (
+AXES_EXCHANGED = (
     "is far from where the photos were taken, and near it with latitude and longitude (y and x) "
     "exchanged"
 )
 """Text of the message about such a place, to follow its name or line."""
 
 
-def are_exchanged(stated: Places, turned: Places, site: Origin) -> Bools:
+def are_axes_exchanged(stated: Places, turned: Places, site: Origin) -> Bools:
     """Mark the places (N,) that can belong to the flight at `site` only with x and y exchanged.
 
     Parameters
@@ -131,7 +131,7 @@ def _finite_or_nan(values: Floats) -> Floats:
 
 # Latitudes covered by UTM; beyond them maps use the polar stereographic projections.
 _UTM_SOUTH_DEG, _UTM_NORTH_DEG = -80.0, 84.0
-MOST_SCALE = 0.01
+MAX_SCALE_ERROR = 0.01
 """Largest relative scale error of a map; the zones used by surveyors stay below 0.001."""
 
 
@@ -154,7 +154,7 @@ def utm_crs(latitude_deg: float, longitude_deg: float) -> str:
     return f"EPSG:{32600 + zone if latitude_deg >= 0 else 32700 + zone}"
 
 
-def checked_crs(text: str) -> str:
+def normalise_crs(text: str) -> str:
     """Return the coordinate system's name in PROJ's form, if it suits maps in metres.
 
     Raises
@@ -174,13 +174,13 @@ def checked_crs(text: str) -> str:
     return str(crs.to_string())
 
 
-def misfit(text: str, latitude_deg: float, longitude_deg: float) -> str:
+def explain_unsuitable_crs(text: str, latitude_deg: float, longitude_deg: float) -> str:
     """Explain why a coordinate system does not suit maps of a place; empty where it does.
 
     Parameters
     ----------
     text
-        A coordinate system that `checked_crs` accepts.
+        A coordinate system that `normalise_crs` accepts.
     latitude_deg, longitude_deg
         Place, on WGS 84.
 
@@ -188,7 +188,7 @@ def misfit(text: str, latitude_deg: float, longitude_deg: float) -> str:
     -------
     str
         Message that the place is outside the system's area of use, or that the map scale there
-        differs from 1 by more than `MOST_SCALE`; and a system that fits.
+        differs from 1 by more than `MAX_SCALE_ERROR`; and a system that fits.
     """
     crs, fitting = CRS.from_user_input(text), utm_crs(latitude_deg, longitude_deg)
     area = crs.area_of_use
@@ -200,7 +200,7 @@ def misfit(text: str, latitude_deg: float, longitude_deg: float) -> str:
             f"to {area.east:.2f} (where your agency uses it beyond, give its definition, such as "
             '"+proj=utm +zone=32 +ellps=GRS80")'
         )
-    elif not abs(scale - 1.0) <= MOST_SCALE:  # infinite where the projection ends
+    elif not abs(scale - 1.0) <= MAX_SCALE_ERROR:  # infinite where the projection ends
         why = f"shows a metre on the ground as {scale:.3f} m at the site"
     else:
         return ""
@@ -236,9 +236,7 @@ def within_area(crs: CRS, latitude_deg: Floats, longitude_deg: Floats) -> Bools:
     return np.array([area is None or _is_within(area.bounds, *place) for place in places])
 
 
-def with_axes_exchanged(
-    latitude_deg: Floats, longitude_deg: Floats, crs: str
-) -> tuple[Floats, Floats]:
+def exchange_axes(latitude_deg: Floats, longitude_deg: Floats, crs: str) -> tuple[Floats, Floats]:
     """Compute the places (N,) [deg] that result when easting and northing are exchanged.
 
     Parameters

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.shapes import Measured, checked, defined, distance
+from uavgram.geometry.ground.shapes import Measured, distance, mask_undefined, require_points
 from uavgram.model.arrays import Floats
 
 LEVEL = np.array([1.0, 1.0, 0.0])
@@ -29,14 +29,14 @@ def horizontal_distance(points: Floats) -> Measured:
 
     NaN where one is straight above the other.
     """
-    value, gradient = distance(checked(points, exactly=2) * LEVEL)
+    value, gradient = distance(require_points(points, exactly=2) * LEVEL)
     return value, gradient * LEVEL
 
 
 def vertical_distance(points: Floats) -> Measured:
     """Measure the height [m] of the second of two points above the first; negative if below."""
-    points = checked(points, exactly=2)
-    return defined(float(points[1, 2] - points[0, 2]), np.array([[0.0, 0, -1], [0, 0, 1]]))
+    points = require_points(points, exactly=2)
+    return mask_undefined(float(points[1, 2] - points[0, 2]), np.array([[0.0, 0, -1], [0, 0, 1]]))
 
 
 def slope(points: Floats) -> Measured:
@@ -55,10 +55,10 @@ def slope(points: Floats) -> Measured:
     """
     (across, by_across), (rise, by_rise) = horizontal_distance(points), vertical_distance(points)
     if not across > UPRIGHT * abs(rise):
-        return defined(np.nan, np.asarray(by_rise))
+        return mask_undefined(np.nan, np.asarray(by_rise))
     # d atan(rise / across)
     gradient = (across * by_rise - rise * by_across) / (across**2 + rise**2)
-    return defined(float(np.arctan2(rise, across)), gradient)
+    return mask_undefined(float(np.arctan2(rise, across)), gradient)
 
 
 class Volume(NamedTuple):
@@ -102,7 +102,7 @@ def volume(points: Floats, base_m: Floats, *, top: bool = False) -> Volume:
     over the base, the volume is the sum of A_i (h_i + h_(i+1) + h_middle) / 3, which is the
     integral of a function that is linear over each triangle.
     """
-    points = checked(points, at_least=4 if top else 3)
+    points = require_points(points, at_least=4 if top else 3)
     above = points[:, 2] - base_m
     count = len(points) - top
     share = np.zeros(len(points))  # weight of each point in the middle
@@ -126,7 +126,7 @@ def volume(points: Floats, base_m: Floats, *, top: bool = False) -> Volume:
     # Derivative by heights: a third of the adjacent triangles' area.
     by_points[:count, 2] = (area + np.roll(area, 1)) / 3.0
     by_points[:, 2] += share * total / 3.0
-    value, by_points = defined(float(sense * (area @ mean)), sense * by_points)
+    value, by_points = mask_undefined(float(sense * (area @ mean)), sense * by_points)
     return Volume(value, by_points, -by_points[:, 2])
 
 
@@ -158,7 +158,7 @@ class PlaneBelow(NamedTuple):
 
 def plane_below(east_north_m: Floats, three: Floats) -> PlaneBelow:
     """Compute the plane through three points (3, 3) at places (n, 2), with derivatives."""
-    three = checked(three, exactly=3)
+    three = require_points(three, exactly=3)
     legs = three[1:] - three[0]
     twice = legs[0, 0] * legs[1, 1] - legs[0, 1] * legs[1, 0]
     sizes = np.linalg.norm(legs, axis=1)
@@ -195,7 +195,7 @@ class Profile(NamedTuple):
 
 def profile(points: Floats) -> Profile:
     """Measure points (K, 3) along a line: stations, offsets, heights, with derivatives."""
-    points = checked(points, at_least=2)
+    points = require_points(points, at_least=2)
     count = len(points)
     length, by_ends = horizontal_distance(points[[0, -1]])
     along = by_ends[1]
@@ -223,7 +223,7 @@ def profile(points: Floats) -> Profile:
 
 def profile_length(points: Floats) -> Measured:
     """Measure the horizontal distance [m] of the last of (K, 3) points from the first."""
-    points = checked(points, at_least=2)
+    points = require_points(points, at_least=2)
     gradient = np.zeros_like(points)
     value, gradient[[0, -1]] = horizontal_distance(points[[0, -1]])
-    return defined(value, gradient)
+    return mask_undefined(value, gradient)

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 
-STEEP = 0.7
+STEEP_RISE = 0.7
 """Rise of a unit vector above which components are taken east and north.
 
 On steeper lines the directions along the ground and upwards are ill-defined.
@@ -36,7 +36,7 @@ class LineAxes(NamedTuple):
 def line_axes(line: Floats) -> LineAxes:
     """Compute the axes of lines (..., 3); NaN for a line of zero length."""
     along, length = unit_vectors(line)
-    steep = np.abs(along[..., 2]) > STEEP
+    steep = np.abs(along[..., 2]) > STEEP_RISE
     # up x along points to the left. For a steep line north x along is used, which is east of an
     # upward line.
     reference = np.where(steep[..., None], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0])
@@ -64,7 +64,7 @@ def _square_to(unit: Floats, size: Floats) -> Floats:
     return np.asarray((np.eye(3) - outer) / size[..., None, None])
 
 
-FARTHEST = 2.0
+MAX_LEVER = 2.0
 """Largest distance from either end, in lengths of the line, that enters the end derivatives.
 
 Points farther out keep this lever: otherwise an adjustment could run away along a line to where its
@@ -72,7 +72,7 @@ direction has no weight.
 """
 
 
-class Beside(NamedTuple):
+class LineOffsets(NamedTuple):
     """Offsets of k points in m axes: across the line in plan, to the left; then, if requested, up.
 
     Attributes
@@ -90,7 +90,7 @@ class Beside(NamedTuple):
     by_ends: Floats
 
 
-def beside_line(points: Floats, ends: Floats, *, upwards: bool) -> Beside:
+def compute_line_offsets(points: Floats, ends: Floats, *, upwards: bool) -> LineOffsets:
     """Compute the offsets of points from a line.
 
     Parameters
@@ -119,19 +119,19 @@ def beside_line(points: Floats, ends: Floats, *, upwards: bool) -> Beside:
     up = np.array([*(-rise * along), 1.0])
     axes = np.stack([across, up])[: 1 + upwards]
     value = away @ axes.T
-    lever = np.clip(share, -FARTHEST + 1.0, FARTHEST)
+    lever = np.clip(share, -MAX_LEVER + 1.0, MAX_LEVER)
     levers = np.stack([1.0 - lever, lever], axis=1)
     gradient = np.broadcast_to(axes, (len(points), *axes.shape))
-    return Beside(value, gradient, -levers[:, None, :, None] * axes[None, :, None, :])
+    return LineOffsets(value, gradient, -levers[:, None, :, None] * axes[None, :, None, :])
 
 
-def joint_covariance(by_ends: Floats, sigma_m: Floats, own_m: float) -> Floats:
+def compute_joint_covariance(by_ends: Floats, sigma_m: Floats, own_m: float) -> Floats:
     """Compute the covariance (k m, k m) of all offsets from one line, which share its end errors.
 
     Parameters
     ----------
     by_ends
-        (k, m, 2, 3) from `beside_line`.
+        (k, m, 2, 3) from `compute_line_offsets`.
     sigma_m
         (2, 3) sigmas of start and end: east, north, up.
     own_m
@@ -141,7 +141,7 @@ def joint_covariance(by_ends: Floats, sigma_m: Floats, own_m: float) -> Floats:
     return np.asarray(rows @ rows.T + own_m**2 * np.eye(len(rows)))
 
 
-def inverse_root(covariance: Floats) -> Floats:
+def compute_inverse_root(covariance: Floats) -> Floats:
     """Compute the symmetric matrix W with W W = covariance^-1.
 
     Among all whitening matrices it keeps each row closest to the original observation (Kessy, Lewin

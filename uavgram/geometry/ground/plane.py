@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from uavgram.model.arrays import Floats
 
 
-class _Meeting(NamedTuple):
+class _Intersection(NamedTuple):
     point: Floats
     distance: Floats  # along the ray, in units of the ray
     descent: Floats  # ray . normal, negative
@@ -50,7 +50,7 @@ def intersect_ground(
         World points [m]; NaN where the ray does not go down to the plane: parallel to it, upwards,
         or starting below it.
     """
-    return _meet(center_world, ray_world, plane, pivot, height_above).point
+    return _intersect(center_world, ray_world, plane, pivot, height_above).point
 
 
 def intersect_ground_with_jacobian(
@@ -77,7 +77,7 @@ def intersect_ground_with_jacobian(
     d_plane : (..., 3, 3)
         Derivative with respect to (height, slope east, slope north). All NaN where the point is.
     """
-    point, distance, descent = _meet(center_world, ray_world, plane, pivot, height_above)
+    point, distance, descent = _intersect(center_world, ray_world, plane, pivot, height_above)
     # n . (X - Q) = 0 with X = C + s v: a shift d of the start moves X by (I - v n^T / (v . n)) d,
     # a change d of the ray by s times that.
     slide = np.asarray(ray_world, np.float64) / descent[..., None]
@@ -90,13 +90,13 @@ def intersect_ground_with_jacobian(
     return point, d_center, d_ray, d_plane
 
 
-def _meet(
+def _intersect(
     center_world: Floats,
     ray_world: Floats,
     plane: Floats,
     pivot: Floats,
     height_above: ArrayLike,
-) -> _Meeting:
+) -> _Intersection:
     center = np.asarray(center_world, np.float64)
     ray = np.asarray(ray_world, np.float64)
     plane = np.asarray(plane, np.float64)
@@ -111,7 +111,7 @@ def _meet(
         distance = -clearance / descent
     descent = np.where(np.isfinite(distance), descent, np.nan)
     distance = np.where(np.isfinite(distance), distance, np.nan)
-    return _Meeting(center + distance[..., None] * ray, distance, descent)
+    return _Intersection(center + distance[..., None] * ray, distance, descent)
 
 
 def _normal(plane: Floats) -> Floats:
@@ -119,25 +119,25 @@ def _normal(plane: Floats) -> Floats:
     return np.array([-plane[1], -plane[2], 1.0])
 
 
-DRAWS = 400
+SAMPLES = 400
 """Number of random planes through three points.
 
 Where 40 % of the points are on one plane, all draws miss it with a probability of 3e-12.
 """
 
-FAR = 3.0
+OUTLIER_SIGMAS = 3.0
 """Distance [sigma] from the plane beyond which the cost of a point no longer grows."""
 
-STEEPEST = 0.5
+MAX_SLOPE = 0.5
 """Largest slope accepted for the ground."""
 
-THIN = 0.02
+MIN_TRIANGLE_AREA = 0.02
 """Least determinant of three points for a plane: twice their area over the squared extent."""
 
-REFINEMENTS = 10
+MAX_ITERATIONS = 10
 
 
-def plane_of_most(place_m: Floats, height_m: Floats, sigma_m: Floats) -> Floats | None:
+def fit_robust_plane(place_m: Floats, height_m: Floats, sigma_m: Floats) -> Floats | None:
     """Fit the plane that most points are on (MLESAC); return its heights at all points.
 
     Parameters
@@ -161,24 +161,24 @@ def plane_of_most(place_m: Floats, height_m: Floats, sigma_m: Floats) -> Floats 
         return None
     design = np.column_stack([np.ones(len(place_m)), (place_m - place_m.mean(axis=0)) / extent])
     drawn = _through_three(design, height_m)
-    drawn = drawn[np.abs(drawn[:, 1:]).max(axis=1, initial=0.0) < STEEPEST * extent]
+    drawn = drawn[np.abs(drawn[:, 1:]).max(axis=1, initial=0.0) < MAX_SLOPE * extent]
     if not len(drawn):
         return None
     # Choose the draw with the least truncated sum of squares.
     off = ((height_m - drawn @ design.T) / sigma_m) ** 2
-    plane = drawn[np.minimum(off, FAR**2).sum(axis=1).argmin()]
+    plane = drawn[np.minimum(off, OUTLIER_SIGMAS**2).sum(axis=1).argmin()]
     # Refine by least squares over the points within FAR sigmas.
-    for _ in range(REFINEMENTS):
-        weight = (np.abs(height_m - design @ plane) < FAR * sigma_m) / sigma_m
+    for _ in range(MAX_ITERATIONS):
+        weight = (np.abs(height_m - design @ plane) < OUTLIER_SIGMAS * sigma_m) / sigma_m
         plane = np.linalg.lstsq(design * weight[:, None], height_m * weight, rcond=None)[0]
     return np.asarray(design @ plane)
 
 
 def _through_three(design: Floats, height_m: Floats) -> Floats:
     """Compute the (m, 3) planes through three points drawn at random, with a fixed seed."""
-    order = np.random.default_rng(0).random((DRAWS, len(design))).argpartition(2, axis=1)
+    order = np.random.default_rng(0).random((SAMPLES, len(design))).argpartition(2, axis=1)
     three = order[:, :3]
-    three = three[np.abs(np.linalg.det(design[three])) > THIN]
+    three = three[np.abs(np.linalg.det(design[three])) > MIN_TRIANGLE_AREA]
     return np.asarray(np.linalg.solve(design[three], height_m[three][..., None])[..., 0])
 
 
@@ -260,7 +260,7 @@ def correlated_basis(east_north_m: Floats, knots_m: Floats, range_m: float, root
     return Basis(kernel @ root.T, np.moveaxis(by_place @ root.T, 0, -1))
 
 
-def spread_knots(east_north_m: Floats, most: int) -> Floats:
+def choose_knots(east_north_m: Floats, most: int) -> Floats:
     """Choose at most `most` of the places as knots (B, 2), each the farthest from those before it.
 
     Parameters

@@ -66,7 +66,7 @@ def lengths_on_plane(plane: Floats, ends: Floats) -> PlaneLengths:
     return PlaneLengths(length, plane, ground, inverse_depth, along / length)
 
 
-def reach_of(lengths: PlaneLengths) -> Floats:
+def compute_end_components(lengths: PlaneLengths) -> Floats:
     """Compute the (2, ...) components of both ground points along their line [m].
 
     They are a factor of all derivatives of the length.
@@ -74,13 +74,13 @@ def reach_of(lengths: PlaneLengths) -> Floats:
     return np.asarray(np.add.reduce(lengths.towards_start[:, None] * lengths.ground, axis=0))
 
 
-def by_plane(lengths: PlaneLengths, reach: Floats) -> Floats:
+def differentiate_by_plane(lengths: PlaneLengths, reach: Floats) -> Floats:
     """Compute (3, ...) derivatives of the lengths by m: a ground point X moves by -X (X . dm)."""
     moved = reach * lengths.ground
     return np.asarray(moved[:, 1] - moved[:, 0])
 
 
-def by_ends(lengths: PlaneLengths, reach: Floats) -> Floats:
+def differentiate_by_ends(lengths: PlaneLengths, reach: Floats) -> Floats:
     """Compute derivatives of the lengths by the undistorted coordinates of both ends.
 
     The result is (2, 2, ...), with x and y on the first axis. A ground point X moves by (dv - X (m

@@ -72,7 +72,7 @@ class GroundPoints(NamedTuple):
     covariance_m2: Floats
 
 
-def ground_points(
+def compute_ground_points(
     view: View,
     pixel_px: Floats,
     pixel_covariance_px2: Floats,

@@ -39,7 +39,7 @@ def signed_area(corner: Floats) -> float:
     return float(0.5 * (x @ np.roll(y, -1) - y @ np.roll(x, -1)))
 
 
-def counterclockwise(corner: Floats) -> Floats:
+def orient_counterclockwise(corner: Floats) -> Floats:
     """Return the polygon (V, 2) in counterclockwise order, without a repeated last corner."""
     if len(corner) > 1 and np.array_equal(corner[0], corner[-1]):
         corner = corner[:-1]
@@ -84,7 +84,7 @@ def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
-def long_axis(corner: Floats) -> tuple[Floats, Floats, Floats]:
+def find_long_axis(corner: Floats) -> tuple[Floats, Floats, Floats]:
     """Compute the smallest rectangle around a polygon (V, 2), and the direction of its longer side.
 
     One side of the rectangle is on a side of the convex hull (Freeman and Shapira 1975). Here all

@@ -8,13 +8,13 @@ import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.motion.camera_motion import row_share, turned_vector
+from uavgram.geometry.motion.camera_motion import compute_row_share, rotate_vector
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.result.result import Result
 
-STEPS = 2
+ROW_ITERATIONS = 2
 """Number of fixed-point steps from the row in a pinhole's middle pose to the exposed row.
 
 Distortion of 50 pixels and a sweep of 10 in a photo of 1800 rows leave 0.3 px after one step and
@@ -38,7 +38,7 @@ class RowPoses(NamedTuple):
     sweep: Floats
 
     def at(self, share: Floats) -> tuple[Floats, Floats]:
-        """Compute centres and turns in camera axes (..., 3) of rows by their `row_share`."""
+        """Compute centres and turns in camera axes (..., 3) of rows by their exposure times."""
         moved = share[..., None] * self.sweep
         return self.center + moved[..., :3], moved[..., 3:]
 
@@ -51,7 +51,11 @@ def row_poses(result: Result, rows: Ints | int) -> RowPoses:
 
 
 def project_rows(
-    camera: Calibration, parameters: Floats, poses: RowPoses, world_m: Floats, steps: int = STEPS
+    camera: Calibration,
+    parameters: Floats,
+    poses: RowPoses,
+    world_m: Floats,
+    steps: int = ROW_ITERATIONS,
 ) -> Floats:
     """Project points to (..., 2) pixels, each by the pose of its own row; NaN where impossible.
 
@@ -76,7 +80,7 @@ def project_rows(
         # Start value: the row in the pinhole of the middle pose; then iterate row -> pose -> row.
         row = parameters[1] * in_middle[..., 1] / in_middle[..., 2] + parameters[3]
     for _ in range(steps):
-        share = np.nan_to_num(row_share(row, camera.height_px)).clip(-1.0, 1.0)
+        share = np.nan_to_num(compute_row_share(row, camera.height_px)).clip(-1.0, 1.0)
         pixel = project(camera.model, parameters, _moved_back(poses, in_middle, share))
         row = pixel[..., 1]
     return pixel
@@ -119,8 +123,8 @@ def sight_lines(
         (..., 2).
     """
     ray = back_project(camera.model, parameters, pixel_px)
-    center, turn = poses.at(row_share(pixel_px[..., 1], camera.height_px))
-    ray = turned_vector(turn, ray) if np.any(poses.sweep) else ray
+    center, turn = poses.at(compute_row_share(pixel_px[..., 1], camera.height_px))
+    ray = rotate_vector(turn, ray) if np.any(poses.sweep) else ray
     return center, np.asarray((poses.rotation @ ray[..., None])[..., 0])
 
 

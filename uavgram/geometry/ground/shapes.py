@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.lengths import lengths_of
+from uavgram.geometry.motion.rotation import lengths_of
 from uavgram.model.arrays import Bools, Floats
 
 Measured = tuple[float, Floats]
@@ -32,7 +32,7 @@ def distance(points: Floats) -> Measured:
     value, gradient
         Metres, and (2, 3) without unit; NaN for coincident points.
     """
-    return polyline(checked(points, exactly=2))
+    return polyline(require_points(points, exactly=2))
 
 
 def polyline(points: Floats) -> Measured:
@@ -48,12 +48,12 @@ def polyline(points: Floats) -> Measured:
     value, gradient
         Metres, and (K, 3) without unit; NaN where two neighbours coincide.
     """
-    points = checked(points, at_least=2)
+    points = require_points(points, at_least=2)
     unit, length = _unit(points[1:] - points[:-1])
     gradient = np.zeros_like(points)
     gradient[1:] += unit
     gradient[:-1] -= unit
-    return defined(float(length.sum()), gradient)
+    return mask_undefined(float(length.sum()), gradient)
 
 
 def area(points: Floats) -> Measured:
@@ -72,11 +72,11 @@ def area(points: Floats) -> Measured:
     value, gradient
         Square metres, and (K, 3) in metres; NaN where the points are on one line.
     """
-    points = checked(points, at_least=3)
+    points = require_points(points, at_least=3)
     local = points - points.mean(axis=0)  # avoids cancellation far from the origin
     after, before = np.roll(local, -1, axis=0), np.roll(local, 1, axis=0)
     normal, size = _unit(0.5 * np.cross(local, after).sum(axis=0))
-    return defined(float(size), 0.5 * np.cross(after - before, normal))
+    return mask_undefined(float(size), 0.5 * np.cross(after - before, normal))
 
 
 def angle(points: Floats) -> Measured:
@@ -93,14 +93,14 @@ def angle(points: Floats) -> Measured:
         Radians from 0 to pi, and (3, 3) in rad/m; NaN where a leg has no length, and for angles of
         exactly 0 or pi.
     """
-    points = checked(points, exactly=3)
+    points = require_points(points, exactly=3)
     legs, lengths = _unit(points[[0, 2]] - points[1])
     cosine = float(legs[0] @ legs[1])
     # Kahan: atan2 is accurate where the arc cosine loses digits.
     value = float(np.arctan2(np.linalg.norm(np.cross(legs[0], legs[1])), cosine))
     across, _ = _unit(legs[::-1] - cosine * legs)  # from each leg towards the other
     ends = -across / lengths[:, None]
-    return defined(value, np.stack([ends[0], -ends.sum(axis=0), ends[1]]))
+    return mask_undefined(value, np.stack([ends[0], -ends.sum(axis=0), ends[1]]))
 
 
 def line_distance(points: Floats) -> Measured:
@@ -117,13 +117,13 @@ def line_distance(points: Floats) -> Measured:
         Metres, and (3, 3) without unit; NaN where the two points coincide, or the first is on the
         line.
     """
-    points = checked(points, exactly=3)
+    points = require_points(points, exactly=3)
     along, length = _unit(points[2] - points[1])
     offset = points[0] - points[1]
     foot = offset @ along
     normal, value = _unit(offset - foot * along)
     share = foot / length  # 0 where the foot is the line's first point, 1 at its second
-    return defined(float(value), np.stack([normal, (share - 1) * normal, -share * normal]))
+    return mask_undefined(float(value), np.stack([normal, (share - 1) * normal, -share * normal]))
 
 
 def plane_distance(points: Floats) -> Measured:
@@ -140,18 +140,18 @@ def plane_distance(points: Floats) -> Measured:
         Metres, positive on the side from which the three run anticlockwise, and (4, 3) without
         unit; NaN where the three are in line.
     """
-    points = checked(points, exactly=4)
+    points = require_points(points, exactly=4)
     legs = points[2:] - points[1]
     across = np.cross(legs[0], legs[1])
     normal, size = _unit(across)
     if not size > IN_LINE * np.linalg.norm(legs, axis=1).prod():
-        return defined(np.nan, np.zeros_like(points))
+        return mask_undefined(np.nan, np.zeros_like(points))
     offset = points[0] - points[1]
     # Foot of the point on the plane: its coefficients along the two legs (Cramer's rule).
     second = float(np.cross(offset, legs[1]) @ normal / size)
     third = float(np.cross(legs[0], offset) @ normal / size)
     weight = np.array([1.0, second + third - 1.0, -second, -third])
-    return defined(float(offset @ normal), weight[:, None] * normal)
+    return mask_undefined(float(offset @ normal), weight[:, None] * normal)
 
 
 def outline_crosses_itself(outline: Floats) -> bool:
@@ -208,7 +208,7 @@ def _share_a_point(a: Floats, b: Floats, c: Floats, d: Floats) -> Bools:
     return np.asarray(straddle & (low <= high).all(axis=1))
 
 
-def checked(points: Floats, *, exactly: int | None = None, at_least: int = 2) -> Floats:
+def require_points(points: Floats, *, exactly: int | None = None, at_least: int = 2) -> Floats:
     """Return the points as an array, after a check of their number.
 
     Parameters
@@ -233,7 +233,7 @@ def _unit(vector: Floats) -> tuple[Floats, Floats]:
     return vector / length[..., None], length
 
 
-def defined(value: float, gradient: Floats) -> Measured:
+def mask_undefined(value: float, gradient: Floats) -> Measured:
     """Return value and gradient; both NaN where either is not finite."""
     if np.isfinite(value) and np.isfinite(gradient).all():
         return value, gradient

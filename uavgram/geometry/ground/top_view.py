@@ -11,7 +11,7 @@ from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.earth.geodesy import Origin, enu_from_geodetic, geographic_from_projected
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
 from uavgram.geometry.ground.row_projection import project_rows, row_poses
-from uavgram.geometry.motion.camera_motion import row_share, turned_vector
+from uavgram.geometry.motion.camera_motion import compute_row_share, rotate_vector
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.maps import GroundRaster
@@ -19,13 +19,13 @@ from uavgram.model.result.result import Result
 
 Numbers = NDArray[np.floating]
 
-LEAST_SINE = 0.17
+MIN_SINE = 0.17
 """Least sine of the angle between a ray and the ground (10 degrees).
 
 Flatter rays smear a photo's pixel over many metres, so the ground there stays empty.
 """
 
-MOST_OFF_NADIR = float(np.sqrt(1.0 - LEAST_SINE**2) / LEAST_SINE)
+MAX_OFF_NADIR = float(np.sqrt(1.0 - MIN_SINE**2) / MIN_SINE)
 """Same limit as a tangent from the vertical."""
 
 
@@ -130,11 +130,11 @@ class View:
         camera = self.result.camera
         inside = (u_px >= -0.5) & (u_px <= camera.width_px - 0.5)  # NaN compares False
         inside &= (v_px >= -0.5) & (v_px <= camera.height_px - 0.5)
-        return np.asarray(inside & (off_nadir < MOST_OFF_NADIR))
+        return np.asarray(inside & (off_nadir < MAX_OFF_NADIR))
 
 
 @dataclass(frozen=True, eq=False)
-class FrameKnowledge:
+class FrameCovariance:
     """Joint covariance of all parameters that place a photo's pixels on the ground.
 
     Attributes
@@ -158,7 +158,7 @@ class FrameKnowledge:
     motion: Floats | None = None
 
 
-def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) -> Floats:
+def compute_place_sigma(view: View, index: int, pixel: Floats, known: FrameCovariance) -> Floats:
     """Compute the standard deviation of ground places that a photo shows.
 
     Parameters
@@ -179,7 +179,7 @@ def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) ->
     result, row = view.result, view.rows[index]
     lens = result.shared.intrinsics.value
     poses = row_poses(result, row)
-    share = row_share(pixel[:, 1], result.camera.height_px)
+    share = compute_row_share(pixel[:, 1], result.camera.height_px)
     center, turn = poses.at(share)
     rotation = poses.rotation @ exp_so3(turn)
     ray, by_pixel, by_lens = back_project_with_jacobian(result.camera.model, lens, pixel)
@@ -191,7 +191,7 @@ def place_sigma(view: View, index: int, pixel: Floats, known: FrameKnowledge) ->
     )
     turned = d_ray @ rotation
     # The world ray of R exp(d) is R (v + d x v), hence -R [v]x d; the row's own turn comes after d.
-    by_turn = -d_ray @ poses.rotation @ hat(turned_vector(turn, ray))
+    by_turn = -d_ray @ poses.rotation @ hat(rotate_vector(turn, ray))
     parts = [d_center, by_turn, turned @ by_lens, d_plane]
     if known.motion is not None:
         velocity, rate = np.split(known.motion[index], 2)

@@ -25,13 +25,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from uavgram.geometry.motion.rotation import log_so3, matrix_from_ypr, ypr_from_matrix
-from uavgram.geometry.motion.telemetry_pose import corrected_time, exposures_by_time, predict_pose
+from uavgram.geometry.motion.telemetry_pose import correct_time, exposures_by_time, predict_pose
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
 from uavgram.model.flight.pose import TelemetryPrior
 
 
-def row_share(row_px: Floats, height_px: int) -> Floats:
+def compute_row_share(row_px: Floats, height_px: int) -> Floats:
     """Compute exposure times (...) of rows since the middle row, in units of the readout time.
 
     They are about -1/2 to 1/2.
@@ -39,7 +39,7 @@ def row_share(row_px: Floats, height_px: int) -> Floats:
     return np.asarray((row_px - (height_px - 1) / 2) / height_px)
 
 
-def turned_vector(turn: Floats, vector: Floats) -> Floats:
+def rotate_vector(turn: Floats, vector: Floats) -> Floats:
     """Compute exp(turn) vector (..., 3) by Rodrigues' formula, without a matrix for each."""
     angle = np.linalg.norm(turn, axis=-1)[..., None]
     across = np.cross(turn, vector)
@@ -96,7 +96,7 @@ def camera_motion(
     shared
         (12,) unknowns of the telemetry, see `predict_pose`.
     """
-    at_s = corrected_time(shared, prior.time_s, prior.middle_s)
+    at_s = correct_time(shared, prior.time_s, prior.middle_s)
     times = [track.position_time_s, track.attitude_time_s]
     times += [track.gimbal_time_s] if len(track.gimbal_time_s) else []
     first, last = max(one[0] for one in times), min(one[-1] for one in times)

@@ -21,7 +21,7 @@ from uavgram.model.arrays import Floats, Ints
 _BLOCK = 4096  # windows copied at a time: they fit into the processor's cache
 
 
-def windows(values: NDArray[Any], size: int) -> NDArray[Any]:
+def make_running_windows(values: NDArray[Any], size: int) -> NDArray[Any]:
     """Return the window about each value, the ends repeated; (N, ...) to (N, ..., size), N >= 1.
 
     A window of even size has one more value before the centre than after it.
@@ -30,7 +30,7 @@ def windows(values: NDArray[Any], size: int) -> NDArray[Any]:
     return sliding_window_view(np.pad(values, beside, "edge"), size, axis=0)
 
 
-def running_rank(values: NDArray[np.floating[Any]], size: int, rank: int) -> Floats:
+def compute_running_rank(values: NDArray[np.floating[Any]], size: int, rank: int) -> Floats:
     """Compute the value of the given rank in the window about each value.
 
     Parameters
@@ -38,7 +38,7 @@ def running_rank(values: NDArray[np.floating[Any]], size: int, rank: int) -> Flo
     values
         (N, ...), N >= 1.
     size
-        Size of the windows, see `windows`.
+        Size of the windows, see `make_running_windows`.
     rank
         Rank from 0, less than `size`; half the size is the median of an odd size.
 
@@ -46,18 +46,18 @@ def running_rank(values: NDArray[np.floating[Any]], size: int, rank: int) -> Flo
     -------
     (N, ...)
     """
-    about = windows(values, size)
+    about = make_running_windows(values, size)
     starts = range(0, len(about), _BLOCK)
     blocks = (np.partition(about[k : k + _BLOCK], rank, axis=-1)[..., rank] for k in starts)
     return np.concatenate(list(blocks))
 
 
-def running_median(values: NDArray[np.floating[Any]], size: int) -> Floats:
+def compute_running_median(values: NDArray[np.floating[Any]], size: int) -> Floats:
     """Compute the median of the window about each value; the upper median of an even size."""
-    return running_rank(values, size, size // 2)
+    return compute_running_rank(values, size, size // 2)
 
 
-MANY = 100
+MANY_INSTANTS = 100
 """Number of instants from which repeated pieces are computed only once.
 
 With so many instants, usually those of many states at once, many are in the same pieces.
@@ -112,7 +112,7 @@ class _SmoothPath:
     def _of(self, index: bytes) -> _Pieces:
         """Return the pieces (M,) of the indices given as bytes; indices may repeat."""
         piece = np.frombuffer(index, np.int64)
-        if len(piece) < MANY:
+        if len(piece) < MANY_INSTANTS:
             return self._make(piece)
         piece, place = np.unique(piece, return_inverse=True)
         return _Pieces(*(one[place] for one in self._make(piece)))

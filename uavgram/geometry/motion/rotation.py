@@ -11,8 +11,15 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uavgram.geometry.lengths import lengths_of
 from uavgram.model.arrays import Floats
+
+
+def lengths_of(vectors: Floats) -> Floats:
+    """Compute the lengths (...) of vectors (..., n).
+
+    For a few vectors numpy's `norm` takes three times as long.
+    """
+    return np.asarray(np.sqrt(np.add.reduce(vectors * vectors, axis=-1)))
 
 
 def _constant(rows: list[list[float]]) -> Floats:

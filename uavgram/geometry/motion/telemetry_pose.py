@@ -135,7 +135,7 @@ def exposures_by_time(flight: Flight, frame_id: Sequence[str]) -> Callable[[Floa
     return lambda _: exposures
 
 
-def corrected_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
+def correct_time(shared: Floats, time_s: Floats, middle_s: float) -> Floats:
     """Apply clock correction and drift to stated instants.
 
     The result is (..., N) on the flight's clock [s].
@@ -161,7 +161,7 @@ def predict_pose(
     Parameters
     ----------
     exposures
-        N instants, interpolated at the `corrected_time` of the stated ones.
+        N instants, interpolated at the `correct_time` of the stated ones.
     mount_from_camera
         (3, 3) nominal rotation, without boresight.
     shared

@@ -14,18 +14,18 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from uavgram.imaging.patches import Grey, grid, sample, slopes
+from uavgram.imaging.patches import Grey, compute_slopes, make_grid, sample_grey
 from uavgram.model.arrays import Bools, Floats, Ints
 
 CHANGE_SIGMA = 0.05
 """Prior sigma of each element of the affine map, from errors of poses and ground slopes."""
 
-OF_MAP = np.diag([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
+MAP_PRIOR = np.diag([0.0, 0.0, 1.0, 1.0, 1.0, 1.0])
 """Selects the parameters with a prior: four of the six, the elements of the affine map."""
 
 _ROUNDING = 0.4  # standard deviation of the difference of two rounded grey values
 _CONVERGED = 2e-3  # steps
-_FARTHEST = 6.0  # steps from the start: farther is no refinement
+_MAX_SHIFT = 6.0  # steps from the start: farther is no refinement
 _MOST_ROWS = 30000  # of an image that OpenCV can resample
 
 
@@ -39,7 +39,7 @@ class System(NamedTuple):
     by: Floats  # (m, 6, k) change of the values by the map's parameters
 
 
-class Fitted(NamedTuple):
+class PatchFits(NamedTuple):
     """Matches of m patches.
 
     Attributes
@@ -70,14 +70,14 @@ class Fitted(NamedTuple):
         """(m,) weighted standard deviation of the fixed patches [grey values]."""
         return self.fixed.contrast
 
-    def some(self, chosen: Bools) -> Fitted:
+    def some(self, chosen: Bools) -> PatchFits:
         """Select patches by a mask (m,)."""
         fixed = self.fixed._replace(
             value=self.fixed.value[chosen],
             contrast=self.fixed.contrast[chosen],
             by=self.fixed.by[chosen],
         )
-        return Fitted(
+        return PatchFits(
             place=self.place[chosen],
             linear=self.linear[chosen],
             likeness=self.likeness[chosen],
@@ -87,7 +87,7 @@ class Fitted(NamedTuple):
         )
 
 
-def fitted(
+def fit_patches(
     fixed: Grey,
     moving: Grey,
     start: Floats,
@@ -95,7 +95,7 @@ def fitted(
     half: int,
     steps: int,
     bell: tuple[Floats, float] | None = None,
-) -> Fitted:
+) -> PatchFits:
     """Match the middle of fixed windows in moving ones.
 
     Parameters
@@ -119,7 +119,7 @@ def fitted(
     place, linear = start.copy(), linear.copy()
     value, _ = _sampled(moving, everyone, place, linear, system)
     # Normal equations of the fixed patch, formed once; pull is the weight of the prior on the map.
-    inverse, pull = _inverse(system, remaining(system, value, 2))
+    inverse, pull = _inverse(system, compute_residual_variance(system, value, 2))
     gain = inverse @ (system.by * system.weight)
     active = everyone
     for step in range(steps):
@@ -135,12 +135,12 @@ def fitted(
         move = (linear[active] @ delta[:, :2, None])[..., 0]
         place[active] -= move
         size = np.hypot(*move.T)
-        near = np.hypot(*(place[active] - start[active]).T) < _FARTHEST
+        near = np.hypot(*(place[active] - start[active]).T) < _MAX_SHIFT
         active = active[(size > _CONVERGED) & near & np.isfinite(size)]
         if not len(active):
             break
     value, contrast = _sampled(moving, everyone, place, linear, system)
-    return Fitted(
+    return PatchFits(
         place=place,
         linear=linear,
         likeness=(value * system.value) @ system.weight / system.weight.sum(),
@@ -150,7 +150,7 @@ def fitted(
     )
 
 
-def remaining(system: System, value: Floats, unknowns: int) -> Floats:
+def compute_residual_variance(system: System, value: Floats, unknowns: int) -> Floats:
     """Compute the variance (m,) of the residuals between the fixed patches and others (m, k).
 
     It is at least that of rounding to whole grey values.
@@ -176,17 +176,17 @@ def _inverse(system: System, noise: Floats) -> tuple[Floats, Floats]:
     normal = (system.by * system.weight) @ np.swapaxes(system.by, 1, 2)
     normal += (1e-9 * np.trace(normal, axis1=1, axis2=2) + 1e-12)[:, None, None] * np.eye(6)
     pull = noise / CHANGE_SIGMA**2
-    normal += pull[:, None, None] * OF_MAP
+    normal += pull[:, None, None] * MAP_PRIOR
     return np.asarray(np.linalg.inv(normal), np.float64), pull
 
 
 def _system(fixed: Grey, half: int, middle: Floats, wide: float) -> System:
-    steps = grid(half)
+    steps = make_grid(half)
     weight: Floats = np.exp(-2.0 * ((steps - middle) ** 2).sum(axis=1) / wide**2)
     middle = fixed.shape[1] // 2
     cut = slice(middle - half - 1, middle + half + 2)
     patch = fixed[:, cut, cut].astype(np.float64)
-    slope = np.stack(slopes(patch), axis=1).reshape(len(fixed), 2, len(steps))
+    slope = np.stack(compute_slopes(patch), axis=1).reshape(len(fixed), 2, len(steps))
     value, contrast = _normalised(patch[:, 1:-1, 1:-1].reshape(len(fixed), -1), weight)
     slope /= contrast[:, None, None]
     by = np.concatenate([slope, *(slope[:, [i]] * steps.T for i in range(2))], axis=1)
@@ -209,7 +209,7 @@ def _sampled(
         u, v = np.moveaxis(at[first : first + block].astype(np.float32), -1, 0)
         tall = moving[index[first : first + block]].reshape(-1, side)
         v = v + np.arange(len(v), dtype=np.float32)[:, None] * side
-        out[first : first + block] = sample(tall, u, v, cv2.INTER_LANCZOS4)
+        out[first : first + block] = sample_grey(tall, u, v, cv2.INTER_LANCZOS4)
     return _normalised(out, system.weight)
 
 

@@ -3,28 +3,40 @@
 from __future__ import annotations
 
 from dataclasses import fields, replace
+from typing import NamedTuple
 
+import cv2
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.imaging.matching.beside import fixed_on_all_sides
-from uavgram.imaging.matching.least_squares import Fitted, fitted
-from uavgram.imaging.matching.matched import Matched, Refused, Sought
-from uavgram.imaging.matching.options import MatchOptions, Patch
-from uavgram.imaging.matching.search import Peak, best_place
-from uavgram.imaging.matching.sureness import covariance_of, is_sure
-from uavgram.imaging.patches import Frames, Grey, common_frames, window, within
+from uavgram.imaging.matching.least_squares import PatchFits, fit_patches
+from uavgram.imaging.matching.match_covariance import estimate_match_covariance, is_precise
+from uavgram.imaging.matching.matches import (
+    Matches,
+    MatchOptions,
+    Patch,
+    RefusalReason,
+    SoughtPoints,
+)
+from uavgram.imaging.matching.occlusion import find_unoccluded
+from uavgram.imaging.patches import (
+    Frames,
+    Grey,
+    compute_common_frames,
+    is_within_photo,
+    sample_window,
+)
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 
 REGION = float(chdtri(2, 0.001))
 """Squared distance [sigma] of the edge of the search region, which holds 99.9 % of predictions."""
 
-_LARGE = 40.0  # steps: larger regions are searched at every other step first
-_MOST_OUTSIDE = (
+_LARGE_REGION = 40.0  # steps: larger regions are searched at every other step first
+_MAX_OUTSIDE = (
     0.15  # of the probability: with more, a similar place within could be taken for the point
 )
-_ALIKE = 0.005  # in correlation: an insignificant difference
+_CORRELATION_TOLERANCE = 0.005  # in correlation: an insignificant difference
 _BETWEEN = 1.5  # steps: a true place between steps is about this far from the best step
 _ABOUT = 4.0  # steps: half the region of the second search
 _MARGIN = 8  # steps about a patch in its window, for its motion and for interpolation
@@ -33,9 +45,9 @@ _MARGIN = 8  # steps about a patch in its window, for its motion and for interpo
 _DEFAULT = MatchOptions()
 
 
-def matched(
-    source: Image, target: Image, sought: Sought, options: MatchOptions = _DEFAULT
-) -> Matched:
+def match_points(
+    source: Image, target: Image, sought: SoughtPoints, options: MatchOptions = _DEFAULT
+) -> Matches:
     """Find points of a source photo in a target photo.
 
     Parameters
@@ -48,12 +60,12 @@ def matched(
         Requirements on a match.
     """
     n = len(sought)
-    found = Matched(
+    found = Matches(
         pixel_px=np.full((n, 2), np.nan),
         covariance_px2=np.full((n, 2, 2), np.nan),
         sigma_px=np.full(n, np.nan),
         score=np.zeros(n),
-        refused=np.full(n, Refused.OUTSIDE),
+        refused=np.full(n, RefusalReason.OUTSIDE),
     )
     for number, patch in enumerate(options.patches):
         index = np.flatnonzero(np.isin(found.refused, patch.after)) if number else np.arange(n)
@@ -62,18 +74,18 @@ def matched(
         part = replace(sought, **rows_of(sought, index))
         again = _Search(source, target, part, options, patch).result()
         # Keep the first patch's reason where no other patch finds the point.
-        use = (again.refused == Refused.NONE) | (number == 0)
+        use = (again.refused == RefusalReason.NONE) | (number == 0)
         found = _with_rows(found, index[use], replace(again, **rows_of(again, np.flatnonzero(use))))
     return found
 
 
-def _with_rows(found: Matched, index: Ints, rows: Matched) -> Matched:
+def _with_rows(found: Matches, index: Ints, rows: Matches) -> Matches:
     columns = {}
-    for field in fields(Matched):
+    for field in fields(Matches):
         column = getattr(found, field.name).copy()
         column[index] = getattr(rows, field.name)
         columns[field.name] = column
-    return Matched(**columns)
+    return Matches(**columns)
 
 
 class _Search:
@@ -83,19 +95,19 @@ class _Search:
         self,
         source: Image,
         target: Image,
-        sought: Sought,
+        sought: SoughtPoints,
         options: MatchOptions,
         patch: Patch,
     ) -> None:
         n = len(sought)
         self._source, self._target, self._sought, self._options = source, target, sought, options
         self._patch = patch
-        frames = common_frames(sought.affine)
+        frames = compute_common_frames(sought.affine)
         self._frames = Frames(frames.source * patch.step, frames.target * patch.step)
-        self._refused: Ints = np.full(n, Refused.NONE, np.int64)
+        self._refused: Ints = np.full(n, RefusalReason.NONE, np.int64)
         self._score: Floats = np.zeros(n)
 
-    def result(self) -> Matched:
+    def result(self) -> Matches:
         """Search and refine the points; return the matches."""
         n = len(self._sought)
         pixel, covariance = np.full((n, 2), np.nan), np.full((n, 2, 2), np.nan)
@@ -104,9 +116,9 @@ class _Search:
         if len(index):
             found, spread = self._refined(index, at[index])
             pixel[index], covariance[index] = found, spread
-            bad = self._refused != Refused.NONE
+            bad = self._refused != RefusalReason.NONE
             pixel[bad], covariance[bad] = np.nan, np.nan
-        return Matched(
+        return Matches(
             pixel_px=pixel,
             covariance_px2=covariance,
             sigma_px=np.sqrt(0.5 * np.trace(covariance, axis1=1, axis2=2)),
@@ -115,23 +127,23 @@ class _Search:
         )
 
     def _left(self) -> Ints:
-        return np.flatnonzero(self._refused == Refused.NONE)
+        return np.flatnonzero(self._refused == RefusalReason.NONE)
 
-    def _refuse(self, index: Ints, bad: Bools, why: Refused) -> None:
+    def _refuse(self, index: Ints, bad: Bools, why: RefusalReason) -> None:
         """Refuse those of the indexed points that are bad and not refused yet."""
-        bad = bad & (self._refused[index] == Refused.NONE)
+        bad = bad & (self._refused[index] == RefusalReason.NONE)
         self._refused[index[bad]] = why
 
     def _searched(self) -> Floats:
         """Find the pixels (n, 2) in the target that look most like the points, to some tenths."""
         n, options = len(self._sought), self._options
         half = self._patch.search_half
-        inside = within(self._source, self._sought.source_px, self._frames.source, half)
-        self._refuse(np.arange(n), ~inside, Refused.OUTSIDE)
+        inside = is_within_photo(self._source, self._sought.source_px, self._frames.source, half)
+        self._refuse(np.arange(n), ~inside, RefusalReason.OUTSIDE)
         into = np.linalg.inv(self._frames.target)
         spread = into @ self._sought.covariance_px2 @ np.swapaxes(into, 1, 2)
         far = np.sqrt(REGION * np.diagonal(spread, axis1=1, axis2=2)).max(axis=1, initial=0.0)
-        self._refuse(np.arange(n), far > options.farthest, Refused.TOO_FAR)
+        self._refuse(np.arange(n), far > options.farthest, RefusalReason.TOO_FAR)
         at = np.full((n, 2), np.nan)
         for i in self._left():
             at[i] = self._search_one(int(i), self._sought.covariance_px2[i], float(far[i]))
@@ -140,11 +152,11 @@ class _Search:
     def _search_one(self, i: int, covariance: Floats, far: float) -> Floats:
         """Search one point; in a large region at every other step first."""
         at: Floats = self._sought.target_px[i]
-        if far > _LARGE:
+        if far > _LARGE_REGION:
             at = self._best(i, at, covariance, 2.0, alone=True)
             covariance = self._frames.target[i] @ self._frames.target[i].T * _ABOUT**2 / REGION
-        if self._refused[i] == Refused.NONE:
-            at = self._best(i, at, covariance, 1.0, alone=far <= _LARGE)
+        if self._refused[i] == RefusalReason.NONE:
+            at = self._best(i, at, covariance, 1.0, alone=far <= _LARGE_REGION)
         return at
 
     def _best(
@@ -165,9 +177,9 @@ class _Search:
         """
         options, half = self._options, self._patch.search_half
         near, frame = self._frames.source[i] * coarse, self._frames.target[i] * coarse
-        patch = window(self._source, self._sought.source_px[i], near, half)
+        patch = sample_window(self._source, self._sought.source_px[i], near, half)
         if patch.std() < options.contrast / self._patch.step**2:
-            self._refused[i] = Refused.WEAK
+            self._refused[i] = RefusalReason.WEAK
             return center
         into = np.linalg.inv(frame)
         spread = into @ covariance @ into.T
@@ -177,21 +189,21 @@ class _Search:
         inside = self._in_photo(self._target, center, frame, reach)
         allowed = inside & (distance <= REGION)
         if not allowed.any():
-            self._refused[i] = Refused.OUTSIDE
+            self._refused[i] = RefusalReason.OUTSIDE
             return center
-        around = window(self._target, center, frame, half + reach, exact=False)
-        peak = best_place(patch, around, allowed)
+        around = sample_window(self._target, center, frame, half + reach, exact=False)
+        peak = find_best_place(patch, around, allowed)
         self._score[i] = peak.likeness
         likely = np.exp(-0.5 * distance)
-        cut = likely[~inside].sum() > _MOST_OUTSIDE * likely.sum()
+        cut = likely[~inside].sum() > _MAX_OUTSIDE * likely.sum()
         near_second = alone and self._is_like_others(i, coarse, patch, (center, distance, peak))
         one = np.array([i])
         unlike = np.array([peak.likeness < options.search_likeness])
-        self._refuse(one, unlike & (patch.std() < options.noisy_contrast), Refused.WEAK)
-        self._refuse(one, unlike, Refused.NOT_LIKE)
-        self._refuse(one, np.array([alone and cut]), Refused.OUTSIDE)
-        self._refuse(one, np.array([near_second]), Refused.NOT_UNIQUE)
-        self._refuse(one, np.array([peak.at_edge]), Refused.NOT_UNIQUE)
+        self._refuse(one, unlike & (patch.std() < options.noisy_contrast), RefusalReason.WEAK)
+        self._refuse(one, unlike, RefusalReason.NOT_LIKE)
+        self._refuse(one, np.array([alone and cut]), RefusalReason.OUTSIDE)
+        self._refuse(one, np.array([near_second]), RefusalReason.NOT_UNIQUE)
+        self._refuse(one, np.array([peak.at_edge]), RefusalReason.NOT_UNIQUE)
         return np.asarray(center + frame @ peak.place)
 
     def _is_like_others(
@@ -223,8 +235,8 @@ class _Search:
         behind = self._sought.source_px[i] + near @ np.round(peak.place)
         reach = len(distance) // 2
         allowed = self._in_photo(self._source, behind, near, reach) & (distance <= REGION)
-        around = window(self._source, behind, near, half + reach, exact=False)
-        own = best_place(patch, around, allowed)
+        around = sample_window(self._source, behind, near, half + reach, exact=False)
+        own = find_best_place(patch, around, allowed)
         second = max(peak.second, own.second)
         most = options.second_peak_far if coarse > 1 else options.second_peak
         alike = _as_like(peak.likeness, second, most)
@@ -233,11 +245,11 @@ class _Search:
         # Compare the candidates after least-squares matching, to the subpixel.
         wide = half + _MARGIN
         place = center + frame @ peak.place, center + frame @ peak.next_place
-        moving = [window(self._target, pixel, frame, wide) for pixel in place]
-        moving.append(window(self._source, behind + near @ own.next_place, near, wide))
-        fixed = np.stack(3 * [window(self._source, self._sought.source_px[i], near, wide)])
+        moving = [sample_window(self._target, pixel, frame, wide) for pixel in place]
+        moving.append(sample_window(self._source, behind + near @ own.next_place, near, wide))
+        fixed = np.stack(3 * [sample_window(self._source, self._sought.source_px[i], near, wide)])
         square = np.tile(np.eye(2), (3, 1, 1))
-        there = fitted(fixed, np.stack(moving), np.zeros((3, 2)), square, half, 12)
+        there = fit_patches(fixed, np.stack(moving), np.zeros((3, 2)), square, half, 12)
         stayed = np.hypot(*there.place.T) < _BETWEEN  # otherwise it is the slope of another peak
         like = np.where(stayed, there.likeness, -1.0)
         return _as_like(max(like[0], peak.likeness), max(*like[1:], second), most)
@@ -260,7 +272,7 @@ class _Search:
             (self._target, at, self._frames.target[index]),
         )
         first, second = (
-            np.stack([window(photo, c, f, half) for c, f in zip(center, frame, strict=True)])
+            np.stack([sample_window(photo, c, f, half) for c, f in zip(center, frame, strict=True)])
             for photo, center, frame in sides
         )
         return first, second
@@ -270,50 +282,58 @@ class _Search:
         options, patch = self._options, self._patch
         near, far = self._windows(index, at)
         square = np.broadcast_to(np.eye(2), (len(index), 2, 2))
-        there = fitted(near, far, np.zeros((len(index), 2)), square, patch.half, 12)
+        there = fit_patches(near, far, np.zeros((len(index), 2)), square, patch.half, 12)
         self._score[index] = there.likeness
         self._judge_fit(index, there)
         # Match back from the target, and with patches of other sizes.
         back_map = np.linalg.inv(there.linear)
         back_start = -(back_map @ there.place[..., None])[..., 0]
-        back = fitted(far, near, np.zeros_like(back_start), square, patch.half, 12)
+        back = fit_patches(far, near, np.zeros_like(back_start), square, patch.half, 12)
         others = [
-            fitted(near, far, there.place, there.linear, half, 5) for half in patch.other_halves
+            fit_patches(near, far, there.place, there.linear, half, 5)
+            for half in patch.other_halves
         ]
         self._judge_back(index, there, back, others)
         # Test the surroundings along the line of sight, then the covariance.
         into = self._frames.target[index]
-        rise = np.where(self._refused[index, None] == Refused.NONE, self._sought.rise[index], 0.0)
+        rise = np.where(
+            self._refused[index, None] == RefusalReason.NONE, self._sought.rise[index], 0.0
+        )
         along = np.linalg.solve(into, rise[..., None])[..., 0].astype(np.float64)
-        self._refuse(index, ~fixed_on_all_sides(near, far, there, along), Refused.OFF_GROUND)
-        left, spread = self._refused[index] == Refused.NONE, np.full((len(index), 2, 2), np.nan)
-        sure = covariance_of(there.some(left), options, patch.step)
+        self._refuse(index, ~find_unoccluded(near, far, there, along), RefusalReason.OFF_GROUND)
+        left, spread = (
+            self._refused[index] == RefusalReason.NONE,
+            np.full((len(index), 2, 2), np.nan),
+        )
+        sure = estimate_match_covariance(there.some(left), options, patch.step)
         spread[left] = into[left] @ sure @ np.swapaxes(into[left], 1, 2)
-        self._refuse(index[left], ~is_sure(spread[left], options.sigma_px), Refused.WEAK)
+        self._refuse(index[left], ~is_precise(spread[left], options.sigma_px), RefusalReason.WEAK)
         return at + (into @ there.place[..., None])[..., 0], spread
 
-    def _judge_fit(self, index: Ints, there: Fitted) -> None:
+    def _judge_fit(self, index: Ints, there: PatchFits) -> None:
         options = self._options
         self._refuse(
-            index, ~(there.contrast > options.contrast / self._patch.step**2), Refused.WEAK
+            index, ~(there.contrast > options.contrast / self._patch.step**2), RefusalReason.WEAK
         )
-        self._refuse(index, ~(there.likeness > self._patch.likeness), Refused.NOT_LIKE)
+        self._refuse(index, ~(there.likeness > self._patch.likeness), RefusalReason.NOT_LIKE)
         change = np.linalg.norm(there.linear - np.eye(2), ord=2, axis=(1, 2))
         far = np.hypot(*there.place.T) > options.shift
         gain = np.abs(np.log(there.gain)) > np.log(options.gain)
-        self._refuse(index, ~(change < options.change) | far | gain, Refused.DISTORTED)
+        self._refuse(index, ~(change < options.change) | far | gain, RefusalReason.DISTORTED)
 
-    def _judge_back(self, index: Ints, there: Fitted, back: Fitted, others: list[Fitted]) -> None:
+    def _judge_back(
+        self, index: Ints, there: PatchFits, back: PatchFits, others: list[PatchFits]
+    ) -> None:
         options = self._options
         home = back.place + (back.linear @ there.place[..., None])[..., 0]
-        self._refuse(index, ~(np.hypot(*home.T) < options.back), Refused.NOT_BACK)
+        self._refuse(index, ~(np.hypot(*home.T) < options.back), RefusalReason.NOT_BACK)
         apart = np.max([np.hypot(*(o.place - there.place).T) for o in others], axis=0)
-        self._refuse(index, ~(apart < options.agree), Refused.UNSTABLE)
+        self._refuse(index, ~(apart < options.agree), RefusalReason.UNSTABLE)
 
 
 def _as_like(best: float, other: float, most: float) -> bool:
     """Return whether another place is about as likely as the best one."""
-    return 1 - best + _ALIKE > most * (1 - other)
+    return 1 - best + _CORRELATION_TOLERANCE > most * (1 - other)
 
 
 def _squared_distance(covariance: Floats) -> Floats:
@@ -327,3 +347,66 @@ def _squared_distance(covariance: Floats) -> Floats:
     weight = np.linalg.inv(spread).astype(np.float32)
     along = weight[0, 0] * step**2 + (weight[1, 1] * step**2)[:, None]
     return np.asarray(along + (2 * weight[0, 1] * step) * step[:, None])
+
+
+SAME_PEAK = 4
+"""Steps about the best place within which other places belong to the same peak."""
+
+
+class Peak(NamedTuple):
+    """Best place (x, y) from the middle of the searched region, in steps.
+
+    Attributes
+    ----------
+    place
+        (2,) to some tenths of a step.
+    likeness
+        Normalised correlation there.
+    next_place, second
+        (2,) the best place elsewhere in the region, to a step, and its correlation; -1: none.
+    at_edge
+        Whether the place is on the edge of the region: the true place may be outside.
+    """
+
+    place: Floats
+    likeness: float
+    next_place: Floats
+    second: float
+    at_edge: bool
+
+
+def find_best_place(patch: Grey, searched: Grey, allowed: Bools) -> Peak:
+    """Find the place of a patch within a larger window.
+
+    Parameters
+    ----------
+    patch
+        (p, p), p odd.
+    searched
+        (p + 2 r, p + 2 r).
+    allowed
+        (2 r + 1, 2 r + 1) mask of places allowed for its middle.
+    """
+    like = cv2.matchTemplate(searched, patch, cv2.TM_CCOEFF_NORMED)
+    like[~(np.abs(like) < 1.01)] = -1.0  # not finite where there is no texture
+    inside = np.where(allowed, like, np.float32(-1.0))
+    y, x = np.unravel_index(int(inside.argmax()), inside.shape)
+    reach = like.shape[0] // 2
+    if not 0 < x < 2 * reach or not 0 < y < 2 * reach:
+        off = np.array([x - reach, y - reach], np.float64)
+        return Peak(off, float(inside[y, x]), off, second=-1.0, at_edge=True)
+    around = like[y - 1 : y + 2, x - 1 : x + 2].astype(np.float64)
+    at_edge = bool(around.max() > like[y, x])
+    rest = inside.copy()
+    rest[max(y - SAME_PEAK, 0) : y + SAME_PEAK + 1, max(x - SAME_PEAK, 0) : x + SAME_PEAK + 1] = -1
+    next_y, next_x = np.unravel_index(int(rest.argmax()), rest.shape)
+    next_place = np.array([next_x - reach, next_y - reach], np.float64)
+    offset = np.array([_top(around[1]), _top(around[:, 1])])
+    place = np.array([x - reach, y - reach]) + offset
+    return Peak(place, float(like[y, x]), next_place, float(rest[next_y, next_x]), at_edge)
+
+
+def _top(three: Floats) -> float:
+    """Find the maximum of the parabola through three values, the middle one largest."""
+    bend = 2 * three[1] - three[0] - three[2]
+    return float(np.clip(0.5 * (three[2] - three[0]) / bend, -0.5, 0.5)) if bend > 0 else 0.0

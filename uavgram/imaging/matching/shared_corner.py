@@ -14,38 +14,38 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.imaging.patches import Grey, grid, sample, slopes
+from uavgram.imaging.patches import Grey, compute_slopes, make_grid, sample_grey
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 
-STRETCH = 0.25, 4.0
+SCALE_BOUNDS = 0.25, 4.0
 """Least and largest scale of a photo against the source for a comparison."""
 
-ABOUT_PX = 2.5
+BLUR_SIGMA_PX = 2.5
 """Sigma of the Gaussian weights about the pick for edges [px of the source]."""
 
 EDGE_STEP = 2.0
 """Slope [grey values a pixel] from which an edge counts at least 0.7; noise is below."""
 
-CHANCE = 0.2
+CHANCE_CORRELATION = 0.2
 """Similarity of edges that unrelated places reach."""
 
-LOOKED_AT = 0.4
+MIN_STRENGTH_SHARE = 0.4
 """Similarity in all photos together, relative to the best place, from which corners are tested."""
 
-MOST = 0.7
+MIN_AGREEING_SHARE = 0.7
 """Share of the photos in view that must agree on a pixel's edge.
 
 Others may hide the corner; one always may, where there are enough photos.
 """
 
-PHOTOS = 2
+MIN_PHOTOS = 2
 """Least number of agreeing photos besides the source: a single one agrees somewhere on the line."""
 
-OFF_PX = 1.2
+CORNER_SIGMA_PX = 1.2
 """Standard deviation of a corner's place about its pick [px]."""
 
-STRONG = 0.05, 0.125
+MIN_STRENGTH = 0.05, 0.125
 """Least strength of a corner, and an addition to it for few photos.
 
 The addition is divided by (n - 1)^2 with the number n of photos that must agree: fewer photos agree
@@ -55,12 +55,12 @@ more often by chance. Measured on rendered streets.
 _REACH = 6
 _SAMPLED = _REACH + 1  # slopes need one more on either side
 
-_INNER: Grey = grid(_REACH).astype(np.float32)
-_BELL: Grey = np.exp(-0.5 * (_INNER**2).sum(axis=1) / ABOUT_PX**2).astype(np.float32)
+_INNER: Grey = make_grid(_REACH).astype(np.float32)
+_BELL: Grey = np.exp(-0.5 * (_INNER**2).sum(axis=1) / BLUR_SIGMA_PX**2).astype(np.float32)
 _BELL = np.asarray(_BELL / _BELL.sum())
 
 
-class Line(NamedTuple):
+class SightLine(NamedTuple):
     """Line of sight of a pixel in t photos, from the lowest place upwards.
 
     Attributes
@@ -81,7 +81,7 @@ class Line(NamedTuple):
     lowest: int
 
 
-def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
+def compute_corner_strength(source: Image, targets: Sequence[Image], line: SightLine) -> Floats:
     """Compute the strength (k,) of the corner that most photos share with the source.
 
     It is the smaller eigenvalue of the structure tensor of the shared edges (Foerstner and Guelch
@@ -101,25 +101,27 @@ def corner_along(source: Image, targets: Sequence[Image], line: Line) -> Floats:
     like = _alike(targets, line, own[0])
     beside = np.pad(like, ((1, 1), (0, 0)), constant_values=-1.0)
     steps = np.stack([beside[1:-1], beside[:-2], beside[2:]])  # neighbours, too: poses have errors
-    together = np.clip(steps.max(axis=0) - CHANCE, 0.0, None).sum(axis=1)
+    together = np.clip(steps.max(axis=0) - CHANCE_CORRELATION, 0.0, None).sum(axis=1)
     in_view = np.count_nonzero(like > -1.0, axis=1)
-    together[in_view < PHOTOS] = 0.0
+    together[in_view < MIN_PHOTOS] = 0.0
     strength = np.zeros(len(like))
-    rows = np.flatnonzero(together > LOOKED_AT * together.max(initial=0.0))
+    rows = np.flatnonzero(together > MIN_STRENGTH_SHARE * together.max(initial=0.0))
     if rows.size:
         best = np.array([0, -1, 1])[steps.argmax(axis=0)] + np.arange(len(like))[:, None]
         agree = _agreement(targets, line, own[0], (best[rows], like[rows] > -1.0))
         # For each pixel, the agreement that the required number of photos reach.
-        need = np.minimum(np.ceil(MOST * in_view[rows]).astype(int), in_view[rows] - 1)
-        need = np.maximum(need, PHOTOS)
+        need = np.minimum(
+            np.ceil(MIN_AGREEING_SHARE * in_view[rows]).astype(int), in_view[rows] - 1
+        )
+        need = np.maximum(need, MIN_PHOTOS)
         agree.sort(axis=1)
         most = agree[np.arange(len(agree)), agree.shape[1] - need].clip(0.0)
-        always, alone = STRONG
+        always, alone = MIN_STRENGTH
         strength[rows] = _cornered(most, slope[0]) / (always + alone / (need - 1) ** 2)
     return strength
 
 
-def windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> tuple[Ints, Grey]:
+def sample_windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> tuple[Ints, Grey]:
     """Resample the windows that a photo shows whole and at a similar scale.
 
     Parameters
@@ -139,15 +141,15 @@ def windows(photo: Image, pixel: Floats, affine: Floats, reach: int) -> tuple[In
     with np.errstate(invalid="ignore"):
         inside = (pixel >= far) & (pixel <= np.array(photo.shape[1::-1]) - 1 - far)
     size = np.linalg.svd(np.nan_to_num(affine), compute_uv=False)
-    as_large = (size[:, 1] > STRETCH[0]) & (size[:, 0] < STRETCH[1])
+    as_large = (size[:, 1] > SCALE_BOUNDS[0]) & (size[:, 0] < SCALE_BOUNDS[1])
     shown = np.flatnonzero(inside.all(axis=1) & as_large)
     return shown, _sampled(photo, pixel[shown], affine[shown], reach)
 
 
 def _sampled(photo: Image, pixel: Floats, affine: Floats, reach: int) -> Grey:
-    """Resample grey values (n, s) about pixels, as in `windows`."""
-    u, v = np.moveaxis(pixel[:, None] + grid(reach) @ np.swapaxes(affine, 1, 2), -1, 0)
-    return sample(photo, u, v)
+    """Resample grey values (n, s) about pixels, as in `sample_windows`."""
+    u, v = np.moveaxis(pixel[:, None] + make_grid(reach) @ np.swapaxes(affine, 1, 2), -1, 0)
+    return sample_grey(photo, u, v)
 
 
 def _edges(grey: Grey) -> tuple[Grey, Grey]:
@@ -158,13 +160,13 @@ def _edges(grey: Grey) -> tuple[Grey, Grey]:
     """
     side = 2 * _REACH + 3
     field = grey.reshape(-1, side, side)
-    u, v = (one.reshape(len(grey), len(_BELL)) for one in slopes(field))
+    u, v = (one.reshape(len(grey), len(_BELL)) for one in compute_slopes(field))
     square = u**2 + v**2
     weight = 1.0 / np.sqrt(np.maximum(square * (square + EDGE_STEP**2), 1e-12))
     return np.stack([u, v], axis=1), np.stack([(u**2 - v**2) * weight, 2 * u * v * weight], axis=1)
 
 
-def _alike(targets: Sequence[Image], line: Line, own: Grey) -> Grey:
+def _alike(targets: Sequence[Image], line: SightLine, own: Grey) -> Grey:
     """Correlate edges about each place with those at the pick (2, s); -1 where not shown.
 
     The result is (k, t).
@@ -173,7 +175,7 @@ def _alike(targets: Sequence[Image], line: Line, own: Grey) -> Grey:
     weighted = (own * _BELL).ravel()
     size = float(weighted @ own.ravel())
     for i, photo in enumerate(targets):
-        rows, grey = windows(photo, line.pixel_px[:, i], line.affine[:, i], _SAMPLED)
+        rows, grey = sample_windows(photo, line.pixel_px[:, i], line.affine[:, i], _SAMPLED)
         _, there = _edges(grey)
         both = there.reshape(len(rows), weighted.size) @ weighted
         sizes = (there**2).sum(axis=1) @ _BELL * size
@@ -181,13 +183,15 @@ def _alike(targets: Sequence[Image], line: Line, own: Grey) -> Grey:
     return like
 
 
-def _agreement(targets: Sequence[Image], line: Line, own: Grey, places: tuple[Ints, Bools]) -> Grey:
+def _agreement(
+    targets: Sequence[Image], line: SightLine, own: Grey, places: tuple[Ints, Bools]
+) -> Grey:
     """Compute the agreement (n, t, s) of each photo's edges with those about the pick, at most 1.
 
     Parameters
     ----------
     targets, line
-        As for `corner_along`.
+        As for `compute_corner_strength`.
     own
         (2, s) directions about the pick.
     places
@@ -217,4 +221,4 @@ def _cornered(agreed: Grey, slope: Grey) -> Floats:
     weaker = 0.5 * (uu + vv) - np.hypot(0.5 * (uu - vv), uv)
     size = uu * vv - uv**2 + 1e-7
     off = np.stack([vv * u - uv * v, uu * v - uv * u]) / size  # intersection of the edges
-    return np.asarray(weaker * np.exp(-0.5 * (off**2).sum(axis=0) / OFF_PX**2), np.float64)
+    return np.asarray(weaker * np.exp(-0.5 * (off**2).sum(axis=0) / CORNER_SIGMA_PX**2), np.float64)

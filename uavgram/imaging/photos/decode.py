@@ -1,4 +1,4 @@
-"""Decoding of photo files, whole or at a fraction of their size, without EXIF rotation."""
+"""Decoding of photo files, whole or at a fraction of their size, and comparison of two of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.shrink import Pixels
+from uavgram.imaging.photos.reduction import Pixels
 
 REDUCED = {
     1: cv2.IMREAD_COLOR,
@@ -93,13 +93,13 @@ def _read(
         reduction = choose(size_px[0])
         if encoded.rfind(_END_OF_JPEG, at) < 0:  # cut off: OpenCV would fill in the missing part
             size_px = None
-    pixels = None if size_px is None else _decoded_into(path, size_px, reduction, room)
+    pixels = None if size_px is None else _decode_into(path, size_px, reduction, room)
     if pixels is None:
-        pixels = decoded(path, encoded, REDUCED[reduction])
+        pixels = decode_photo(path, encoded, REDUCED[reduction])
     return pixels, reduction
 
 
-def _decoded_into(
+def _decode_into(
     path: str | os.PathLike[str], size_px: tuple[int, int], reduction: int, room: Pixels | None
 ) -> Pixels | None:
     """Decode a photo of known size into an array; None where this fails.
@@ -123,7 +123,7 @@ def _decoded_into(
     return np.asarray(found, dtype=np.uint8)
 
 
-def decoded(path: str | os.PathLike[str], encoded: bytes, flags: int) -> Pixels:
+def decode_photo(path: str | os.PathLike[str], encoded: bytes, flags: int) -> Pixels:
     """Decode a photo's content as stored; EXIF rotation is not applied.
 
     Parameters
@@ -180,3 +180,31 @@ def _decode(encoded: bytes, flags: int) -> Pixels | None:
         return None
     # OpenCV's stubs declare an array; it returns None if the data is not a picture
     return None if pixels is None else np.asarray(pixels, dtype=np.uint8)
+
+
+_REDUCTION = 8
+_ROUNDING = 1.0
+"""Grey levels by which pictures without content may differ through compression alone."""
+
+
+def is_same_exposure(one: str, other: str) -> bool:
+    """Return whether two photos of one size differ by less than a shift of a few pixels does.
+
+    Parameters
+    ----------
+    one, other
+        Their files, in any format that OpenCV reads.
+
+    Raises
+    ------
+    InputError
+        A file cannot be read, or is not a photo.
+    """
+    first, second = (read_reduced(path, lambda _: _REDUCTION)[0] for path in (one, other))
+    size = min(first.shape[1::-1], second.shape[1::-1])  # only JPEGs are reduced
+    first, second = (
+        cv2.resize(pixels, size, interpolation=cv2.INTER_AREA).astype(np.float64).mean(axis=2)
+        for pixels in (first, second)
+    )
+    shift = np.diff(first, axis=1).std()
+    return bool((first - second).std() < max(_ROUNDING, 0.5 * shift))

@@ -1,8 +1,12 @@
-"""Reduced photos for display: unrotated, with their scale to the original."""
+"""Reduced photos for display, with their scale to the original, and parts of photos for a report.
+
+No picture is rotated: all are in the orientation of the stored pixels.
+"""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import cv2
@@ -10,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.imaging.photos.decode import REDUCED, read_reduced
-from uavgram.imaging.photos.shrink import half, shrunk
-from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
+from uavgram.imaging.photos.reduction import halve, shrink
+from uavgram.imaging.photos.tone import IDENTITY_TONE, Tone, apply_tone, choose_tone
+from uavgram.model.result.pictures import Picture, Region
 
 Pixels = NDArray[np.uint8]
 
@@ -44,7 +49,7 @@ class Preview:
     width_px: int
     height_px: int
     scale: tuple[float, float]
-    tone: Tone = AS_IT_IS
+    tone: Tone = IDENTITY_TONE
 
 
 def read_preview(
@@ -70,11 +75,11 @@ def read_preview(
     """
     pixels, reduction = read_reduced(path, lambda width: _reduction(width, max_width_px))
     if reduction == 1:
-        return preview_of_whole(pixels, max_width_px)[:2]
+        return make_preview_of_decoded(pixels, max_width_px)[:2]
     return _shown(pixels, reduction, max_width_px)
 
 
-def preview_of_whole(
+def make_preview_of_decoded(
     pixels: Pixels, max_width_px: int = MAX_WIDTH_PX
 ) -> tuple[Preview, Pixels, list[Pixels]]:
     """Reduce a completely decoded photo, to the size that `read_preview` gives.
@@ -92,7 +97,7 @@ def preview_of_whole(
     """
     halves, reduction = [pixels], _reduction(pixels.shape[1], max_width_px)
     while len(halves) < reduction.bit_length():
-        halves.append(half(halves[-1]))
+        halves.append(halve(halves[-1]))
     return *_shown(halves[-1], reduction, max_width_px), halves
 
 
@@ -101,16 +106,16 @@ def _shown(pixels: Pixels, reduction: int, max_width_px: int) -> tuple[Preview, 
     height, width = pixels.shape[:2]
     # the last column may cover only a part of a pixel, but counts as `reduction` wide
     covered = np.array([width, height], dtype=np.float64) * reduction
-    pixels = shrunk(pixels, max_width_px, across_only=True)
-    tone = automatic_tone(pixels)
-    preview = _encoded(toned(pixels, tone), (float(covered[0]), float(covered[1])))
+    pixels = shrink(pixels, max_width_px, across_only=True)
+    tone = choose_tone(pixels)
+    preview = _encoded(apply_tone(pixels, tone), (float(covered[0]), float(covered[1])))
     return replace(preview, tone=tone), pixels
 
 
-def preview_of(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
+def make_preview(pixels: Pixels, max_width_px: int = MAX_WIDTH_PX) -> Preview:
     """Reduce a decoded photo: (height, width) grey, or (height, width, 3) BGR."""
     height, width = pixels.shape[:2]
-    return _encoded(shrunk(pixels, max_width_px, across_only=True), (float(width), float(height)))
+    return _encoded(shrink(pixels, max_width_px, across_only=True), (float(width), float(height)))
 
 
 def _encoded(pixels: Pixels, covered_px: tuple[float, float]) -> Preview:
@@ -136,9 +141,9 @@ def decode_preview(preview: Preview) -> Pixels:
     return np.ascontiguousarray(_decode_own(preview.jpeg)[:, :, ::-1])
 
 
-def jpeg_of_width(jpeg: bytes, width_px: int) -> bytes:
+def shrink_jpeg(jpeg: bytes, width_px: int) -> bytes:
     """Reduce a JPEG made by this module to at most this width."""
-    return preview_of(_decode_own(jpeg), width_px).jpeg
+    return make_preview(_decode_own(jpeg), width_px).jpeg
 
 
 def _decode_own(jpeg: bytes) -> Pixels:
@@ -151,3 +156,58 @@ def _decode_own(jpeg: bytes) -> Pixels:
 def _reduction(width_px: int, max_width_px: int) -> int:
     """Choose the strongest reduction that leaves (nearly) enough pixels."""
     return max((r for r in REDUCED if width_px / r >= _NARROWER * max_width_px), default=1)
+
+
+QUALITY = 85
+LONGEST_PX = {"overview": 1400, "measurement": 900, "point": 360}
+"""Longer side of a picture: a larger part is reduced to it."""
+
+
+def cut_parts(
+    halves: Sequence[Pixels], tone: Tone, regions: Sequence[Region]
+) -> tuple[Picture, ...]:
+    """Cut parts out of a photo; pixels are those of the photo, or means over several of them.
+
+    Parameters
+    ----------
+    halves
+        (height, width, 3) BGR of the whole photo; then, where they exist already, its halves.
+    tone
+        Curve that brightens all of them, where the photo is too dark or flat to be seen.
+    regions
+        Parts of it.
+    """
+    # Parts of a photo often overlap: halve the photo once for all of them.
+    levels = list(halves[:2])
+    stretch = None if tone.is_identity else (tone.black, tone.white, tone.gamma)
+    shown: dict[tuple[int, ...], tuple[bytes, int]] = {}  # some measurements have the same points
+    pictures = []
+    for region in regions:
+        longest = LONGEST_PX[region.subject]
+        place = region.left_px, region.top_px, region.width_px, region.height_px, longest
+        if place not in shown:
+            level = int(_is_halved(region, longest))
+            if level == len(levels):
+                levels.append(halve(levels[0]))
+            part = shrink(_part(levels[level], region, 1 << level), longest)
+            quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+            encoded = cv2.imencode(".jpg", apply_tone(part, tone), quality)[1]
+            shown[place] = encoded.tobytes(), part.shape[1]
+        jpeg, width = shown[place]
+        pictures.append(Picture(region=region, jpeg=jpeg, shown_px=width, stretch=stretch))
+    return tuple(pictures)
+
+
+def _is_halved(region: Region, longest_px: int) -> bool:
+    """Return whether a part is shown at half its size or less, with edges on 2 x 2 pixel blocks."""
+    size = region.width_px, region.height_px
+    return max(size) >= 2 * longest_px and not any(
+        edge % 2 for edge in (region.left_px, region.top_px, *size)
+    )
+
+
+def _part(pixels: Pixels, region: Region, step: int) -> Pixels:
+    """Cut a part of a photo whose pixels are `step` wide."""
+    left, top = region.left_px // step, region.top_px // step
+    height, width = region.height_px // step, region.width_px // step
+    return pixels[top : top + height, left : left + width]

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.photos.decode import read_pixels
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.tiles import FIRST_COARSE, Overview, fine_tile, overview_of
-from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, stretched_tone
+from uavgram.imaging.photos.tiles import FIRST_COARSE, Overview, fine_tile, make_overview
+from uavgram.imaging.photos.tone import IDENTITY_TONE, Tone, choose_full_range_tone, choose_tone
 
 PIXELS_BYTES = 200_000_000
 """Memory limit of decoded photos: one of 48 megapixels takes 144 MB, one of 12 takes 36."""
@@ -56,7 +56,7 @@ class TiledPhotos:
             expected_bytes=lambda k: _CHANNELS * self._files[k].width_px * self._files[k].height_px,
         )
         self._overviews: LruCache[int, Overview] = LruCache(
-            lambda k: overview_of(self._pixels.get(k)),
+            lambda k: make_overview(self._pixels.get(k)),
             lambda overview: overview.size_bytes,
             OVERVIEWS_BYTES,
         )
@@ -93,7 +93,7 @@ class TiledPhotos:
         return self._pixels.get(photo)
 
     def tile(
-        self, photo: int, level: int, column: int, row: int, tone: Tone | None = AS_IT_IS
+        self, photo: int, level: int, column: int, row: int, tone: Tone | None = IDENTITY_TONE
     ) -> bytes | None:
         """Return one tile as JPEG; None where it does not exist.
 
@@ -141,7 +141,7 @@ class TiledPhotos:
     def _find_tones(self, photo: int) -> tuple[Tone, Tone]:
         small = self._overviews.get(photo).coarsest
         pixels = self._pixels.get(photo) if small is None else small
-        return automatic_tone(pixels), stretched_tone(pixels)
+        return choose_tone(pixels), choose_full_range_tone(pixels)
 
     def _decode(self, photo: int) -> Pixels:
         file = self._files[photo]

@@ -13,8 +13,8 @@ import cv2
 import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.shrink import half
-from uavgram.imaging.photos.tone import AS_IT_IS, Tone, toned
+from uavgram.imaging.photos.reduction import halve
+from uavgram.imaging.photos.tone import IDENTITY_TONE, Tone, apply_tone
 
 TILE_PX = 512
 TILE_QUALITY = 95
@@ -57,7 +57,7 @@ class Overview:
         """Memory of the levels."""
         return sum(level.nbytes for level in self.levels)
 
-    def tile(self, level: int, column: int, row: int, tone: Tone = AS_IT_IS) -> bytes | None:
+    def tile(self, level: int, column: int, row: int, tone: Tone = IDENTITY_TONE) -> bytes | None:
         """Return one tile as JPEG, smaller at the edges; None where the overview has none.
 
         Parameters
@@ -76,7 +76,7 @@ class Overview:
 
 
 def fine_tile(
-    photo: Pixels, level: int, column: int, row: int, tone: Tone = AS_IT_IS
+    photo: Pixels, level: int, column: int, row: int, tone: Tone = IDENTITY_TONE
 ) -> bytes | None:
     """Return one tile of a level finer than an overview's as JPEG; None where there is none.
 
@@ -94,7 +94,7 @@ def fine_tile(
         return None
     left, top, side = ((TILE_PX * place) << level for place in (column, row, 1))
     part = _part(photo, left, top, side)
-    return None if part is None else _encoded(reduced(part, level), tone)
+    return None if part is None else _encoded(halve_repeatedly(part, level), tone)
 
 
 def _part(pixels: Pixels, left: int, top: int, side: int) -> Pixels | None:
@@ -109,7 +109,7 @@ def _encoded(part: Pixels | None, tone: Tone) -> bytes | None:
     if part is None:
         return None
     # Brighten before encoding: otherwise the steps of the JPEG would be amplified, too.
-    return cv2.imencode(".jpg", toned(part, tone), _TILE_CODING)[1].tobytes()
+    return cv2.imencode(".jpg", apply_tone(part, tone), _TILE_CODING)[1].tobytes()
 
 
 def level_count(width_px: int, height_px: int) -> int:
@@ -120,7 +120,7 @@ def level_count(width_px: int, height_px: int) -> int:
     return count
 
 
-def overview_of(photo: Pixels) -> Overview:
+def make_overview(photo: Pixels) -> Overview:
     """Reduce a decoded photo (height, width, 3) by halves."""
     height, width = photo.shape[:2]
     count = level_count(width, height)
@@ -130,19 +130,19 @@ def overview_of(photo: Pixels) -> Overview:
     pixels_each = 1 << FIRST_COARSE
     first = np.empty((-(-height // pixels_each), -(-width // pixels_each), 3), np.uint8)
     for top in range(0, height, _STRIP_PX):
-        strip = reduced(photo[top : top + _STRIP_PX], FIRST_COARSE)
+        strip = halve_repeatedly(photo[top : top + _STRIP_PX], FIRST_COARSE)
         first[top // pixels_each :][: len(strip)] = strip
     levels = [first]
     while len(levels) < count - FIRST_COARSE:
-        levels.append(half(levels[-1]))
+        levels.append(halve(levels[-1]))
     return Overview(tuple(levels))
 
 
-def reduced(pixels: Pixels, level: int) -> Pixels:
+def halve_repeatedly(pixels: Pixels, level: int) -> Pixels:
     """Halve pixels `level` times.
 
     A part of a photo that begins at a multiple of ``2**level`` gives the same pixels as the whole.
     """
     for _ in range(level):
-        pixels = half(pixels)
+        pixels = halve(pixels)
     return pixels

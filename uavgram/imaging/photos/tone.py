@@ -14,14 +14,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.imaging.photos.shrink import shrunk
+from uavgram.imaging.photos.reduction import shrink
 
 Values = NDArray[np.uint8]
 
 
 WHITE = 255.0
 
-DARK = 110.0
+DARK_BELOW = 110.0
 """Value of the brightest hundredth below which a picture is hard to see on a dark page."""
 
 NOISE, FLAT = 24.0, 40.0
@@ -35,7 +35,7 @@ DUSK = 40.0
 
 BLACK_PERCENTILE, WHITE_PERCENTILE, BRIGHT_PERCENTILE = 0.5, 99.5, 99.0
 
-MOST_GAIN = 5.0
+MAX_GAIN = 5.0
 """Largest gain of the contrast; beyond it only noise and JPEG blocks are brightened."""
 
 MIDDLE, LEAST_GAMMA, MOST_GAMMA = 0.4, 0.1, 10.0
@@ -69,13 +69,13 @@ class Tone:
     @property
     def is_identity(self) -> bool:
         """Whether the photo is shown unchanged."""
-        return self == AS_IT_IS
+        return self == IDENTITY_TONE
 
 
-AS_IT_IS = Tone()
+IDENTITY_TONE = Tone()
 
 
-def automatic_tone(pixels: Values) -> Tone:
+def choose_tone(pixels: Values) -> Tone:
     """Choose the curve for a picture: unchanged, unless the picture is dark or flat.
 
     Parameters
@@ -84,28 +84,28 @@ def automatic_tone(pixels: Values) -> Tone:
         (height, width) grey, (height, width, 3) or (n, 1, 3) BGR; a reduced picture suffices.
     """
     values = _luminance(pixels)
-    return _stretched(values) if values.size and _is_hard_to_see(values) else AS_IT_IS
+    return _stretched(values) if values.size and _needs_stretch(values) else IDENTITY_TONE
 
 
-def stretched_tone(pixels: Values) -> Tone:
+def choose_full_range_tone(pixels: Values) -> Tone:
     """Choose the curve that uses the whole range for a picture's values, also if well exposed.
 
-    See `automatic_tone`.
+    See `choose_tone`.
     """
     values = _luminance(pixels)
-    return _stretched(values) if values.size else AS_IT_IS
+    return _stretched(values) if values.size else IDENTITY_TONE
 
 
-def _is_hard_to_see(values: Values) -> bool:
+def _needs_stretch(values: Values) -> bool:
     black, median, bright, white = np.percentile(
         values, [BLACK_PERCENTILE, 50.0, BRIGHT_PERCENTILE, WHITE_PERCENTILE]
     )
-    return bool(bright < DARK or median < DUSK or NOISE < white - black < FLAT)
+    return bool(bright < DARK_BELOW or median < DUSK or NOISE < white - black < FLAT)
 
 
 def _stretched(values: Values) -> Tone:
     black, median, white = np.percentile(values, [BLACK_PERCENTILE, 50.0, WHITE_PERCENTILE])
-    least = WHITE / MOST_GAIN
+    least = WHITE / MAX_GAIN
     if white - black < least:  # widen about the middle, but not below black
         middle = max((black + white) / 2.0, least / 2.0)
         black, white = middle - least / 2.0, middle + least / 2.0
@@ -120,17 +120,17 @@ def _luminance(pixels: Values) -> Values:
     """Compute a reduced grey picture, so that the curve does not depend on the picture's size."""
     if pixels.ndim == 3 and pixels.size:  # before the reduction: one channel instead of three
         pixels = np.asarray(cv2.cvtColor(pixels, cv2.COLOR_BGR2GRAY), np.uint8)
-    return shrunk(pixels, SMALL_PX) if min(pixels.shape[:2]) > 1 else pixels
+    return shrink(pixels, SMALL_PX) if min(pixels.shape[:2]) > 1 else pixels
 
 
-def curve(tone: Tone) -> Values:
+def compute_tone_curve(tone: Tone) -> Values:
     """Compute the new value of each of (256,) values: never decreasing."""
     share = np.clip((np.arange(256.0) - tone.black) / (tone.white - tone.black), 0.0, 1.0)
     return np.round(WHITE * share ** (1.0 / tone.gamma)).astype(np.uint8)
 
 
-def toned(pixels: Values, tone: Tone) -> Values:
+def apply_tone(pixels: Values, tone: Tone) -> Values:
     """Apply a curve to pixels; the same array is returned where it changes nothing."""
     if tone.is_identity:
         return pixels
-    return np.asarray(cv2.LUT(pixels, curve(tone)), dtype=np.uint8)
+    return np.asarray(cv2.LUT(pixels, compute_tone_curve(tone)), dtype=np.uint8)

@@ -13,16 +13,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uavgram.imaging.patch_fit import Fit, fit_windows, neighbour_correlation
+from uavgram.imaging.patch_fit import Fit, estimate_neighbour_correlation, fit_windows
 from uavgram.imaging.plates.picture import (
     Picture,
     Window,
-    homography,
-    inverse_of,
-    mapped,
-    render,
+    apply_homography,
+    fit_homography,
+    invert_homography,
+    render_plate,
 )
-from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, edge_pictures, likeliest_edges
+from uavgram.imaging.plates.shadow import LOG_SOFT_BOUNDS, Edge, find_likely_edges, render_edges
 from uavgram.model.arrays import Bools, Floats, Ints
 
 FIRST_BLUR_PX = 0.8
@@ -32,15 +32,15 @@ _LEAST_CLEAR = 0.15  # cells
 _OUTLIER = 4.0
 _ROUNDS = (8, 12)  # with the start weights, and with those from the residuals
 _FIRST_DAMPING = 1e-4  # derivatives are approximate: more damped steps would stop too early
-_PLAIN = 5  # linear unknowns without shadows
+_PLAIN_PARAMETERS = 5  # linear unknowns without shadows
 
-_RUNS_ON = 0.35
+_CORRELATED_RESIDUALS = 0.35
 """Correlation of neighbouring residuals above which a shadow across the plate is likely."""
 
 _BETTER = 0.8
 """Largest ratio of the residuals with a shadow's edge to those without, to accept the edge."""
 
-MOST_EDGES = 2
+MAX_SHADOW_EDGES = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +59,7 @@ class PlateFit:
         Grey values from black to white, outside shadows.
     rms
         Root mean square of the residuals [grey values].
-    runs_on
+    residual_correlation
         Correlation of a residual with its neighbours: 0 for white noise.
     agreement
         Correlation of the picture with the grey values.
@@ -72,7 +72,7 @@ class PlateFit:
     blur_px: float
     contrast: float
     rms: float
-    runs_on: float
+    residual_correlation: float
     agreement: float
     edges: tuple[Edge, ...] = field(default=())
     residual: Floats = field(default_factory=lambda: np.zeros((0, 0)))
@@ -100,15 +100,15 @@ class PlateModel:
     def residuals(self, state: Floats, _: Ints) -> tuple[Floats, Floats]:
         """Compute residuals (1, k) of a picture (1, p), and their derivatives (1, p, k)."""
         value = state[0]
-        picture = render(self.cells, value[:8].reshape(4, 2), float(value[8]), self.window)
-        shade, by_edge = edge_pictures(value[9:], self.window)
+        picture = render_plate(self.cells, value[:8].reshape(4, 2), float(value[8]), self.window)
+        shade, by_edge = render_edges(value[9:], self.window)
         base = self.columns(picture, shade)
         weighted = base.reshape(-1, base.shape[-1]) * self.root[:, None]
         target = self.grey.ravel() * self.root
         # Linear parameters by QR; the derivatives are projected to their complement (Kaufman).
         q, r = np.linalg.qr(weighted)
         linear = np.linalg.lstsq(r, q.T @ target, rcond=None)[0]
-        black, contrast = linear[_PLAIN:].reshape(
+        black, contrast = linear[_PLAIN_PARAMETERS:].reshape(
             2, -1, 1, 1
         )  # changes of black and contrast in shadows
         strength = (
@@ -199,15 +199,15 @@ def fit_with_shadows(
     fitted = fit_plate(grey, window, cells, corner_px)
     if fitted is None:
         return None
-    for _ in range(MOST_EDGES):
-        if fitted.runs_on < _RUNS_ON:
+    for _ in range(MAX_SHADOW_EDGES):
+        if fitted.residual_correlation < _CORRELATED_RESIDUALS:
             break
-        picture = render(cells, fitted.corner_px, fitted.blur_px, window)
+        picture = render_plate(cells, fitted.corner_px, fitted.blur_px, window)
         weight = plate_weights(window, fitted.corner_px, len(cells), fitted.blur_px)
         model = PlateModel(grey, window, cells, weight, corner_px.mean(axis=0))
         values = np.array(fitted.edges, np.float64).ravel()
-        base = model.columns(picture, edge_pictures(values, window)[0])
-        starts = likeliest_edges(grey, base, picture.share, weight)
+        base = model.columns(picture, render_edges(values, window)[0])
+        starts = find_likely_edges(grey, base, picture.share, weight)
         fits = [fit_plate(grey, window, cells, corner_px, (*fitted.edges, one)) for one in starts]
         shadowed = min((one for one in fits if one), key=lambda one: one.rms, default=None)
         if shadowed is None or shadowed.rms > _BETTER * fitted.rms:
@@ -239,7 +239,9 @@ def _described(model: PlateModel, fit: Fit, weight: Floats) -> PlateFit:
         blur_px=float(value[8]),
         contrast=float(model.linear[1]),
         rms=variance**0.5,
-        runs_on=float(neighbour_correlation(raw[None], inside.astype(np.float64)).mean()),
+        residual_correlation=float(
+            estimate_neighbour_correlation(raw[None], inside.astype(np.float64)).mean()
+        ),
         agreement=agreement,
         edges=tuple(Edge(*one) for one in value[9:].reshape(-1, 3).tolist()),
         residual=raw,
@@ -261,11 +263,11 @@ def plate_weights(window: Window, corner_px: Floats, count: int, blur_px: float)
     blur_px
         Standard deviation of the blur.
     """
-    matrix = inverse_of(homography(corner_px))
-    place = count * mapped(matrix, window.pixels)
+    matrix = invert_homography(fit_homography(corner_px))
+    place = count * apply_homography(matrix, window.pixels)
     # change of the plate coordinates per pixel, by central differences
-    ahead = count * mapped(matrix, window.pixels + np.array([0.5, 0.0])) - place
-    down = count * mapped(matrix, window.pixels + np.array([0.0, 0.5])) - place
+    ahead = count * apply_homography(matrix, window.pixels + np.array([0.5, 0.0])) - place
+    down = count * apply_homography(matrix, window.pixels + np.array([0.0, 0.5])) - place
     step = 2.0 * np.hypot(ahead, down)
     clear = np.maximum(1.0 - _CLEAR_BLURS * np.hypot(blur_px, 0.3) * step, _LEAST_CLEAR)
     outside = np.maximum(-place, place - count)

@@ -78,7 +78,7 @@ class Picture:
     by_blur: Floats
 
 
-def homography(corner_px: Floats) -> Floats:
+def fit_homography(corner_px: Floats) -> Floats:
     """Compute the (3, 3) homography from the plate to pixels.
 
     On the plate the first corner is (0, 0), the second (1, 0), the fourth (0, 1).
@@ -93,18 +93,18 @@ def homography(corner_px: Floats) -> Floats:
     return np.append(solved, 1.0).reshape(3, 3)
 
 
-def inverse_of(matrix: Floats) -> Floats:
+def invert_homography(matrix: Floats) -> Floats:
     """Invert a (3, 3) homography."""
     return np.asarray(np.linalg.inv(matrix), np.float64)
 
 
-def mapped(matrix: Floats, place: Floats) -> Floats:
+def apply_homography(matrix: Floats, place: Floats) -> Floats:
     """Map places (..., 2) by a homography."""
     raw = place @ matrix[:, :2].T + matrix[:, 2]
     return np.asarray(raw[..., :2] / raw[..., 2:])
 
 
-def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> Picture:
+def render_plate(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> Picture:
     """Draw a plate with white around it.
 
     Parameters
@@ -118,8 +118,8 @@ def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> P
     window
         Pixels to draw.
     """
-    matrix = homography(corner_px)
-    fine = _drawn(cells, inverse_of(matrix), window.fine_pixels)
+    matrix = fit_homography(corner_px)
+    fine = _drawn(cells, invert_homography(matrix), window.fine_pixels)
     blurred = _blurred(fine, blur_px)
     slopes = [cv2.filter2D(blurred, -1, kernel) for kernel in (_SLOPE[None], _SLOPE[:, None])]
     gradient = FINER * np.stack([_averaged(np.asarray(s, np.float64)) for s in slopes], axis=-1)
@@ -136,7 +136,7 @@ def render(cells: Bools, corner_px: Floats, blur_px: float, window: Window) -> P
 def _drawn(cells: Bools, inverse: Floats, pixel: Floats) -> Floats:
     """Draw the share of white under a blur of `DRAWN_BLUR_PX`, at any places (h, w, 2) [px]."""
     n = len(cells)
-    place = n * mapped(inverse, pixel)
+    place = n * apply_homography(inverse, pixel)
     framed = np.pad(cells, 1, constant_values=True).astype(np.float64)
     third = pixel @ inverse[2, :2] + inverse[2, 2]
     across = []
@@ -169,11 +169,13 @@ def _averaged(fine: Floats) -> Floats:
 
 def _moved(matrix: Floats, corner_px: Floats, pixel: Floats) -> Floats:
     """Compute shifts (h, w, 2, 8) of the pattern at each pixel by the corners' coordinates."""
-    place = mapped(inverse_of(matrix), pixel)
+    place = apply_homography(invert_homography(matrix), pixel)
     step = _CORNER_STEP * float(np.linalg.norm(corner_px[2] - corner_px[0]))
     moved = np.empty((*pixel.shape, 8))
     for k in range(8):
         other = np.array(corner_px, np.float64).ravel()
         other[k] += step
-        moved[..., k] = (mapped(homography(other.reshape(4, 2)), place) - pixel) / step
+        moved[..., k] = (
+            apply_homography(fit_homography(other.reshape(4, 2)), place) - pixel
+        ) / step
     return moved

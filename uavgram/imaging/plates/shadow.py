@@ -31,7 +31,7 @@ class Edge(NamedTuple):
     log_soft: float
 
 
-def edge_pictures(values: Floats, window: Window) -> tuple[Floats, Floats]:
+def render_edges(values: Floats, window: Window) -> tuple[Floats, Floats]:
     """Compute the share of each pixel behind each edge.
 
     Parameters
@@ -62,7 +62,7 @@ _STEP_PX = 1.0
 _FIRST_SOFT_PX = 0.8
 
 
-def likeliest_edges(
+def find_likely_edges(
     grey: Floats, base: Floats, share: Floats, weight: Floats, count: int = 3
 ) -> list[Edge]:
     """Find likely places of one more shadow edge: the best on a grid, one for each direction.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from uavgram.imaging.photos.reduction import make_reduced_copies, scale_to_original
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.reduced import reduced_copies, to_full_size
 from uavgram.imaging.targets.sighting import Sighting, measure_corners
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.board import Board
@@ -30,16 +30,16 @@ def sight_charuco(image: Image, board: Board) -> Sighting:
     detector = cv2.aruco.CharucoDetector(charuco_board(board, (board.columns + 1, board.rows + 1)))
     grid = np.full((board.rows * board.columns, 2), np.nan)
     marker_px, marker = np.empty((0, 2)), np.empty(0, np.int64)
-    for scale, small in reduced_copies(image, WIDTHS_PX):
+    for scale, small in make_reduced_copies(image, WIDTHS_PX):
         found, corner, quads, ids = detector.detectBoard(small)
         if ids is not None and len(ids) > len(marker):
             marker = np.asarray(ids, np.int64).ravel()
             centers = np.asarray(quads, np.float64).reshape(-1, 4, 2).mean(axis=1)
-            marker_px = to_full_size(centers, scale)
+            marker_px = scale_to_original(centers, scale)
         if corner is not None and len(corner) > np.isfinite(grid[:, 0]).sum():
             grid[:] = np.nan
             pixel = np.asarray(found, np.float64).reshape(-1, 2)
-            grid[np.asarray(corner).ravel()] = to_full_size(pixel, scale)
+            grid[np.asarray(corner).ravel()] = scale_to_original(pixel, scale)
         if np.isfinite(grid).all():
             break
     other = _other_size(board, marker, marker_px)
@@ -102,3 +102,15 @@ def _marker_cells(columns: int, count: int) -> tuple[Ints, Ints]:
     row, column = np.divmod(np.arange(2 * count + 2 * columns), columns)
     white = (row + column) % 2 == 1
     return row[white][:count], column[white][:count]
+
+
+def dictionary_size(name: str) -> int:
+    """Return the number of markers of a dictionary; 0 for an unknown name."""
+    if name not in dictionary_names():
+        return 0
+    return len(cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, name)).bytesList)
+
+
+def dictionary_names() -> tuple[str, ...]:
+    """Return the names of OpenCV's dictionaries."""
+    return tuple(name for name in dir(cv2.aruco) if name.startswith("DICT_"))

@@ -12,10 +12,9 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
+from uavgram.imaging.photos.reduction import make_reduced_copies, scale_to_original
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.grid_growth import CORE, Grid, grow_grid
-from uavgram.imaging.targets.numbering import number_grid, trim
-from uavgram.imaging.targets.reduced import reduced_copies, to_full_size
+from uavgram.imaging.targets.grid import CORE, Grid, grow_grid, number_grid, trim_grid
 from uavgram.imaging.targets.sighting import Sighting, measure_corners
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import Board
@@ -68,15 +67,15 @@ def _grids(image: Image, board: Board) -> Iterator[Grid]:
     """Find grids of corners in full-size pixels, one after the other, on demand."""
     side = max(CORE, min(_SEED, board.columns, board.rows))
     limit = 2 * max(board.columns, board.rows)
-    for scale, small in reduced_copies(image, WIDTHS_PX):
+    for scale, small in make_reduced_copies(image, WIDTHS_PX):
         for mode in _MODES:
             seed = _seed(small, side, mode)
             grown = None if seed is None else grow_grid(small, seed, limit)
             if grown is None:
                 continue
-            grid = trim(grown, (board.columns, board.rows))
+            grid = trim_grid(grown, (board.columns, board.rows))
             if _count(grid.pixel_px) >= LEAST_CORNERS and min(grid.whole.shape) > 1:
-                yield Grid(to_full_size(grid.pixel_px, scale), grid.sign, grid.whole)
+                yield Grid(scale_to_original(grid.pixel_px, scale), grid.sign, grid.whole)
 
 
 def _seed(image: Image, side: int, mode: int) -> Floats | None:

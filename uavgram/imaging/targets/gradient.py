@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from uavgram.imaging.patches import slopes
+from uavgram.imaging.patches import compute_slopes
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.saddle import Windows
 from uavgram.model.arrays import Floats
@@ -20,7 +20,7 @@ _CONVERGED_PX = 1e-3
 _OPENCV_MARGIN_PX = 5  # cv2.cornerSubPix asks for images this much larger than its window
 
 
-def gradient_corners(
+def measure_gradient_corners(
     image: Image, windows: Windows, start_px: Floats, noise: Floats
 ) -> tuple[Floats, Floats]:
     """Measure corners by their gradients.
@@ -50,7 +50,7 @@ def gradient_corners(
     corner = search_corners(image, start_px, half, ITERATIONS, _CONVERGED_PX)
     grey = windows.grey.reshape(-1, side, side)
     edge = (0, 0), (1, 1), (1, 1), (0, 0)  # no gradients at the edge
-    gradient = np.pad(np.stack(slopes(grey), axis=-1), edge)
+    gradient = np.pad(np.stack(compute_slopes(grey), axis=-1), edge)
     offset = windows.offset_px.reshape(side, side, 2)
     away = offset - (corner - windows.center_px)[:, None, None]
     bell = np.exp(-(away**2).sum(axis=-1) / half**2)  # OpenCV's weights

@@ -11,7 +11,7 @@ from uavgram.errors import InputError
 from uavgram.imaging.targets.sighting import Sighting
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.board import Board, BoardObservations, BoardPhoto, LensSetting
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 
 LEAST_PHOTOS = 3
 # Measured: 0.002 to 0.008 on rendered photos, 0.02 with a plain camera, 0.05 with a camera that
@@ -171,7 +171,7 @@ def _unseen_messages(files: Sequence[str], sightings: Sequence[Sighting]) -> lis
                 f"{file} seems to show a board of {columns} x {rows} inner corners, and is not "
                 "used."
             )
-            several = Several(
+            several = MessagePlural(
                 "{count} photos seem to show another board, and are not used",
                 f"{file} ({columns} x {rows} inner corners)",
             )
@@ -197,7 +197,7 @@ def _partial_messages(
                 f"{photo.file} shows {part}; without markers their place on the board is unknown. "
                 "That is right for a flat board; leave the photo out where a bow is estimated."
             )
-            several = Several(
+            several = MessagePlural(
                 "{count} photos show a part of the board, and without markers its place is unknown",
                 f"{photo.file} ({size[0]} x {size[1]})",
                 ending="That is right for a flat board; leave them out where a bow is estimated.",

@@ -17,8 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import erf
 
-from uavgram.imaging.patch_fit import fit_windows, growth, neighbour_correlation
-from uavgram.imaging.patches import grid
+from uavgram.imaging.patch_fit import (
+    compute_variance_growth,
+    estimate_neighbour_correlation,
+    fit_windows,
+)
+from uavgram.imaging.patches import make_grid
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 
@@ -101,7 +105,7 @@ def cut_windows(
         Radius of the used pixels in squares, counted along the axes.
     """
     center = np.round(start_px)
-    offset = grid(half_px)
+    offset = make_grid(half_px)
     height, width = image.shape
     column, row = np.moveaxis((center[:, None] + offset).astype(int), 2, 0)
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
@@ -137,12 +141,13 @@ def fit_saddles(windows: Windows, start_px: Floats, axes_px: Floats) -> SaddleFi
     side = round(len(windows.offset_px) ** 0.5)
     square = (len(windows.grey), side, side)
     # Correlated residuals enlarge the covariance.
-    correlation = neighbour_correlation(
+    correlation = estimate_neighbour_correlation(
         fit.residual.reshape(square), windows.weight.reshape(square)
     )
     return SaddleFit(
         pixel_px=windows.center_px + fit.state[:, [_U, _V]],
-        covariance_px2=(variance * growth(correlation))[:, None, None] * fit.inverse[:, :2, :2],
+        covariance_px2=(variance * compute_variance_growth(correlation))[:, None, None]
+        * fit.inverse[:, :2, :2],
         noise=np.sqrt(variance),
         misfit=np.sqrt(variance * correlation.mean(axis=0)),
         contrast=fit.state[:, _CONTRAST],

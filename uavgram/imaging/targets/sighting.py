@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.gradient import gradient_corners
+from uavgram.imaging.targets.gradient import measure_gradient_corners
 from uavgram.imaging.targets.saddle import SaddleFit, cut_windows, fit_saddles
 from uavgram.model.arrays import Bools, Floats, Ints
 
@@ -16,10 +16,10 @@ from uavgram.model.arrays import Bools, Floats, Ints
 SIGMA_FLOOR_PX = 0.01
 HALF_PX, LARGEST_HALF_PX, SMALLEST_HALF_PX = 11, 30, 3
 BLURS_IN_HALF = 4.0
-FARTHEST_MOVE = 0.3  # of a square, from the result of the coarse search
+MAX_MOVE = 0.3  # of a square, from the result of the coarse search
 LARGEST_SIGMA_PX = 1.0
 OFF_MIDDLE_PX = 1.5
-MOST_NOISE = 0.5  # of half the step from black to white
+MAX_NOISE = 0.5  # of half the step from black to white
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -62,12 +62,12 @@ def grid_axes(grid_px: Floats) -> Floats:
     middle = padded[1:-1, 1:-1]
     along_row = np.stack([padded[1:-1, 2:] - middle, middle - padded[1:-1, :-2]])
     along_column = np.stack([padded[2:, 1:-1] - middle, middle - padded[:-2, 1:-1]])
-    axes = np.stack([mean_of_known(along_row), mean_of_known(along_column)], axis=2)
-    whole = mean_of_known(axes.reshape(-1, 2, 2))
+    axes = np.stack([average_known(along_row), average_known(along_column)], axis=2)
+    whole = average_known(axes.reshape(-1, 2, 2))
     return np.where(np.isfinite(axes), axes, whole)
 
 
-def mean_of_known(values: Floats) -> Floats:
+def average_known(values: Floats) -> Floats:
     """Average along the first axis without NaN; NaN where there is no other value."""
     known = np.isfinite(values)
     count = known.sum(axis=0)
@@ -109,7 +109,7 @@ def measure_corners(
     # the operator's window is square: its corners must not reach other print either
     half = _half(np.sqrt(0.5) * reach * spacing.min(keepdims=True), half)
     windows = cut_windows(image, fit.pixel_px[keep], axes[keep], half, reach)
-    by_gradient = gradient_corners(image, windows, fit.pixel_px[keep], fit.noise[keep])
+    by_gradient = measure_gradient_corners(image, windows, fit.pixel_px[keep], fit.noise[keep])
     misfit = fit.misfit[keep] / np.maximum(2.0 * np.abs(fit.contrast[keep]), 1e-9)
     return Sighting(
         corner=index[keep],
@@ -133,7 +133,7 @@ def _fit(image: Image, start: Floats, axes: Floats, half: int, reach: float) -> 
     windows = cut_windows(image, start, axes, half, reach)
     first = fit_saddles(windows, start, axes)
     moved = np.linalg.norm(first.pixel_px - start, axis=1)
-    usable = moved < FARTHEST_MOVE * np.linalg.norm(axes, axis=2).min(axis=1)
+    usable = moved < MAX_MOVE * np.linalg.norm(axes, axis=2).min(axis=1)
     if not (moved[usable] > OFF_MIDDLE_PX).any():
         return first
     better = np.where(usable[:, None], first.pixel_px, start)
@@ -141,8 +141,8 @@ def _fit(image: Image, start: Floats, axes: Floats, half: int, reach: float) -> 
 
 
 def _is_corner(fit: SaddleFit, start: Floats, spacing: Floats) -> Bools:
-    keep = np.linalg.norm(fit.pixel_px - start, axis=1) < FARTHEST_MOVE * spacing
-    keep &= fit.noise < MOST_NOISE * np.abs(fit.contrast)
+    keep = np.linalg.norm(fit.pixel_px - start, axis=1) < MAX_MOVE * spacing
+    keep &= fit.noise < MAX_NOISE * np.abs(fit.contrast)
     keep &= np.abs(fit.contrast) > 0.2 * np.median(np.abs(fit.contrast))
     keep &= _sigma(fit.covariance_px2) < LARGEST_SIGMA_PX
     return np.asarray(keep, np.bool_)

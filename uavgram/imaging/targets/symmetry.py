@@ -12,12 +12,17 @@ import cv2
 import numpy as np
 from scipy.ndimage import spline_filter
 
-from uavgram.imaging.patch_fit import Fit, fit_windows, growth, neighbour_correlation
-from uavgram.imaging.patches import slopes
+from uavgram.imaging.patch_fit import (
+    Fit,
+    compute_variance_growth,
+    estimate_neighbour_correlation,
+    fit_windows,
+)
+from uavgram.imaging.patches import compute_slopes
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 
-OF_CAMERAS_PX = 0.03
+MODEL_SIGMA_PX = 0.03
 """Error of real cameras in addition to noise: uneven blur, sharpening, demosaicing.
 
 Inner corners of OpenCV's chessboard photos scatter by 0.048 px, where noise alone explains 0.038
@@ -28,7 +33,7 @@ _LEAST_NOISE = 0.3  # of rounding to whole grey values: 1 / sqrt(12)
 _RING = 4  # pixels beyond the requested ones: the effect of the spline's end has decayed there
 
 
-class Centre(NamedTuple):
+class SymmetryCentre(NamedTuple):
     """Centre (2,) [px], its covariance (2, 2) [px^2] and the correlation of both halves, -1 to 1.
 
     `slope` [grey values/px] is the root mean square slope common to both halves, in the direction
@@ -43,7 +48,7 @@ class Centre(NamedTuple):
     @property
     def sigma_px(self) -> float:
         """Sigma of a coordinate in any direction, in a real photo."""
-        return float(np.hypot(np.sqrt(np.trace(self.covariance_px2) / 2.0), OF_CAMERAS_PX))
+        return float(np.hypot(np.sqrt(np.trace(self.covariance_px2) / 2.0), MODEL_SIGMA_PX))
 
     @property
     def worst_sigma_px(self) -> float:
@@ -51,7 +56,9 @@ class Centre(NamedTuple):
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance_px2)[1]))
 
 
-def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centre | None:
+def find_centre_of_symmetry(
+    photo: Image, start_px: Floats, axes_px: Floats
+) -> SymmetryCentre | None:
     """Find the centre of symmetry near a place; None where there is none or the search diverges.
 
     Parameters
@@ -75,7 +82,7 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
         if around is None:
             return np.full((1, inside.size), np.nan), np.zeros((1, 2, inside.size))
         odd = (around - around[::-1, ::-1])[1:-1, 1:-1]
-        slope = np.stack(slopes(around[None]), axis=1)
+        slope = np.stack(compute_slopes(around[None]), axis=1)
         # d/dc of I(c + d) - I(c - d): twice the slope where both halves are alike
         change = (slope - slope[..., ::-1, ::-1]) * weight
         return (odd * weight).reshape(1, -1), change.reshape(1, 2, -1)
@@ -90,10 +97,10 @@ def centre_of_symmetry(photo: Image, start_px: Floats, axes_px: Floats) -> Centr
     if least <= 0 or np.abs(center - start).max() > 0.5 * half:
         return None
     slope = float(np.sqrt(least / weight.sum()))
-    return Centre(center, _covariance(fit, weight), _likeness(value, weight), slope)
+    return SymmetryCentre(center, _covariance(fit, weight), _likeness(value, weight), slope)
 
 
-def likeness_about(photo: Image, center_px: Floats, radius_px: int) -> float:
+def compute_symmetry(photo: Image, center_px: Floats, radius_px: int) -> float:
     """Correlate both halves of a disc; -1 where the photo's edge cuts it.
 
     Parameters
@@ -121,7 +128,7 @@ def _covariance(fit: Fit, weight: Bools) -> Floats:
     """
     variance = max(fit.cost[0] / max(weight.sum() - 4.0, 1.0), 2 * _LEAST_NOISE**2)
     odd = fit.residual.reshape(1, *weight.shape)
-    more = growth(neighbour_correlation(odd, weight.astype(np.float64)))
+    more = compute_variance_growth(estimate_neighbour_correlation(odd, weight.astype(np.float64)))
     return np.asarray(2.0 * variance * more * fit.inverse[0])
 
 

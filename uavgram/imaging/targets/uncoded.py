@@ -13,9 +13,9 @@ from enum import Enum
 import cv2
 import numpy as np
 
-from uavgram.imaging.patches import sample
+from uavgram.imaging.patches import sample_grey
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.symmetry import Centre, centre_of_symmetry
+from uavgram.imaging.targets.symmetry import SymmetryCentre, find_centre_of_symmetry
 from uavgram.model.arrays import Bools, Floats
 
 REACH_PX = 4.0
@@ -52,7 +52,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True, eq=False)
-class Uncoded:
+class UncodedTarget:
     """Target: its centre (2,) [px], sigma of a coordinate [px], correlation with itself turned.
 
     `half_axes_px` are those of its outline, the larger one first; for chequers and crosses the
@@ -77,7 +77,7 @@ class Uncoded:
         return a * b * sine / focal_px if self.kind is Kind.DISC else 0.0
 
 
-def uncoded_target(photo: Image, place_px: Floats) -> Uncoded | None:
+def measure_uncoded_target(photo: Image, place_px: Floats) -> UncodedTarget | None:
     """Measure the target whose centre is at a place, to a few pixels; None where there is none.
 
     Parameters
@@ -87,7 +87,7 @@ def uncoded_target(photo: Image, place_px: Floats) -> Uncoded | None:
     place_px
         (2,) expected place.
     """
-    start = centre_of_symmetry(photo, place_px, 6.0 * np.eye(2))
+    start = find_centre_of_symmetry(photo, place_px, 6.0 * np.eye(2))
     if start is not None and _is_near(start, place_px):
         rings = _rings(photo, start.pixel_px)
         for kind, radius in ((Kind.CHEQUER, _chequer(rings)), (Kind.CROSS, _cross(rings))):
@@ -100,19 +100,19 @@ def uncoded_target(photo: Image, place_px: Floats) -> Uncoded | None:
     return _measured(photo, Kind.DISC, place_px, *ellipse)
 
 
-def _is_near(found: Centre, place_px: Floats) -> bool:
+def _is_near(found: SymmetryCentre, place_px: Floats) -> bool:
     return bool(np.hypot(*(found.pixel_px - place_px)) <= REACH_PX)
 
 
 def _measured(
     photo: Image, kind: Kind, place_px: Floats, start_px: Floats, axes_px: Floats
-) -> Uncoded | None:
+) -> UncodedTarget | None:
     """Measure a target from start values; None where it fails a test.
 
     Parameters
     ----------
     photo, place_px
-        As for `uncoded_target`.
+        As for `measure_uncoded_target`.
     kind
         Kind of the target.
     start_px
@@ -120,13 +120,13 @@ def _measured(
     axes_px
         (2, 2) half axes of its outline, as columns.
     """
-    found = centre_of_symmetry(photo, start_px, axes_px * (_RIM if kind is Kind.DISC else 1.0))
+    found = find_centre_of_symmetry(photo, start_px, axes_px * (_RIM if kind is Kind.DISC else 1.0))
     if found is None or not _is_near(found, place_px) or found.likeness < LEAST_LIKENESS:
         return None
     if not found.worst_sigma_px <= MOST_SIGMA_PX:
         return None
     a, b = sorted(np.linalg.norm(axes_px, axis=0).tolist(), reverse=True)
-    return Uncoded(kind, found.pixel_px, found.sigma_px, found.likeness, (a, b))
+    return UncodedTarget(kind, found.pixel_px, found.sigma_px, found.likeness, (a, b))
 
 
 def _rings(photo: Image, center_px: Floats) -> Floats:
@@ -134,7 +134,7 @@ def _rings(photo: Image, center_px: Floats) -> Floats:
     angle = 2 * np.pi * np.arange(_ANGLES) / _ANGLES
     radius = np.arange(1.0, _LARGEST_PX + 1)[:, None]
     u, v = center_px[0] + radius * np.cos(angle), center_px[1] + radius * np.sin(angle)
-    return sample(photo, u, v, cv2.INTER_LINEAR).astype(np.float64)
+    return sample_grey(photo, u, v, cv2.INTER_LINEAR).astype(np.float64)
 
 
 def _bright(ring: Floats) -> Bools | None:

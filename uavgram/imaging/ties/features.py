@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decode import decoded, jpeg_size
+from uavgram.imaging.photos.decode import decode_photo, jpeg_size
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats, Ints
 
@@ -80,7 +80,7 @@ def read_features(path: str | os.PathLike[str]) -> Features:
     size = jpeg_size(encoded)
     longer = max(size) if size else 0
     reduction = max((r for r in _GREY if longer >= r * WORKING_PX), default=1)
-    grey = decoded(path, encoded, _GREY[reduction])
+    grey = decode_photo(path, encoded, _GREY[reduction])
     return find_features(grey, reduction)
 
 

@@ -11,21 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.photos.shrink import half
-from uavgram.imaging.photos.tone import AS_IT_IS, Tone, automatic_tone, toned
-from uavgram.imaging.top_view.gains import Light, gains_between, light_at
+from uavgram.imaging.photos.reduction import halve
+from uavgram.imaging.photos.tone import IDENTITY_TONE, Tone, apply_tone, choose_tone
+from uavgram.imaging.top_view.brightness import Light, estimate_gains, select_light
 from uavgram.imaging.top_view.mosaic_grid import (
     Cameras,
     Grid,
     Singles,
     Values,
-    bands,
-    box_of,
-    boxes_below,
-    choose,
-    corner_weights,
-    gain_fields,
-    weights_within,
+    choose_frames,
+    compute_corner_weights,
+    compute_gain_fields,
+    find_box,
+    find_boxes_below,
+    interpolate_weights,
+    split_bands,
 )
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
@@ -71,7 +71,7 @@ class GroundTexture:
     west_m: float
     north_m: float
     pixel_size_m: float
-    tone: Tone = AS_IT_IS
+    tone: Tone = IDENTITY_TONE
 
 
 class Mosaic:
@@ -113,7 +113,7 @@ class Mosaic:
         self._size_px = np.array([result.camera.width_px, result.camera.height_px], dtype=float)
         if rows:
             self._grid = _lay_grid(result, self._cameras, preview_scale, max_size_px)
-            self._choice = choose(self._grid, self._cameras)
+            self._choice = choose_frames(self._grid, self._cameras)
             height, width = (count * self._grid.cell_px for count in self._grid.shape)
             # weighted sums of blue, green and red of each pixel, and the sum of the weights
             self._sums = np.zeros((height, width, 3), dtype=np.float32)
@@ -127,14 +127,14 @@ class Mosaic:
         if frame is None or not (self._choice == frame).any():
             return
         grid = self._grid
-        corner = corner_weights(grid, self._choice == frame)
+        corner = compute_corner_weights(grid, self._choice == frame)
         halves = [pixels]
         sampled = _Sampled(halves, self._reduction(frame, pixels.shape[1]), self._size_px)
-        everywhere = box_of(corner)
+        everywhere = find_box(corner)
         places = grid.places_about(self._cameras, frame, everywhere)
-        for box in bands(corner, everywhere, grid.cell_px):
+        for box in split_bands(corner, everywhere, grid.cell_px):
             u, v = grid.pixels_at(self._cameras, places, box)
-            weight = weights_within(corner, box, grid.cell_px)
+            weight = interpolate_weights(corner, box, grid.cell_px)
             hidden = np.isnan(u)
             if hidden.any():
                 u[hidden] = v[hidden] = weight[hidden] = 0.0
@@ -150,7 +150,7 @@ class Mosaic:
         # A node represents its surroundings, of any size; halving is fast.
         reduction = 1 << int(np.log2(max(halves[0].shape[1] / LIGHT_PX, 1.0)))
         sampled = _Sampled(halves, reduction, self._size_px)
-        return light_at(at, sampled.at(*pixel[at].T[..., None])[:, 0])
+        return select_light(at, sampled.at(*pixel[at].T[..., None])[:, 0])
 
     def _reduction(self, frame: int, width_px: int) -> int:
         """Compute how many pixels of a preview of this width make one of the mosaic; at least 1."""
@@ -165,15 +165,15 @@ class Mosaic:
         if not covered.any():
             return None
         grid = self._grid
-        gains = gains_between(self._light, len(self._cameras.center_m))
+        gains = estimate_gains(self._light, len(self._cameras.center_m))
         plain = np.zeros(self._sums.shape, np.uint8)
-        for box, gain in gain_fields(grid, self._choice, gains):
+        for box, gain in compute_gain_fields(grid, self._choice, gains):
             at = box.pixels(grid.cell_px)
             weight = np.maximum(self._weight[at], np.finfo(np.float32).tiny)
             plain[at] = _times(self._sums[at], np.divide(gain, weight), np.uint8)
         some = np.s_[::TONE_STEP_PX, ::TONE_STEP_PX]
-        tone = automatic_tone(plain[some][covered[some]][:, None])
-        rgb = np.asarray(cv2.cvtColor(toned(plain, tone), cv2.COLOR_BGR2RGB), np.uint8)
+        tone = choose_tone(plain[some][covered[some]][:, None])
+        rgb = np.asarray(cv2.cvtColor(apply_tone(plain, tone), cv2.COLOR_BGR2RGB), np.uint8)
         return GroundTexture(rgb, covered, grid.west_m, grid.north_m, grid.pixel_size_m, tone)
 
 
@@ -193,7 +193,9 @@ def _lay_grid(result: Result, cameras: Cameras, preview_scale: float, max_size_p
         cell *= 2
         columns, lines = np.maximum(np.ceil(size / cell), 1).astype(int)
         grid = replace(grid, cell_px=cell, shape=(int(lines), int(columns)))
-        looks = sum((b.bottom - b.top) * (b.right - b.left) for b in boxes_below(grid, cameras))
+        looks = sum(
+            (b.bottom - b.top) * (b.right - b.left) for b in find_boxes_below(grid, cameras)
+        )
     return grid
 
 
@@ -250,7 +252,7 @@ class _Sampled:
         while reduction % 2 == 0:
             level, reduction = level + 1, reduction // 2
             if level == len(halves):
-                halves.append(half(halves[-1]))
+                halves.append(halve(halves[-1]))
         pixels = halves[level]
         height, width = pixels.shape[:2]
         if reduction > 1:  # whole blocks only, for which OpenCV is ten times faster

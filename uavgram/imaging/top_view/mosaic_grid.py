@@ -198,7 +198,7 @@ class Grid:
         return height * preview_scale / float(self.result.shared.intrinsics.value[0])
 
 
-def choose(grid: Grid, cameras: Cameras) -> Ints:
+def choose_frames(grid: Grid, cameras: Cameras) -> Ints:
     """Choose the frame (R, C) that sees most corners of a cell, then most steeply; -1 for none."""
     edges = [np.arange(n + 1.0) * grid.cell_px for n in grid.shape]
     row, column = np.meshgrid(*edges, indexing="ij")
@@ -206,7 +206,7 @@ def choose(grid: Grid, cameras: Cameras) -> Ints:
     middle = (world[:-1, :-1] + world[1:, 1:]) / 2
     best = np.zeros(grid.shape)
     choice = np.full(grid.shape, -1, dtype=np.int64)
-    for frame, box in enumerate(boxes_below(grid, cameras)):
+    for frame, box in enumerate(find_boxes_below(grid, cameras)):
         if box.bottom <= box.top or box.right <= box.left:
             continue
         inside = slice(box.top, box.bottom), slice(box.left, box.right)
@@ -222,7 +222,7 @@ def choose(grid: Grid, cameras: Cameras) -> Ints:
     return choice
 
 
-def boxes_below(grid: Grid, cameras: Cameras) -> list[Box]:
+def find_boxes_below(grid: Grid, cameras: Cameras) -> list[Box]:
     """Find for each frame the cells to which its rays are not too flat: it shows only these.
 
     In a large survey they are few, independent of its size.
@@ -247,7 +247,7 @@ def boxes_below(grid: Grid, cameras: Cameras) -> list[Box]:
     return [Box(*each) for each in zip(*ends, strict=True)]
 
 
-def corner_weights(grid: Grid, chosen: Bools) -> Floats:
+def compute_corner_weights(grid: Grid, chosen: Bools) -> Floats:
     """Compute the share of a frame among the cells about each corner (R + 1, C + 1)."""
     feather = max(FEATHER_PX // grid.cell_px, 1)
     around = np.pad(chosen.astype(np.float32), feather)
@@ -258,13 +258,13 @@ def corner_weights(grid: Grid, chosen: Bools) -> Floats:
     return np.where(share > LEAST_WEIGHT, share, 0.0).astype(np.float64)
 
 
-def box_of(corner: Floats) -> Box:
+def find_box(corner: Floats) -> Box:
     """Find the cells about the corners that have a weight (R + 1, C + 1), at least one."""
     some = corner > 0.0
     return Box(*_ends(np.any(some, axis=1)), *_ends(np.any(some, axis=0)))
 
 
-def bands(corner: Floats, box: Box, cell_px: int) -> Iterator[Box]:
+def split_bands(corner: Floats, box: Box, cell_px: int) -> Iterator[Box]:
     """Split the cells about weighted corners into bands of a few rows.
 
     Bands follow the ragged edges of a frame's area, and the data of one band fit into the
@@ -283,7 +283,7 @@ def bands(corner: Floats, box: Box, cell_px: int) -> Iterator[Box]:
     for first in range(box.top, box.bottom, height):
         some = corner[first : min(first + height, box.bottom) + 1]
         if some.any():
-            inside = box_of(some)
+            inside = find_box(some)
             yield inside._replace(top=first + inside.top, bottom=first + inside.bottom)
 
 
@@ -293,7 +293,7 @@ def _ends(some: Bools) -> tuple[int, int]:
     return max(int(at[0]) - 1, 0), min(int(at[-1]) + 1, len(some) - 1)
 
 
-def weights_within(corner: Floats, box: Box, cell_px: int) -> Singles:
+def interpolate_weights(corner: Floats, box: Box, cell_px: int) -> Singles:
     """Compute weights (H, W) of the pixels of cells, linear between corners (R + 1, C + 1).
 
     Parameters
@@ -318,7 +318,7 @@ def _enlarged(places: Floats, times: int) -> Singles:
     return np.asarray(cv2.resize(single, size, interpolation=cv2.INTER_LINEAR), np.float32)
 
 
-def gain_fields(grid: Grid, choice: Ints, gains: Floats) -> Iterator[tuple[Box, Singles]]:
+def compute_gain_fields(grid: Grid, choice: Ints, gains: Floats) -> Iterator[tuple[Box, Singles]]:
     """Compute brightness factors (H, W) of some cells: of the blended frames, in shares.
 
     Together these cells are all that any frame shows, a few rows at a time.
@@ -334,10 +334,10 @@ def gain_fields(grid: Grid, choice: Ints, gains: Floats) -> Iterator[tuple[Box, 
     """
     around = np.zeros((2, *np.add(grid.shape, 1)))
     for frame in np.unique(choice[choice >= 0]):
-        share = corner_weights(grid, choice == frame)
+        share = compute_corner_weights(grid, choice == frame)
         around += share * np.array([gains[frame], 1.0])[:, None, None]
-    for box in bands(around[1], box_of(around[1]), grid.cell_px):
-        weighted, weight = (weights_within(one, box, grid.cell_px) for one in around)
+    for box in split_bands(around[1], find_box(around[1]), grid.cell_px):
+        weighted, weight = (interpolate_weights(one, box, grid.cell_px) for one in around)
         field = np.ones_like(weight)
         np.divide(weighted, weight, out=field, where=weight > LEAST_WEIGHT)
         yield box, field

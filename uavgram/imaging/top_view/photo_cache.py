@@ -19,7 +19,7 @@ MARGIN_PX = 1
 
 Map = NDArray[np.float32]
 
-QUICKEST = 8
+MAX_FAST_REDUCTION = 8
 """Strongest reduction of the decoder: a JPEG at 1/2, 1/4 or 1/8 of its size decodes faster."""
 
 
@@ -54,7 +54,7 @@ PhotoCache = LruCache[int, Photo]
 """Photos by index, decoded once while they are kept; for several threads."""
 
 
-def photo_cache(
+def create_photo_cache(
     paths: Sequence[str],
     reductions: Sequence[int],
     most_bytes: int = CACHE_BYTES,
@@ -76,12 +76,12 @@ def photo_cache(
 
     def read(k: int) -> Photo:
         photo = read_photo(paths[k], reductions[k])
-        return photo if gains is None else photo._replace(rgba=lit(photo.rgba, gains[k]))
+        return photo if gains is None else photo._replace(rgba=apply_gain(photo.rgba, gains[k]))
 
     return LruCache(read, lambda photo: photo.rgba.nbytes, most_bytes)
 
 
-def lit(rgba: Pixels, gain: float) -> Pixels:
+def apply_gain(rgba: Pixels, gain: float) -> Pixels:
     """Multiply red, green and blue of (H, W, 4) by a gain.
 
     Parameters
@@ -105,7 +105,7 @@ def read_photo(path: str, reduction: int = 1) -> Photo:
     InputError
         The file cannot be read, or is not a photo.
     """
-    pixels, quick = read_reduced(path, lambda _: min(reduction, QUICKEST))
+    pixels, quick = read_reduced(path, lambda _: min(reduction, MAX_FAST_REDUCTION))
     height, width = pixels.shape[:2]
     # libjpeg's last column may cover a partial block: its pixels have the full width all the same
     scale = float(quick), float(quick)

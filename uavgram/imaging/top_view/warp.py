@@ -7,7 +7,13 @@ import numpy as np
 from uavgram.geometry.ground.top_view import View
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.top_view.photo_cache import Map, PhotoCache
-from uavgram.imaging.top_view.warp_maps import EDGE_PX, Maps, Sight, Window, look_from
+from uavgram.imaging.top_view.warp_maps import (
+    EDGE_PX,
+    PhotoLattice,
+    PixelMaps,
+    Window,
+    project_window,
+)
 from uavgram.model.arrays import Ints
 from uavgram.model.maps import GroundRaster
 
@@ -52,7 +58,7 @@ def warp_window(
         Photos by index of the view.
     """
     width, height = window[2:]
-    sights = _nearest(look_from(view, raster, window, candidates), _rim_px(view))
+    sights = _nearest(project_window(view, raster, window, candidates), _rim_px(view))
     if len(sights) == 1 and sights[0].within(EDGE_PX):
         return photos.get(sights[0].index).sample(*sights[0].pixel_maps())
     shots = [maps for maps in (sight.maps() for sight in sights) if maps.shown.any()]
@@ -70,7 +76,7 @@ def _rim_px(view: View) -> float:
     return BORDER_SHARE * min(camera.width_px, camera.height_px)
 
 
-def _nearest(sights: list[Sight], rim_px: float) -> list[Sight]:
+def _nearest(sights: list[PhotoLattice], rim_px: float) -> list[PhotoLattice]:
     """Select the photos that are somewhere nearly as much above the ground as any other."""
     if len(sights) < 2:
         return sights
@@ -86,7 +92,7 @@ def _nearest(sights: list[Sight], rim_px: float) -> list[Sight]:
         ]
 
 
-def _blend(shots: list[Maps], view: View, photos: PhotoCache) -> Pixels:
+def _blend(shots: list[PixelMaps], view: View, photos: PhotoCache) -> Pixels:
     """Blend photos: each spot from the photo most above it, with a transition at seams."""
     shape = shots[0].u.shape
     picture = np.zeros((*shape, 4), np.float32)
@@ -97,7 +103,7 @@ def _blend(shots: list[Maps], view: View, photos: PhotoCache) -> Pixels:
     return picture.astype(np.uint8)
 
 
-def _shares(shots: list[Maps], view: View) -> list[Map]:
+def _shares(shots: list[PixelMaps], view: View) -> list[Map]:
     """Compute shares (height, width) of each photo; their sum is one where any photo shows a spot.
 
     There are two layers. In the upper one, photos are ranked by the angle from the vertical, and
@@ -129,7 +135,7 @@ def _ranked(distance: list[Map]) -> list[Map]:
     return [each / total for each in weight]
 
 
-def _opacity(maps: Maps, view: View) -> Map:
+def _opacity(maps: PixelMaps, view: View) -> Map:
     """Compute the opacity (height, width): 1 inside the rim, 0 at the border and where hidden."""
     camera, half = view.result.camera, np.float32(0.5)
     inner = np.minimum(maps.u + half, np.float32(camera.width_px) - half - maps.u)

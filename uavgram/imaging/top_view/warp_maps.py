@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from uavgram.geometry.ground.top_view import MOST_OFF_NADIR, View
+from uavgram.geometry.ground.top_view import MAX_OFF_NADIR, View
 from uavgram.imaging.top_view.photo_cache import Map
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.maps import GroundRaster
@@ -71,7 +71,7 @@ class Lattice:
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class PhotoLattice:
     """Window in one photo, at the nodes of a lattice.
 
     Attributes
@@ -114,7 +114,7 @@ class Sight:
         camera = self.lattice.view.result.camera
         size = np.array([camera.width_px, camera.height_px])
         inner = np.minimum(self.pixel + 0.5, size - 0.5 - self.pixel).min(axis=-1)
-        shown = (inner > border_px) & (self.off_nadir < MOST_OFF_NADIR)  # NaN compares False
+        shown = (inner > border_px) & (self.off_nadir < MAX_OFF_NADIR)  # NaN compares False
         if grown:
             morph = cv2.dilate if grown > 0 else cv2.erode
             side = np.ones((3, 3), np.uint8)
@@ -127,14 +127,14 @@ class Sight:
         size = np.array([camera.width_px, camera.height_px])
         before = (self.pixel < -0.5 - EDGE_PX).all(axis=(0, 1))
         behind = (self.pixel > size - 0.5 + EDGE_PX).all(axis=(0, 1))
-        nowhere = np.isnan(self.pixel[..., 0]) | ~(self.off_nadir < MOST_OFF_NADIR)
+        nowhere = np.isnan(self.pixel[..., 0]) | ~(self.off_nadir < MAX_OFF_NADIR)
         return bool(before.any() or behind.any() or nowhere.all())
 
     def pixel_maps(self) -> tuple[Map, Map]:
         """Interpolate u and v (height, width) of each pixel of the window."""
         return self.lattice.spread(self.pixel[..., 0]), self.lattice.spread(self.pixel[..., 1])
 
-    def maps(self) -> Maps:
+    def maps(self) -> PixelMaps:
         """Compute all values at each pixel of the window."""
         if self.smooth:
             u, v = self.pixel_maps()
@@ -142,7 +142,7 @@ class Sight:
         else:  # the lens model, or the ground below, ends here
             u, v, off_nadir = self._exact_maps()
         shown = self.lattice.view.shows(u, v, off_nadir)
-        return Maps(self.index, u, v, off_nadir, shown)
+        return PixelMaps(self.index, u, v, off_nadir, shown)
 
     def _exact_maps(self) -> tuple[Map, Map, Map]:
         """Compute u, v and tangent at each pixel near the shown area; NaN elsewhere."""
@@ -151,14 +151,14 @@ class Sight:
         near = self.shown_nodes(-EDGE_PX, grown=1)
         if near.any():
             lattice, part = self.lattice.each(near)
-            sight = look(lattice, self.index)
+            sight = project_lattice(lattice, self.index)
             u[part], v[part] = sight.pixel_maps()
             off_nadir[part] = lattice.spread(sight.off_nadir)
         return u, v, off_nadir
 
 
 @dataclass(frozen=True, eq=False)
-class Maps:
+class PixelMaps:
     """Place of each pixel of a window in one photo.
 
     Attributes
@@ -180,7 +180,7 @@ class Maps:
     shown: Bools
 
 
-def lay_lattice(view: View, raster: GroundRaster, window: Window) -> Lattice:
+def make_lattice(view: View, raster: GroundRaster, window: Window) -> Lattice:
     """Create nodes dense enough for the lowest of the photos.
 
     Parameters
@@ -197,7 +197,7 @@ def lay_lattice(view: View, raster: GroundRaster, window: Window) -> Lattice:
     return Lattice(view, raster, window, step)
 
 
-def look(lattice: Lattice, index: int, world: Floats | None = None) -> Sight:
+def project_lattice(lattice: Lattice, index: int, world: Floats | None = None) -> PhotoLattice:
     """Project a lattice into one photo.
 
     Parameters
@@ -210,10 +210,12 @@ def look(lattice: Lattice, index: int, world: Floats | None = None) -> Sight:
         (rows, columns, 3) of the nodes; None: computed here.
     """
     ground = lattice.world() if world is None else world
-    return Sight(index, lattice, *lattice.view.look(index, ground))
+    return PhotoLattice(index, lattice, *lattice.view.look(index, ground))
 
 
-def look_from(view: View, raster: GroundRaster, window: Window, candidates: Ints) -> list[Sight]:
+def project_window(
+    view: View, raster: GroundRaster, window: Window, candidates: Ints
+) -> list[PhotoLattice]:
     """Project a window into every photo, except those that certainly show none of it.
 
     Parameters
@@ -229,9 +231,9 @@ def look_from(view: View, raster: GroundRaster, window: Window, candidates: Ints
     """
     if not len(candidates):
         return []
-    lattice = lay_lattice(view, raster, window)
+    lattice = make_lattice(view, raster, window)
     world = lattice.world()
-    sights = [look(lattice, int(k), world) for k in candidates]
+    sights = [project_lattice(lattice, int(k), world) for k in candidates]
     return [sight for sight in sights if not sight.misses()]
 
 

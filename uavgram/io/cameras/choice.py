@@ -1,6 +1,6 @@
 """Choice of one camera in another program's file, and the table of drone cameras.
 
-Copyright 2025 Theta Informatics LLC, Apache License 2.0; see the folder `drone_cameras`.
+Copyright 2025 Theta Informatics LLC, Apache License 2.0; see the folder `read_drone_cameras`.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def choose_camera(
     return wanted, cameras[wanted]
 
 
-def without_errors(
+def assume_errors(
     path: Path,
     *,
     name: str,
@@ -107,10 +107,10 @@ def without_errors(
         parameters=np.array(parameters),
         covariance=assumed_covariance(model, np.array(parameters), size_px[0], CALIBRATION_FILE),
     )
-    return calibration, (assumed_errors_message(path),)
+    return calibration, (create_assumed_errors_message(path),)
 
 
-def assumed_errors_message(path: Path) -> Message:
+def create_assumed_errors_message(path: Path) -> Message:
     """Create the message that a file states no sigmas, with the assumed ones."""
     text = (
         f"{path.name} states no errors of the calibration, so wide ones are assumed: "
@@ -125,7 +125,7 @@ _DISTORTION = ("radialR1", "radialR2", "tangentialT1", "tangentialT2", "radialR3
 
 
 @cache
-def drone_cameras() -> tuple[DroneCamera, ...]:
+def read_drone_cameras() -> tuple[DroneCamera, ...]:
     """Read all cameras of the table."""
     text = files("uavgram.io.cameras").joinpath("drone_cameras/droneModels.json").read_text("utf-8")
     return tuple(_camera(entry) for entry in json.loads(text)["droneCCDParams"])

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_text
-from uavgram.io.cameras.choice import choose_camera, without_errors
+from uavgram.io.cameras.choice import assume_errors, choose_camera
 from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.message import Message
 
@@ -74,7 +74,7 @@ def read_colmap_camera(
     }
     name, (number, fields) = choose_camera(path, cameras, wanted)
     model, size_px, parameters = _camera(path, number, fields)
-    return without_errors(
+    return assume_errors(
         path, name=f"{path.stem} {name}", model=model, size_px=size_px, parameters=parameters
     )
 

@@ -15,7 +15,7 @@ from typing import Any
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_text
-from uavgram.io.cameras.choice import choose_camera, without_errors
+from uavgram.io.cameras.choice import assume_errors, choose_camera
 from uavgram.io.json_text import parse_json
 from uavgram.model.camera.calibration import Calibration, LensModel
 from uavgram.model.message import Message
@@ -63,7 +63,7 @@ def read_odm_camera(
     if not isinstance(cameras, dict) or not all(isinstance(c, dict) for c in cameras.values()):
         raise InputError(path, "must be an object of cameras by name")
     name, camera = choose_camera(path, cameras, wanted)
-    return without_errors(path, name=name, **_camera(path, name, camera))
+    return assume_errors(path, name=name, **_camera(path, name, camera))
 
 
 def _camera(path: Path, name: str, camera: dict[str, Any]) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from uavgram.errors import InputError
 from uavgram.input_files import read_text
-from uavgram.io.cameras.choice import assumed_errors_message
+from uavgram.io.cameras.choice import create_assumed_errors_message
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import (
     CALIBRATION_FILE,
@@ -44,7 +44,7 @@ _CALIB_FIX_ASPECT_RATIO = 2  # bit of the key `flags`, opencv2/calib3d.hpp
 _XML_ROOT = "<opencv_storage"
 _YAML_HEADER = "%YAML:1.0\n---\n"
 
-_DEEPEST = 50
+_MAX_DEPTH = 50
 """Largest number of nested levels in a file that is read; OpenCV writes 4.
 
 OpenCV's recursive parser ends the whole program where nesting takes too much memory.
@@ -116,10 +116,10 @@ def _read_keys(path: Path) -> dict[str, Any]:
             "is XML of another program, no camera calibration: name a camera.yaml, or a file that "
             "OpenCV wrote",
         )
-    if (deep := _too_deep(text)) is not None:
+    if (deep := _find_too_deep(text)) is not None:
         raise InputError(
             path,
-            f"has more than {_DEEPEST} levels of brackets, tags or keys inside each other: it is "
+            f"has more than {_MAX_DEPTH} levels of brackets, tags or keys inside each other: it is "
             "damaged, or no calibration; export the calibration again",
             deep,
         )
@@ -146,8 +146,8 @@ def _read_keys(path: Path) -> dict[str, Any]:
     }
 
 
-def _too_deep(text: str) -> int | None:
-    """Find the line from which a parser may nest more than `_DEEPEST` levels; None: it cannot.
+def _find_too_deep(text: str) -> int | None:
+    """Find the line from which a parser may nest more than `_MAX_DEPTH` levels; None: it cannot.
 
     The three formats have quotes and comments in different places. So text that looks like a quote
     or comment may open levels here, but closes only its own.
@@ -157,7 +157,7 @@ def _too_deep(text: str) -> int | None:
         least = depth if found["aside"] else 0
         for one in re.finditer(_LEVEL, found[0]) if found["aside"] else [found]:
             depth = depth + 1 if one["opened"] else max(depth - 1, least)
-            if depth > _DEEPEST:
+            if depth > _MAX_DEPTH:
                 return text.count("\n", 0, found.start()) + 1
     if text.lstrip().startswith(("{", "<")):
         return None
@@ -167,7 +167,7 @@ def _too_deep(text: str) -> int | None:
         blocks = 0 if content.startswith("#") else len(_YAML_LEVEL.findall(content))
         indent = len(line) - len(content)
         at_indent[indent] = max(blocks, at_indent.get(indent, 0))
-        if sum(at_indent.values()) > _DEEPEST:
+        if sum(at_indent.values()) > _MAX_DEPTH:
             return number
     return None
 
@@ -286,7 +286,7 @@ def _errors(
         covariance, what = _covariance(sigma, parameters, keys), "standard deviations"
     else:
         covariance = assumed_covariance(model, parameters, width_px, CALIBRATION_FILE)
-        return covariance, assumed_errors_message(path)
+        return covariance, create_assumed_errors_message(path)
     text = f"The errors of the calibration are the {what} in {path.name}."
     return covariance, Message("info", "camera-sigma-from-file", text)
 

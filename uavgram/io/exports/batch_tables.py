@@ -10,7 +10,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.tables.csv_tables import csv_text, guarded
+from uavgram.io.tables.csv_tables import csv_text, guard_formula
 from uavgram.model.batch import Batch, Fit, SurveyRow
 
 _TEXT, _NUMBER, _COUNT = pa.string(), pa.float64(), pa.int64()
@@ -118,4 +118,4 @@ def _rms(fit: Fit | None) -> float | None:
 def _cell(value: Cell) -> str:
     if value is None:
         return ""
-    return guarded(value) if isinstance(value, str) else repr(value)
+    return guard_formula(value) if isinstance(value, str) else repr(value)

@@ -16,27 +16,118 @@ from ezdxf.document import Drawing
 from ezdxf.filemanagement import new
 
 from uavgram.geometry.earth.geodesy import map_scale, projected_from_enu
-from uavgram.io.exports.dxf_points import add_point_block, draw_points, texts_of_points
 from uavgram.io.exports.dxf_profiles import draw_profiles
 from uavgram.io.exports.dxf_sheet import (
     ALIGNED,
     LABELS,
     LAYERS,
+    NumberFormat,
     Place,
     Sheet,
     Text,
-    Words,
-    as_mtext,
-    as_text,
     cad_layer,
-    half_size,
-    text_beside,
+    compute_half_size,
+    escape_mtext,
+    escape_text,
+    place_beside_point,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import HIDDEN, Features, Layer, placed
+from uavgram.model.maps import HIDDEN, Features, Layer, transform_vertices
 from uavgram.stages.products.text_places import Label, Placed, place_labels
 
-METRIC = Words()
+POINT_BLOCK = "SURVEY_POINT"
+_HEIGHT_SHARE = 0.6  # letter height of heights, relative to that of labels
+_NUMBERS = ("sigma_east_m", "sigma_north_m")
+"""Attributes of each point, in addition to its label."""
+_OFF_GROUND_NUMBERS = ("sigma_up_m", "height_above_ground_m", "height_sigma_m")
+"""Additional attributes of points off the ground; on all points they would take half as long again.
+
+Points that were picked by the program, alone or with a person, also carry PICKED_BY.
+"""
+
+
+def add_point_block(document: Drawing, text_m: float) -> None:
+    """Add the block of a cross; its attributes are hidden, as some programs cannot draw them."""
+    block = document.blocks.new(POINT_BLOCK)
+    half = 0.4 * text_m
+    block.add_line((-half, 0), (half, 0))
+    block.add_line((0, -half), (0, half))
+    for row, tag in enumerate(("LABEL", *(key.upper() for key in _NUMBERS))):
+        attribute = block.add_attdef(
+            tag,
+            (half, half - 1.3 * row * text_m),
+            dxfattribs={"height": text_m, "layer": LABELS, "flags": const.ATTRIB_INVISIBLE},
+        )
+        attribute.dxf.prompt = tag
+
+
+def draw_points(sheet: Sheet, layer: Layer) -> None:
+    """Draw points as crosses with labels as attributes; those off the ground on another layer."""
+    if not len(layer):
+        return
+    places = sheet.place(np.concatenate(layer.vertices_m))
+    for one, place in zip(_rows(layer), places.tolist(), strict=True):
+        off = _is_off(one)
+        own = LAYERS["off_ground"][0] if off else LAYERS["points"][0]
+        insert = sheet.space.add_blockref(POINT_BLOCK, tuple(place), dxfattribs={"layer": own})
+        numbers = {key.upper(): _decimals(one[key]) for key in _NUMBERS}
+        insert.add_auto_attribs({"LABEL": escape_text(str(one["label"])), **numbers})
+        hidden = {key.upper(): _decimals(one[key]) for key in _OFF_GROUND_NUMBERS if off}
+        if one["picked_by"] not in ("", "hand"):
+            hidden["PICKED_BY"] = str(one["picked_by"])
+        for tag, value in hidden.items():
+            insert.add_attrib(tag, value, tuple(place), {"layer": LABELS}).is_invisible = True
+
+
+def list_point_texts(layer: Layer, text_m: float, words: NumberFormat) -> list[Text]:
+    """Return the labels of points, then the heights of those off the ground.
+
+    Parameters
+    ----------
+    layer
+        The points.
+    text_m
+        Full height of letters.
+    words
+        Format of heights.
+    """
+    points = [(one, place[0]) for one, place in zip(_rows(layer), layer.vertices_m, strict=True)]
+    labels = [place_beside_point(str(one["label"]), place, LABELS, text_m) for one, place in points]
+    return labels + [
+        place_beside_point(
+            _height_text(one, words), place, LAYERS["verticals"][0], text_m, _HEIGHT_SHARE
+        )
+        for one, place in points
+        if _is_off(one)
+    ]
+
+
+def _rows(layer: Layer) -> list[dict[str, str | float]]:
+    """Return the attributes of each shape."""
+    columns = layer.attributes
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+
+
+def _is_off(one: dict[str, str | float]) -> bool:
+    """Return whether a point is off the ground."""
+    return one["height_source"] in {"stated", "free", "found"}
+
+
+def _decimals(value: object) -> str:
+    """Format a number to tenths of a millimetre; empty without a value."""
+    number = float(str(value))
+    return f"{number:.4f}" if np.isfinite(number) else ""
+
+
+def _height_text(one: dict[str, str | float], words: NumberFormat) -> str:
+    """Format the height of a point above the ground, with its sigma."""
+    height = float(one["height_above_ground_m"]) / words.length_m
+    sigma = float(one["height_sigma_m"]) / words.length_m
+    unit = "" if words.symbol == "m" else f" {words.symbol}"
+    return f"{height:+.3f} " + (f"±{sigma:.3f}{unit}" if sigma > 0 else f"{unit} stated".strip())
+
+
+METRIC_FORMAT = NumberFormat()
 """Numbers in metres, the unit of the drawing."""
 
 _DIMENSIONS, _NOTES = "DIMENSIONS", "NOTES"
@@ -45,7 +136,7 @@ _UPRIGHT = {"height", "vertical_distance"}
 _NOT_IN_SPACE = {*_UPRIGHT, "horizontal_distance", "profile"}
 _IN_SPACE = " (3-D)"
 """Suffix of a length to or from a point off the ground, which is shorter in plan."""
-_DOUBT = " ?"
+_DOUBT_MARK = " ?"
 """Suffix of a value that differs in another solution with an equal fit."""
 
 _SHORT_M = 1e-6  # a shorter length in plan has no direction
@@ -54,7 +145,9 @@ _GAP = 0.3  # around the text of a dimension, in letter heights
 _FAR = 1e6  # in letter heights, beyond the extent of any drawing
 _PAPER_M = (0.420, 0.297)  # A3
 _TEXT_SHARE = 1 / 80  # letter height relative to the drawing's extent
-_CROWD = 0.2  # or, with many points, so that three quarters of an evenly filled sheet stay empty
+_CROWDED_SHARE = (
+    0.2  # or, with many points, so that three quarters of an evenly filled sheet stay empty
+)
 
 
 @dataclass(frozen=True)
@@ -77,7 +170,7 @@ class PlacedTexts:
     corner: Floats
 
 
-def place_texts(features: Features, words: Words = METRIC) -> PlacedTexts:
+def place_texts(features: Features, words: NumberFormat = METRIC_FORMAT) -> PlacedTexts:
     """Place the texts of drawings: none covers another, none is far from its object.
 
     Parameters
@@ -88,7 +181,7 @@ def place_texts(features: Features, words: Words = METRIC) -> PlacedTexts:
         Format of texts and dimensions.
     """
     text_m = _text_height(features)
-    texts = texts_of_points(features.layer("points"), text_m, words)
+    texts = list_point_texts(features.layer("points"), text_m, words)
     for layer in features.layers:
         texts += _values(layer, text_m, words)
     vertices = features.layer("points").vertices_m
@@ -105,7 +198,10 @@ def place_texts(features: Features, words: Words = METRIC) -> PlacedTexts:
 
 
 def write_local_dxf(
-    features: Features, path: Path, words: Words = METRIC, texts: PlacedTexts | None = None
+    features: Features,
+    path: Path,
+    words: NumberFormat = METRIC_FORMAT,
+    texts: PlacedTexts | None = None,
 ) -> None:
     """Write the drawing in local metres: every distance in it is the distance on the ground.
 
@@ -127,7 +223,10 @@ def write_local_dxf(
 
 
 def write_map_dxf(
-    features: Features, path: Path, words: Words = METRIC, texts: PlacedTexts | None = None
+    features: Features,
+    path: Path,
+    words: NumberFormat = METRIC_FORMAT,
+    texts: PlacedTexts | None = None,
 ) -> None:
     """Write the drawing in the survey's projected coordinate system, which must exist.
 
@@ -163,7 +262,7 @@ def write_map_dxf(
 
 
 def _write(
-    features: Features, path: Path, place: Place, note: str, words: Words, texts: PlacedTexts
+    features: Features, path: Path, place: Place, note: str, words: NumberFormat, texts: PlacedTexts
 ) -> None:
     document = new("R2010", units=units.M)
     own = dict.fromkeys(cad_layer(layer.name) for layer in features.layers)
@@ -204,7 +303,7 @@ def _text_height(features: Features) -> float:
     if len(vertices) < 2:
         return 0.25
     corners = np.concatenate(vertices)[:, :2]
-    share = min(_TEXT_SHARE, _CROWD / float(np.sqrt(len(corners))))
+    share = min(_TEXT_SHARE, _CROWDED_SHARE / float(np.sqrt(len(corners))))
     return max(float(np.ptp(corners, axis=0).max()) * share, 0.01)
 
 
@@ -220,7 +319,7 @@ def _dimension_style(document: Drawing, text_m: float) -> None:
 
 
 def _draw(sheet: Sheet, layer: Layer) -> None:
-    name, strips = cad_layer(layer.name)[0], placed(layer.vertices_m, sheet.place)
+    name, strips = cad_layer(layer.name)[0], transform_vertices(layer.vertices_m, sheet.place)
     if layer.name.startswith("ellipses"):
         _ellipses(sheet, layer, name)
     elif layer.name == "points":
@@ -269,7 +368,7 @@ def _ellipses(sheet: Sheet, layer: Layer, name: str) -> None:
         )
 
 
-def _values(layer: Layer, text_m: float, words: Words) -> list[Text]:
+def _values(layer: Layer, text_m: float, words: NumberFormat) -> list[Text]:
     """Return dimension texts for two-point distances, and plain texts for all other values."""
     is_known, texts = layer.name == "known_lengths", []
     if not is_known and not layer.name.startswith("measured"):
@@ -281,17 +380,17 @@ def _values(layer: Layer, text_m: float, words: Words) -> list[Text]:
         text = words.value(float(str(one[value])), float(str(one[sigma])), unit)
         if not is_known and layer.above_ground_m and layer.above_ground_m[row].any():
             text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
-        text = f"{one['name']}: {text}{_DOUBT if one.get('alternatives') else ''}"
+        text = f"{one['name']}: {text}{_DOUBT_MARK if one.get('alternatives') else ''}"
         is_length = len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT
         if is_length and np.linalg.norm(strip[1, :2] - strip[0, :2]) > _SHORT_M:
             # from left to right, the reading direction
             ends = strip[np.lexsort(strip[:, 1::-1].T)]
-            half = half_size(text, text_m)
+            half = compute_half_size(text, text_m)
             label = Label(ends[0, :2], ends[1, :2], half, _ASIDE * text_m, "along")
             on = LAYERS[layer.name][0] if is_known else _DIMENSIONS
             texts.append(Text(text, label, on, ends))
         elif len(strip) and not is_length:
-            texts.append(text_beside(text, strip.mean(axis=0), _DIMENSIONS, text_m))
+            texts.append(place_beside_point(text, strip.mean(axis=0), _DIMENSIONS, text_m))
     return texts
 
 
@@ -313,7 +412,7 @@ def _write_texts(sheet: Sheet, texts: PlacedTexts) -> None:
             continue
         degrees = (math.degrees(math.atan2(north, east)) + 90.0) % 180.0 - 90.0  # never upside down
         written = sheet.space.add_text(
-            as_text(text.words),
+            escape_text(text.words),
             height=text.share * sheet.text_m,
             rotation=degrees,
             dxfattribs={"layer": text.layer},
@@ -335,7 +434,7 @@ def _dimension(sheet: Sheet, text: Text, middle: Floats, half_height: float) -> 
         p1=tuple(start),
         p2=tuple(end),
         distance=float(across @ (middle[:2] - start)) - half_height,
-        text=as_mtext(text.words),
+        text=escape_mtext(text.words),
         dimstyle="UAVGRAM",
         dxfattribs={"layer": text.layer},
     )
@@ -354,7 +453,9 @@ def _note(sheet: Sheet, features: Features, note: str, corner: tuple[float, floa
         note += "; red: points off the ground, and their heights over it"
     layers = (features.layer(name) for name in ("measured_areas", "measured_lines"))
     if any(any(layer.attributes["alternatives"]) for layer in layers):
-        note += f";{_DOUBT} = other solutions fit as well and give other values, see the report"
+        note += (
+            f";{_DOUBT_MARK} = other solutions fit as well and give other values, see the report"
+        )
     sheet.space.add_text(
-        as_text(f"{features.name}: {note}"), height=sheet.text_m, dxfattribs={"layer": _NOTES}
+        escape_text(f"{features.name}: {note}"), height=sheet.text_m, dxfattribs={"layer": _NOTES}
     ).set_placement(corner)

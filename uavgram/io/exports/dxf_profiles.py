@@ -14,7 +14,7 @@ from ezdxf.document import Drawing
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.layouts.blocklayout import BlockLayout
 
-from uavgram.io.exports.dxf_sheet import ALIGNED, Words, as_text, half_size
+from uavgram.io.exports.dxf_sheet import ALIGNED, NumberFormat, compute_half_size, escape_text
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import ProfileSheet
 from uavgram.stages.products.map_layers import TWO_SIDED_95
@@ -38,7 +38,7 @@ def draw_profiles(
     sheets: tuple[ProfileSheet, ...],
     corner: tuple[float, float],
     text_m: float,
-    words: Words,
+    words: NumberFormat,
 ) -> None:
     """Draw the profiles below the plan, and each on a sheet of A3.
 
@@ -90,12 +90,12 @@ class _Paper:
     block: BlockLayout
     text: float
     across: Floats
-    words: Words
+    words: NumberFormat
 
     @classmethod
-    def of(cls, sheet: ProfileSheet, block: BlockLayout, words: Words) -> _Paper:
+    def of(cls, sheet: ProfileSheet, block: BlockLayout, words: NumberFormat) -> _Paper:
         text = float(np.ptp(sheet.station_ticks_m)) * _TEXT_SHARE
-        across = spread(sheet.station_m - sheet.station_ticks_m[0], 1.5 * text)
+        across = spread_places(sheet.station_m - sheet.station_ticks_m[0], 1.5 * text)
         return cls(sheet, block, text, across, words)
 
     @property
@@ -133,11 +133,13 @@ class _Paper:
         share: float = 1.0,
     ) -> None:
         height, on = share * self.text, {"layer": _TEXTS[0]}
-        written = self.block.add_text(as_text(text), height=height, rotation=turned, dxfattribs=on)
+        written = self.block.add_text(
+            escape_text(text), height=height, rotation=turned, dxfattribs=on
+        )
         written.set_placement(at, align=align)
 
 
-def spread(places: Floats, least: float) -> Floats:
+def spread_places(places: Floats, least: float) -> Floats:
     """Shift places (N,) to the right until no two are closer than `least`."""
     moved = places.astype(np.float64)
     order = np.argsort(places, kind="stable")
@@ -172,7 +174,7 @@ def _names(paper: _Paper) -> None:
     tops = sheet.height_m + TWO_SIDED_95 * sheet.height_sigma_m
     spots = np.array([[paper.x(a), paper.y(b)] for a, b in zip(sheet.station_m, tops, strict=True)])
     labels = [
-        Label(spot, spot, half_size(label, text), 0.5 * text)
+        Label(spot, spot, compute_half_size(label, text), 0.5 * text)
         for label, spot in zip(sheet.label, spots, strict=True)
     ]
     right, top = paper.x(sheet.station_ticks_m[-1]), paper.y(sheet.height_ticks_m[-1])
@@ -193,12 +195,12 @@ def _axes(paper: _Paper) -> None:
     for height in sheet.height_ticks_m:
         y = paper.y(height)
         paper.line([(-0.6 * text, y), (right, y)], _AXES)
-        said = f"{height / unit:.{places_of(sheet.height_ticks_m / unit)}f}"
+        said = f"{height / unit:.{count_decimals(sheet.height_ticks_m / unit)}f}"
         paper.write(said, (-text, y), TextEntityAlignment.MIDDLE_RIGHT)
     for station in sheet.station_ticks_m:
         x = paper.x(station)
         paper.line([(x, -0.6 * text), (x, top)], _AXES)
-        said = f"{station / unit:.{places_of(sheet.station_ticks_m / unit)}f}"
+        said = f"{station / unit:.{count_decimals(sheet.station_ticks_m / unit)}f}"
         paper.write(said, (x, -text), TextEntityAlignment.TOP_CENTER)
     larger = f"heights drawn {sheet.exaggeration} times as large as lengths"
     for row, words in enumerate(
@@ -240,7 +242,7 @@ def _band(paper: _Paper) -> None:
         paper.line([(paper.x(station), -2.4 * text), (x, -4.0 * text)], _AXES)
 
 
-def places_of(ticks: Floats) -> int:
+def count_decimals(ticks: Floats) -> int:
     """Return the number of decimals that distinguishes ticks (n,)."""
     return max(0, -int(np.floor(np.log10(ticks[1] - ticks[0]) + 1e-9)))
 

@@ -27,7 +27,7 @@ def _metric(value: float, sigma: float, unit: str) -> str:
 
 
 @dataclass(frozen=True)
-class Words:
+class NumberFormat:
     """Format of the numbers in a drawing, which is in metres.
 
     Attributes
@@ -83,7 +83,7 @@ class Sheet:
     space: Modelspace
     place: Place
     text_m: float
-    words: Words = Words()
+    words: NumberFormat = NumberFormat()
 
 
 class Text(NamedTuple):
@@ -110,7 +110,9 @@ class Text(NamedTuple):
     share: float = 1.0
 
 
-def text_beside(words: str, spot: Floats, layer: str, text_m: float, share: float = 1.0) -> Text:
+def place_beside_point(
+    words: str, spot: Floats, layer: str, text_m: float, share: float = 1.0
+) -> Text:
     """Return a text next to a point.
 
     Parameters
@@ -126,16 +128,16 @@ def text_beside(words: str, spot: Floats, layer: str, text_m: float, share: floa
     share
         Relative height of the letters of this text.
     """
-    label = Label(spot[:2], spot[:2], half_size(words, share * text_m), 0.1 * text_m)
+    label = Label(spot[:2], spot[:2], compute_half_size(words, share * text_m), 0.1 * text_m)
     return Text(words, label, layer, spot[None], share)
 
 
-def as_text(words: str) -> str:
+def escape_text(words: str) -> str:
     """Escape words for TEXT, where some signs begin a code (percent twice, caret, backslash)."""
     return re.sub(r"\\(?=U\+)", r"\\U+005C", _plain(words))
 
 
-def as_mtext(words: str) -> str:
+def escape_mtext(words: str) -> str:
     """Escape words for MTEXT and dimensions, where backslash, braces and ``<>`` are codes too."""
     shown = re.sub(r"[\\{}]", r"\\\g<0>", _plain(words))
     # an empty group separates characters that would form a code
@@ -147,15 +149,15 @@ def _plain(words: str) -> str:
     return re.sub(r"[\x00-\x1f]", " ", words).replace("%%", 2 * "%%%").replace("^", "^ ")
 
 
-MARGIN = 1.15
+TEXT_MARGIN = 1.15
 """Factor for the fonts of other programs, which are wider than the one measured here."""
 _LINE = 1.6
 """Height of a line of text relative to its capitals: letters reach below and above them."""
 
 
-def half_size(text: str, height_m: float) -> Floats:
+def compute_half_size(text: str, height_m: float) -> Floats:
     """Return (2,) half the width and height of a text [m], for the fonts of all programs."""
-    return np.array([MARGIN * (_width(text) * height_m), _LINE * height_m]) / 2
+    return np.array([TEXT_MARGIN * (_width(text) * height_m), _LINE * height_m]) / 2
 
 
 @lru_cache(maxsize=10_000)  # both drawings of a survey have the same texts

@@ -1,18 +1,20 @@
-"""Writer of points.geojson: ground points, 95 % ellipses and measured lines (RFC 7946)."""
+"""Writers of GeoJSON (RFC 7946): points.geojson, and all layers of a survey in one collection."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 from pyproj import Geod
 
-from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M
+from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M, Origin, geodetic_from_enu
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, records
 from uavgram.model.arrays import Floats
+from uavgram.model.maps import Features, Layer, transform_vertices
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PointResults
 from uavgram.stages.products.columns import (
@@ -24,7 +26,7 @@ from uavgram.stages.products.columns import (
 
 Geometry = Record | None
 
-VERTICES = 36  # of an ellipse: its area is 0.5 % too small
+ELLIPSE_VERTICES = 36  # of an ellipse: its area is 0.5 % too small
 
 _OPEN = {
     "distance",
@@ -117,7 +119,7 @@ def _ellipses(points: PointResults, place: Floats) -> list[Record]:
 
 def _ellipse_rings(points: PointResults) -> Floats:
     """Return (K, VERTICES + 1, 2) closed rings of [longitude, latitude], counterclockwise."""
-    angle = np.linspace(0.0, 2.0 * np.pi, VERTICES + 1)
+    angle = np.linspace(0.0, 2.0 * np.pi, ELLIPSE_VERTICES + 1)
     major = points.ellipse_95_m[:, :1] * np.cos(angle)
     minor = points.ellipse_95_m[:, 1:] * np.sin(angle)  # to the left of the major axis
     distance_m = np.hypot(major, minor)
@@ -189,3 +191,67 @@ def _places(result: Result) -> Floats:
     if shift is None:
         return lonlat
     return np.column_stack([lonlat, heights_above_datum(result) + shift])
+
+
+LAYER_DECIMALS = 9
+"""Decimals of degrees: a tenth of a millimetre."""
+
+_KINDS = {"point": "Point", "line": "LineString", "polygon": "Polygon"}
+
+
+def write_layers_geojson(features: Features, path: Path) -> None:
+    """Write all layers of georeferenced features, one feature a line, without heights.
+
+    Heights of positions would have to be above the ellipsoid (RFC 7946, 3.1.1), which are unknown
+    when a plan is laid out; relevant heights are properties.
+
+    Raises
+    ------
+    ValueError
+        The features are not georeferenced.
+    OutputError
+        The file cannot be written.
+    """
+    if features.origin is None:
+        raise ValueError(f"{features.name}: no place on earth")
+    head = json.dumps({"type": "FeatureCollection", "name": features.name}, ensure_ascii=False)
+    lines = [
+        json.dumps(one, ensure_ascii=False, allow_nan=False)
+        for layer in features.layers
+        for one in _layer_features(layer, features.origin)
+    ]
+    body = ",\n".join(lines)
+    replace_text(path, f'{head[:-1]}, "features": [\n{body}\n]}}\n')
+
+
+def _layer_features(layer: Layer, origin: Origin) -> list[Record]:
+    def on_earth(enu: Floats) -> Floats:
+        latitude, longitude, _ = geodetic_from_enu(enu, origin)
+        return np.asarray(
+            np.round(np.column_stack([longitude, latitude]), LAYER_DECIMALS), np.float64
+        )
+
+    made = []
+    for row, vertices in enumerate(transform_vertices(layer.vertices_m, on_earth)):
+        properties = {key: _json(values[row]) for key, values in layer.attributes.items()}
+        geometry = {"type": _KINDS[layer.kind], "coordinates": _coordinates(layer, vertices)}
+        made.append(
+            {
+                "type": "Feature",
+                "geometry": geometry,
+                "properties": {"layer": layer.name, **properties},
+            }
+        )
+    return made
+
+
+def _coordinates(layer: Layer, vertices: Floats) -> object:
+    if layer.kind == "point":
+        return vertices[0].tolist()
+    if layer.kind == "line":
+        return vertices.tolist()
+    return [[*vertices.tolist(), vertices[0].tolist()]]
+
+
+def _json(value: str | float) -> str | float | None:
+    return None if isinstance(value, float) and math.isnan(value) else value

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import struct
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
 import cv2
 import numpy as np
@@ -16,10 +18,79 @@ from rasterio.io import DatasetWriter
 from rasterio.windows import Window as FileWindow
 
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.imaging.top_view.pyramid import halved
-from uavgram.io.exports.geotiff_overviews import mark_overviews
+from uavgram.imaging.photos.reduction import halve_with_opacity
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.maps import GroundRaster
+
+# TIFF 6.0 (1992), pages 36 and 80: tags, a value of the first, and its type
+NEW_SUBFILE_TYPE, SAMPLE_FORMAT = 254, 339
+REDUCED, LONG = 1, 4
+
+
+class _Layout(NamedTuple):
+    """Formats of a directory's numbers: TIFF 6.0, page 13; the same in 64 bits in BigTIFF."""
+
+    first_at: int
+    offset: str
+    number: str
+    entry: str
+
+
+_LAYOUTS = {
+    b"II*\0": _Layout(4, "<I", "<H", "<HHII"),
+    b"II+\0": _Layout(8, "<Q", "<Q", "<HHQQ"),
+}
+
+
+def mark_overviews(path: Path) -> None:
+    """Mark all pictures of a file but the first as reductions of it.
+
+    The entry replaces that of the sample format, which must exist (without it, the default is
+    unsigned integers): so no directory grows, and no data is moved.
+
+    Raises
+    ------
+    ValueError
+        The file is not a little-endian TIFF, or a picture in it has no sample format.
+    """
+    with path.open("r+b") as file:
+        head = file.read(4)
+        if head not in _LAYOUTS:
+            raise ValueError(f"{path} is no little-endian TIFF")
+        layout = _LAYOUTS[head]
+        for number, at in enumerate(_directories(file, layout)):
+            if number:
+                _mark(file, layout, at)
+
+
+def _directories(file: BinaryIO, layout: _Layout) -> Iterator[int]:
+    """Iterate over the positions of all directories."""
+    at = _number(file, layout.first_at, layout.offset)
+    while at:
+        yield at
+        entries = at + struct.calcsize(layout.number)
+        past = entries + _number(file, at, layout.number) * struct.calcsize(layout.entry)
+        at = _number(file, past, layout.offset)
+
+
+def _mark(file: BinaryIO, layout: _Layout, at: int) -> None:
+    count = _number(file, at, layout.number)
+    first = at + struct.calcsize(layout.number)
+    file.seek(first)
+    written = file.read(count * struct.calcsize(layout.entry))
+    entries = list(struct.iter_unpack(layout.entry, written))
+    kept = [each for each in entries if each[0] != SAMPLE_FORMAT]
+    if len(kept) != count - 1:
+        raise ValueError(f"the picture at byte {at} has no sample format")
+    file.seek(first)
+    stated = (NEW_SUBFILE_TYPE, LONG, 1, REDUCED)  # entries are sorted by tag: this is the smallest
+    file.writelines(struct.pack(layout.entry, *each) for each in (stated, *kept))
+
+
+def _number(file: BinaryIO, at: int, form: str) -> int:
+    file.seek(at)
+    return int(struct.unpack(form, file.read(struct.calcsize(form)))[0])
+
 
 WINDOW_PX = 768
 """Side of the windows in which a picture is written most efficiently: whole tiles."""
@@ -82,7 +153,7 @@ def write_colour_geotiff(
                     continue
                 _write_pixels(file, pixels, column, row)
                 part = np.s_[row // 2 : -(-(row + height) // 2)]
-                half[part, column // 2 : -(-(column + width) // 2)] = halved(pixels)
+                half[part, column // 2 : -(-(column + width) // 2)] = halve_with_opacity(pixels)
         _append_overviews(half, len(_factors(raster.width, raster.height)), path)
 
 
@@ -90,7 +161,7 @@ def _append_overviews(half: Pixels, count: int, path: Path) -> None:
     """Append overviews to a picture's file: `half` (H, W, 4), and each half of the last."""
     for _ in range(count):
         _append_picture(half, path)
-        half = halved(half)
+        half = halve_with_opacity(half)
     mark_overviews(path)
 
 
@@ -166,10 +237,10 @@ def write_turned_picture(
         with rasterio.open(path, "w", **profile, transform=place) as file:
             file.update_tags(**tags)
             _write_pixels(file, rgba, 0, 0)
-        _append_overviews(halved(rgba), len(_factors(width, height)), path)
+        _append_overviews(halve_with_opacity(rgba), len(_factors(width, height)), path)
 
 
-def with_opacity(rgb: Pixels, covered: Bools) -> Pixels:
+def add_opacity(rgb: Pixels, covered: Bools) -> Pixels:
     """Add opacity to (H, W, 3) pixels, 0 outside the mask (H, W): (H, W, 4)."""
     opacity = np.where(covered, np.uint8(255), np.uint8(0))
     return np.asarray(cv2.merge([rgb, opacity]), np.uint8)

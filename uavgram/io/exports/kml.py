@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import Origin, geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.model.maps import HIDDEN, Features, Layer, placed
+from uavgram.model.maps import HIDDEN, Features, Layer, transform_vertices
 
 _NAMESPACE = "http://www.opengis.net/kml/2.2"
 # title, and colour as aabbggrr, the order of KML; polygons are filled with a tenth of it
@@ -110,7 +110,7 @@ def _places(layer: Layer, origin: Origin) -> tuple[Floats, ...]:
         latitude, longitude, _ = geodetic_from_enu(enu, origin)
         return np.stack([longitude, latitude, np.zeros(len(enu))], axis=1)
 
-    shapes = placed(layer.vertices_m, on_globe)
+    shapes = transform_vertices(layer.vertices_m, on_globe)
     above = layer.above_ground_m
     if layer.name == "camera_poses":
         above = tuple(center[:, 2] for center in layer.vertices_m)

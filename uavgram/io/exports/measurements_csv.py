@@ -1,16 +1,18 @@
-"""Writer of measurements.csv: the measured values as a table for spreadsheets."""
+"""Writers of measurements.csv and profiles.csv: measured values as tables for spreadsheets."""
 
 from __future__ import annotations
 
 import math
+from itertools import chain
 from pathlib import Path
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.tables.csv_tables import csv_text, guarded
+from uavgram.io.tables.csv_tables import csv_text, guard_formula
 from uavgram.model.result.result import Result
+from uavgram.model.result.tables import PLACE_KEYS, SIGMA_KEYS
 from uavgram.stages.products.columns import MEASUREMENTS
 
-DIGITS = 4
+SIGMA_DIGITS = 4
 """Significant digits of a sigma: the two that are justified, and two more."""
 
 COLUMNS = [one for one in MEASUREMENTS if "csv" in one.files]
@@ -19,7 +21,7 @@ COLUMNS = [one for one in MEASUREMENTS if "csv" in one.files]
 def write_measurements_csv(result: Result, path: str | Path) -> None:
     """Write measurements.csv; cells that cannot be computed are empty.
 
-    Names and labels are `guarded`: no spreadsheet executes them. `read_table` restores them.
+    Names and labels are `guard_formula`: no spreadsheet executes them. `read_table` restores them.
 
     Raises
     ------
@@ -55,10 +57,10 @@ def _cell(value: str | float | tuple[str | float, ...], sigma: float) -> str:
     """Return the text of a value, of a list its entries; numbers with the digits of a sigma."""
     if isinstance(value, tuple):
         return ";".join(_cell(one, sigma) for one in value)
-    return guarded(value) if isinstance(value, str) else rounded(value, sigma)
+    return guard_formula(value) if isinstance(value, str) else round_by_sigma(value, sigma)
 
 
-def rounded(number: float, sigma: float) -> str:
+def round_by_sigma(number: float, sigma: float) -> str:
     """Format a number with the decimals of four digits of its sigma; empty for NaN.
 
     Digits before the decimal point are never rounded, nor numbers without a valid sigma.
@@ -67,4 +69,36 @@ def rounded(number: float, sigma: float) -> str:
         return ""
     if not (math.isfinite(sigma) and sigma > 0):
         return str(float(number))
-    return f"{number:.{max(DIGITS - 1 - math.floor(math.log10(sigma)), 0)}f}"
+    return f"{number:.{max(SIGMA_DIGITS - 1 - math.floor(math.log10(sigma)), 0)}f}"
+
+
+PROFILES_HEADER = (
+    "profile",
+    "label",
+    *chain.from_iterable(zip(PLACE_KEYS, SIGMA_KEYS, strict=True)),
+)
+
+
+def write_profiles_csv(result: Result, path: str | Path) -> None:
+    """Write profiles.csv.
+
+    Stations and offsets (to the right positive) are along the line from a profile's first point to
+    its last; heights, also those of the ground below, are above its first point.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    replace_text(Path(path), dump_profiles_csv(result))
+
+
+def dump_profiles_csv(result: Result) -> str:
+    """Return the text of profiles.csv, with as many digits as measurements.csv."""
+    rows = result.profiles
+    cells = []
+    for i, label in enumerate(rows.label):
+        pairs = zip(rows.place_m[i].tolist(), rows.sigma_m[i].tolist(), strict=True)
+        numbers = [round_by_sigma(one, sigma) for place, sigma in pairs for one in (place, sigma)]
+        cells.append((guard_formula(rows.profile[i]), guard_formula(label), *numbers))
+    return csv_text(PROFILES_HEADER, cells)

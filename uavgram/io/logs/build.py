@@ -13,20 +13,25 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.io.logs.quality.boots import StatedResets, consistent, disagreements, stated_resets
+from uavgram.io.logs.quality.boots import (
+    StatedResets,
+    find_disagreements,
+    find_stated_resets,
+    remove_inconsistent,
+)
 from uavgram.io.logs.quality.camera import event_samples, gimbal_samples
 from uavgram.io.logs.quality.samples import (
     attitude_samples,
     clock_samples,
     home_samples,
     median_undulation_m,
-    merged_sigmas,
+    merge_sigmas,
     position_samples,
     reception_samples,
     turn_rate_samples,
     velocity_samples,
 )
-from uavgram.io.logs.topics import Found, Messages, Row, Stated, T
+from uavgram.io.logs.topics import Found, Messages, Row, StatedValues, T
 from uavgram.model.flight.log import Boot, CameraEvents, FlightLog, GimbalSamples
 
 
@@ -124,40 +129,40 @@ def build_boot(messages: Messages, table: Table) -> tuple[Boot, tuple[str, ...]]
     table
         Of their format.
     """
-    positions, of_positions = first_found(messages, table.positions, position_samples)
-    attitudes, of_attitudes = first_found(messages, table.attitudes, attitude_samples)
-    gimbal, of_gimbal = first_found(messages, table.gimbal, gimbal_samples)
-    events, of_events = first_found(messages, table.events, event_samples)
+    positions, of_positions = read_first(messages, table.positions, position_samples)
+    attitudes, of_attitudes = read_first(messages, table.attitudes, attitude_samples)
+    gimbal, of_gimbal = read_first(messages, table.gimbal, gimbal_samples)
+    events, of_events = read_first(messages, table.events, event_samples)
     clocks = (clock_samples(stated) for stated in _all_stated(messages, table.clocks))
     boot = Boot(
         positions=positions,
         attitudes=attitudes,
         gimbal=gimbal,
         events=events,
-        sigmas=merged_sigmas(
+        sigmas=merge_sigmas(
             _all_stated(messages, table.sigmas),
             _all_stated(messages, table.tilts),
             next(iter(_all_stated(messages, table.fix)), None),
         ),
-        home=first_found(messages, table.home, home_samples)[0],
+        home=read_first(messages, table.home, home_samples)[0],
         clocks=tuple(clock for clock in clocks if clock is not None),
-        velocities=first_found(messages, table.velocities, velocity_samples)[0],
-        turn_rates=first_found(messages, table.turn_rates, turn_rate_samples)[0],
-        receiver=first_found(messages, table.receiver, position_samples)[0],
-        reception=first_found(messages, table.reception, reception_samples)[0],
-        resets=stated_resets(messages, table.resets),
+        velocities=read_first(messages, table.velocities, velocity_samples)[0],
+        turn_rates=read_first(messages, table.turn_rates, turn_rate_samples)[0],
+        receiver=read_first(messages, table.receiver, position_samples)[0],
+        reception=read_first(messages, table.reception, reception_samples)[0],
+        resets=find_stated_resets(messages, table.resets),
     )
-    boot, of_rows = consistent(boot)
-    other, _ = first_found(messages, table.other_attitudes, attitude_samples)
-    origin, _ = first_found(messages, table.origin, home_samples)
-    doubts = disagreements(boot, other, origin)
+    boot, of_rows = remove_inconsistent(boot)
+    other, _ = read_first(messages, table.other_attitudes, attitude_samples)
+    origin, _ = read_first(messages, table.origin, home_samples)
+    doubts = find_disagreements(boot, other, origin)
     return boot, (*of_positions, *of_attitudes, *of_gimbal, *of_events, *of_rows, *doubts)
 
 
-def first_found(
+def read_first(
     messages: Messages,
     rows: Iterable[Row | Callable[[Any], Found[T]]],
-    make: Callable[[Stated], Found[T]],
+    make: Callable[[StatedValues], Found[T]],
 ) -> Found[T]:
     """Return samples of the first row that gives any, and the remarks on all rows up to it.
 
@@ -196,6 +201,6 @@ def _undulation_m(messages: Messages, table: Table) -> float:
     return float("nan")
 
 
-def _all_stated(messages: Messages, rows: Iterable[Row]) -> list[Stated]:
+def _all_stated(messages: Messages, rows: Iterable[Row]) -> list[StatedValues]:
     found = (row.stated(messages) for row in rows)
     return [stated for stated in found if stated is not None]

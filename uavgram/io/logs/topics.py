@@ -95,7 +95,7 @@ class Messages(ABC):
 
 
 @dataclass(frozen=True, eq=False)
-class Stated:
+class StatedValues:
     """Values of one quantity in N messages.
 
     Attributes
@@ -147,7 +147,7 @@ class Row:
     source: str = field(default="", kw_only=True)
     remark: str = field(default="", kw_only=True)
 
-    def stated(self, messages: Messages) -> Stated | None:
+    def stated(self, messages: Messages) -> StatedValues | None:
         """Return the values in the log's messages; None where it has none of them."""
         wanted = self.message if isinstance(self.message, tuple) else (self.message,)
         topic = messages.topic(*wanted)
@@ -159,4 +159,4 @@ class Row:
             for names, unit in zip(self.fields, per, strict=True)
         ]
         valid = None if self.valid is None else self.valid(topic)
-        return Stated(self.source or topic.name, topic.time_s, tuple(columns), valid)
+        return StatedValues(self.source or topic.name, topic.time_s, tuple(columns), valid)

@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decode import decoded
+from uavgram.imaging.photos.decode import decode_photo
 from uavgram.input_files import read_bytes
 from uavgram.io.digest import digest_inputs
 from uavgram.io.photos.camera_tags import read_all_camera_tags
-from uavgram.io.photos.files import matching_files
+from uavgram.io.photos.files import find_matching_files
 from uavgram.model.camera.board import LensSetting
 from uavgram.model.camera.tags import CameraTags
 from uavgram.model.provenance import InputDigest
@@ -107,11 +107,11 @@ def read_grey(path: str | Path, reduction: int = 1) -> NDArray[np.uint8]:
     InputError
         The file cannot be read, or is not a photo.
     """
-    return decoded(path, read_bytes(path), _GREY[reduction])
+    return decode_photo(path, read_bytes(path), _GREY[reduction])
 
 
 def _files(pattern: str) -> list[str]:
-    return [str(path) for path in matching_files(pattern, "name the photos of the board")]
+    return [str(path) for path in find_matching_files(pattern, "name the photos of the board")]
 
 
 def _refuse_copies(digests: Sequence[InputDigest]) -> None:

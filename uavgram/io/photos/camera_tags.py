@@ -16,9 +16,9 @@ from uavgram.io.photos.metadata import (
     exif_numbers,
     exif_text,
     read_exif_tags,
+    read_image_size,
     read_xmp,
 )
-from uavgram.io.photos.size import image_size
 from uavgram.model.camera.tags import CameraTags
 
 _BROWN, _RATIONAL = 9, 12
@@ -37,7 +37,7 @@ def read_camera_tags(path: str | Path) -> CameraTags:
         The photo cannot be read, or the maker's calibration in it is invalid.
     """
     exif, xmp = read_exif_tags(path), read_xmp(path)
-    width, height = image_size(path)
+    width, height = read_image_size(path)
     focal, step = _focal(exif)
     return CameraTags(
         path=str(path),

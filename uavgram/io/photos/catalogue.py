@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.io.photos.files import check_name, matching_files
-from uavgram.io.photos.metadata import exif_text, read_exif_tags
-from uavgram.io.photos.size import image_size
-from uavgram.io.tables.csv_tables import runs
+from uavgram.io.photos.files import check_name, find_matching_files
+from uavgram.io.photos.metadata import exif_text, read_exif_tags, read_image_size
+from uavgram.io.tables.csv_tables import is_formula
 from uavgram.model.flight.frames import Photos, TimeSource
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
@@ -89,7 +88,7 @@ def read_photos(
         at the source that the project names.
     """
     paths = find_photos(patterns)
-    sizes = np.array([image_size(path) for path in paths], dtype=np.float64)
+    sizes = np.array([read_image_size(path) for path in paths], dtype=np.float64)
     readings, source, messages = _times(paths, options)
     photos = Photos(
         frame_id=tuple(path.name for path in paths),
@@ -105,7 +104,7 @@ def read_photos(
 
 def _like_formulas(names: tuple[str, ...]) -> tuple[Message, ...]:
     """Warn of names like formulas, which tables for other programs must keep unchanged."""
-    found = [name for name in names if runs(name) or any(map(runs, name.split(",")))]
+    found = [name for name in names if is_formula(name) or any(map(is_formula, name.split(",")))]
     if not found:
         return ()
     text = (
@@ -120,7 +119,7 @@ def find_photos(patterns: tuple[str, ...]) -> list[Path]:
     """Find the files of the patterns, in the order of their names."""
     found: dict[str, Path] = {}
     for pattern in patterns:
-        files = matching_files(pattern, "correct `images` in the project")
+        files = find_matching_files(pattern, "correct `images` in the project")
         for path in files:
             check_name(path)
             other = found.setdefault(path.name, path)

@@ -9,15 +9,15 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from uavgram.errors import InputError, no_file
-from uavgram.model.limits import shown, unshowable
+from uavgram.model.limits import escape_unshowable, find_unshowable
 
 PHOTO_SUFFIXES = (".jpg", ".jpeg", ".png", ".tif", ".tiff")
 
-MOST_ENTRIES = 200_000
+MAX_ENTRIES = 200_000
 """Largest number of files and folders searched for photos: a few seconds, not a whole disk."""
 
 
-def matching_files(pattern: str, way_out: str) -> list[Path]:
+def find_matching_files(pattern: str, way_out: str) -> list[Path]:
     """Find the files of an absolute pattern, in the order of their paths.
 
     Folders that match a wildcard are skipped; any other match that is not a regular file is an
@@ -40,16 +40,16 @@ def matching_files(pattern: str, way_out: str) -> list[Path]:
         _require_few(pattern, start)
     # patterns are absolute texts that may hold ** and [..], which only glob supports
     found = glob.iglob(pattern, recursive=True)  # noqa: PTH207
-    names = sorted(itertools.islice(found, MOST_ENTRIES + 1))
-    if len(names) > MOST_ENTRIES:
-        raise InputError(pattern, f"names more than {MOST_ENTRIES:,} files: {_NARROWER}")
+    names = sorted(itertools.islice(found, MAX_ENTRIES + 1))
+    if len(names) > MAX_ENTRIES:
+        raise InputError(pattern, f"names more than {MAX_ENTRIES:,} files: {_NARROWER}")
     kinds = {name: no_file(name) for name in names}
     odd = [name for name, kind in kinds.items() if kind and not Path(name).is_dir()]
     files = [Path(name) for name, kind in kinds.items() if not kind]
     if odd or (names and not files):
         name = odd[0] if odd else names[0]
         raise InputError(
-            shown(name), f"is {kinds[name]}: take it out of {pattern!r}, or replace it"
+            escape_unshowable(name), f"is {kinds[name]}: take it out of {pattern!r}, or replace it"
         )
     if not files:
         folder = Path(pattern).parent
@@ -70,10 +70,10 @@ def _require_few(pattern: str, start: str) -> None:
     head, slash, _ = start.rpartition("/")
     folders = glob.iglob(f"{head}{slash}" or ".")  # noqa: PTH207
     entries = itertools.chain.from_iterable(_entries(folder) for folder in folders)
-    if sum(1 for _ in itertools.islice(entries, MOST_ENTRIES + 1)) > MOST_ENTRIES:
+    if sum(1 for _ in itertools.islice(entries, MAX_ENTRIES + 1)) > MAX_ENTRIES:
         raise InputError(
             pattern,
-            f"looks through more than {MOST_ENTRIES:,} files and folders (** stands for all "
+            f"looks through more than {MAX_ENTRIES:,} files and folders (** stands for all "
             f"folders, however deep): {_NARROWER}",
         )
 
@@ -84,7 +84,7 @@ def _entries(folder: str) -> Iterator[str]:
         yield from files
 
 
-def bounded(paths: Iterable[Path], folder: Path) -> Iterator[Path]:
+def limit_entries(paths: Iterable[Path], folder: Path) -> Iterator[Path]:
     """Yield the results of a walk through a folder, up to the same limit.
 
     Raises
@@ -93,10 +93,10 @@ def bounded(paths: Iterable[Path], folder: Path) -> Iterator[Path]:
         There are more.
     """
     for count, path in enumerate(paths):
-        if count >= MOST_ENTRIES:
+        if count >= MAX_ENTRIES:
             raise InputError(
                 folder,
-                f"holds more than {MOST_ENTRIES:,} files: name the folder of one flight, not a "
+                f"holds more than {MAX_ENTRIES:,} files: name the folder of one flight, not a "
                 "whole disk",
             )
         yield path
@@ -113,7 +113,7 @@ def check_name(path: Path) -> None:
     written = os.fsencode(path).decode(errors="backslashreplace")
     if written != str(path):
         raise InputError(
-            shown(written), "the photo's name is no text that can be written: rename it"
+            escape_unshowable(written), "the photo's name is no text that can be written: rename it"
         )
-    if fault := unshowable(path.name):
-        raise InputError(shown(str(path)), f"the photo's name holds {fault}: rename it")
+    if fault := find_unshowable(path.name):
+        raise InputError(escape_unshowable(str(path)), f"the photo's name holds {fault}: rename it")

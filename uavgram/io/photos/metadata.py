@@ -1,25 +1,26 @@
-"""Metadata of a photo: EXIF and XMP tags, without decoding it."""
+"""Metadata of a photo: EXIF and XMP tags, width and height, without decoding it."""
 
 from __future__ import annotations
 
 import logging
 import math
+import mmap
 import struct
 import threading
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from itertools import islice
-from mmap import mmap
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 from xml.parsers import expat
 
+import cv2
 import exifread
 import numpy as np
 
 from uavgram.errors import InputError, no_file
 from uavgram.geometry.earth.geodesy import Origin
-from uavgram.input_files import read_bytes
+from uavgram.input_files import read_bytes, refuse_unread
 
 APP0, APP1, SOS, EOI = 0xE0, 0xE1, 0xDA, 0xD9
 START = b"\xff\xd8"
@@ -52,7 +53,7 @@ class Jpeg:
         return None
 
 
-def read_segments(data: bytes | mmap) -> Iterator[tuple[Segment, int]]:
+def read_segments(data: bytes | mmap.mmap) -> Iterator[tuple[Segment, int]]:
     """Yield the segments of a JPEG file, each with its end in bytes; nothing for other formats.
 
     The last one, without payload, is the marker of the first scan (or of the end of the file): if
@@ -106,7 +107,7 @@ _WHAT_EXIFREAD_RAISES = (
     *(AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError),
     *(struct.error, ZeroDivisionError),
 )
-MOST_BYTES, MOST_READS = 64_000_000, 1_000_000
+MAX_BYTES, MAX_READS = 64_000_000, 1_000_000
 """Limits of reading a photo's tags: a camera writes some 100 kB; more means damage or an attack."""
 
 _here = threading.local()
@@ -125,7 +126,7 @@ def read_exif_tags(path: str | Path) -> dict[str, Any]:
     _here.is_reading = True
     try:
         with Path(path).open("rb") as file:
-            metered = cast("BinaryIO", _Metered(file))
+            metered = cast("BinaryIO", _LimitedFile(file))
             return dict(exifread.process_file(metered, details=False, extract_thumbnail=False))
     except OSError as fault:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
@@ -137,13 +138,13 @@ def read_exif_tags(path: str | Path) -> dict[str, Any]:
         _here.is_reading = False
 
 
-class _Metered:
+class _LimitedFile:
     """File with a limit on the bytes and reads: a tag may state any length up to 4 GB."""
 
     def __init__(self, file: BinaryIO) -> None:
         self.seek, self.tell = file.seek, file.tell
         self._read = file.read
-        self._bytes, self._reads = MOST_BYTES, MOST_READS
+        self._bytes, self._reads = MAX_BYTES, MAX_READS
 
     def read(self, size: int) -> bytes:
         self._bytes -= size
@@ -237,7 +238,7 @@ def _degrees(tags: dict[str, Any], name: str, negative: str) -> float:
     return -size if reference.startswith(negative) else size
 
 
-def site_of(paths: Iterable[str | Path]) -> Origin | None:
+def read_first_site(paths: Iterable[str | Path]) -> Origin | None:
     """Return the place of the first photo whose EXIF has one; None where there is none."""
     for path in islice((path for path in paths if Path(path).is_file()), _MOST_LOOKED_AT):
         place = read_exif_place(path)
@@ -342,3 +343,82 @@ def parse_xmp(packet: bytes) -> XmpTags:
 def _key(qualified: str) -> tuple[str, str]:
     namespace, _, name = qualified.rpartition(_SEPARATOR)
     return namespace.rstrip("/"), name
+
+
+_TIFF = (b"II*\0", b"MM\0*")
+_PNG = b"\x89PNG\r\n\x1a\n"
+_TIFF_SIDES = ("ImageWidth", "ImageLength")
+# Start-of-frame markers of JPEG (ITU-T T.81, table B.1), without 0xC4, 0xC8 and 0xCC.
+_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+
+
+def read_image_size(path: str | Path) -> tuple[int, int]:
+    """Read width and height [px] of the stored, unrotated image.
+
+    JPEG, PNG and TIFF are read from their headers; every other format is decoded by OpenCV. A JPEG
+    is also checked for its end marker: a truncated file cannot be decoded.
+
+    Raises
+    ------
+    InputError
+        The file is missing, truncated, of an unsupported format, or not a photo.
+    """
+    if what := no_file(path):
+        raise InputError(path, f"is {what}: take it out of `images`")
+    refuse_unread(path)
+    is_whole = True
+    try:
+        with Path(path).open("rb") as file:
+            head = file.read(26)
+            if head.startswith(START):
+                with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+                    size, is_whole = _jpeg_size(content)
+            elif head[:8] == _PNG and len(head) >= 24:
+                size = struct.unpack(">II", head[16:24])
+            elif head[:4] in _TIFF:
+                size = _tiff_size(path)
+            else:
+                size = _decoded_size(path)
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror}") from error
+    if size is None or min(size) <= 0:
+        raise InputError(path, "is no photo that can be read; take it out of `images`")
+    if not is_whole:
+        raise InputError(
+            path,
+            "is cut off, the end of the picture is missing: copy it from the camera once more, or "
+            "take it out of `images`",
+        )
+    return int(size[0]), int(size[1])
+
+
+def _jpeg_size(content: mmap.mmap) -> tuple[tuple[int, int] | None, bool]:
+    """Read the size, and whether the end marker is somewhere after the frame header."""
+    for segment, end in read_segments(content):
+        if segment.marker in _JPEG_FRAMES and len(segment.payload) >= 5:
+            height, width = struct.unpack_from(">HH", segment.payload, 1)
+            return (width, height), content.rfind(b"\xff\xd9", end) >= 0
+    return None, True
+
+
+def _tiff_size(path: str | Path) -> tuple[int, int] | None:
+    """Read the size of the first picture from the tags.
+
+    A decoder could be made to allocate gigabytes by a false header.
+    """
+    tags = read_exif_tags(path)
+    sides = [getattr(tags.get(f"Image {name}"), "values", []) for name in _TIFF_SIDES]
+    numbers = [side[0] for side in sides if side and isinstance(side[0], int)]
+    return (numbers[0], numbers[1]) if len(numbers) == 2 else None
+
+
+def _decoded_size(path: str | Path) -> tuple[int, int] | None:
+    if str(path).isascii() and not cv2.haveImageReader(str(path)):
+        return None
+    # Decode the content, as OpenCV finds no file with an umlaut in its name on Windows.
+    image = cv2.imdecode(
+        np.fromfile(path, np.uint8), cv2.IMREAD_UNCHANGED | cv2.IMREAD_IGNORE_ORIENTATION
+    )
+    if image is None:
+        return None
+    return image.shape[1], image.shape[0]

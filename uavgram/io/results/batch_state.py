@@ -56,7 +56,7 @@ def append_record(path: Path, record: SurveyRecord) -> None:
         os.fsync(stream.fileno())
 
 
-def stat_of(path: str | Path) -> tuple[int, int]:
+def read_file_stat(path: str | Path) -> tuple[int, int]:
     """Return size and modification time [ns]; (-1, -1) for a missing file."""
     try:
         found = Path(path).stat()
@@ -65,7 +65,7 @@ def stat_of(path: str | Path) -> tuple[int, int]:
     return found.st_size, found.st_mtime_ns
 
 
-def state_of(path: str | Path) -> FileState:
+def read_file_state(path: str | Path) -> FileState:
     """Return the current state of a file; a change while it is read is noticed next time.
 
     Raises
@@ -73,16 +73,16 @@ def state_of(path: str | Path) -> FileState:
     InputError
         It cannot be read.
     """
-    _, changed = stat_of(path)
+    _, changed = read_file_stat(path)
     digest: InputDigest = digest_file(path)
     return FileState(
         path=str(path), size_bytes=digest.size_bytes, changed_ns=changed, sha256=digest.sha256
     )
 
 
-def is_as_it_was(state: FileState) -> bool:
+def is_unchanged(state: FileState) -> bool:
     """Return whether a file has its earlier content; a new modification time alone is no change."""
-    size, changed = stat_of(state.path)
+    size, changed = read_file_stat(state.path)
     if size != state.size_bytes:
         return False
     return changed == state.changed_ns or digest_file(state.path).sha256 == state.sha256

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.io.outputs import replace_text
-from uavgram.io.results.codec import Record, Table, encode, joined, records
-from uavgram.io.results.results_json import dump_inputs, one_record_a_line
+from uavgram.io.results.codec import Record, Table, encode, join_records, records
+from uavgram.io.results.results_json import dump_inputs, format_record_per_line
 from uavgram.model.camera.calibration_result import (
     CalibrationAccount,
     CalibrationResult,
@@ -67,7 +67,7 @@ def calibration_text(account: CalibrationAccount) -> str:
         ],
         "messages": [message.record() for message in account.messages],
     }
-    return one_record_a_line(content)
+    return format_record_per_line(content)
 
 
 def _without(value: object, *keys: str) -> Record:
@@ -103,5 +103,5 @@ def _photos(result: CalibrationResult) -> list[Record]:
         board_from_camera=result.photos.poses.world_from_camera,
         covariance=result.photos.poses.covariance,
     )
-    rows = joined(_PHOTOS.dump(result.photos), poses)
+    rows = join_records(_PHOTOS.dump(result.photos), poses)
     return [row | {"corners": count} for row, count in zip(rows, corners, strict=True)]

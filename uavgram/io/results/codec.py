@@ -177,7 +177,7 @@ def _rows(columns: Mapping[str, Sequence[Json]]) -> list[Record]:
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
 
 
-def joined(*tables: Sequence[Record]) -> list[Record]:
+def join_records(*tables: Sequence[Record]) -> list[Record]:
     """Merge the records of several lists, row by row."""
     return [
         {k: v for part in parts for k, v in part.items()} for parts in zip(*tables, strict=True)

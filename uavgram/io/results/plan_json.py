@@ -12,7 +12,7 @@ from uavgram.input_files import read_text
 from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.codec import Record, encode, from_record
-from uavgram.io.results.results_json import load_message, one_record_a_line
+from uavgram.io.results.results_json import format_record_per_line, load_message
 from uavgram.model.planned import (
     AccuracyGrid,
     FlightPlanned,
@@ -35,7 +35,7 @@ def write_plan(plan: FlightPlanned, path: str | Path) -> None:
     """
     messages = [message.record() for message in plan.messages]
     record = {"plan_schema": SCHEMA} | encode(plan) | {"messages": messages}
-    replace_text(Path(path), one_record_a_line(record))
+    replace_text(Path(path), format_record_per_line(record))
 
 
 def is_plan(path: Path) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -19,15 +20,14 @@ from uavgram.io.json_text import parse_json
 from uavgram.io.outputs import replace_text
 from uavgram.io.results import tables
 from uavgram.io.results.codec import Json, Record, decode, encode, from_record, numbers
-from uavgram.io.results.verdict_json import dump_verdict, load_verdict
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.message import NUMBERS, SUBJECTS, Message
+from uavgram.model.message import NUMBERS, SUBJECTS, Correction, Message, Remedy
 from uavgram.model.provenance import InputDigest, Provenance
 from uavgram.model.result.reliability import (
     AreaNoise,
     ChecksOverall,
     ErrorBudget,
-    LearntSigma,
+    EstimatedSigma,
     Noise,
     PickNoise,
     RemovalRecord,
@@ -38,10 +38,61 @@ from uavgram.model.result.shared import (
     Estimate,
     OrientationCorrelation,
     SharedResult,
-    learnt_camera,
+    compare_cameras,
 )
 from uavgram.model.result.tables import MonteCarloResults, TieSummary
+from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.model.survey.survey import Geodetic, World
+
+_ADDED: Record = {"plain": "", "mend": None, "instead": []}
+"""Keys of a reason that are left out where they are empty."""
+
+
+def dump_verdict(verdict: Verdict) -> Record:
+    """Return level and reasons."""
+    return {"level": verdict.level, "reasons": [_dump_reason(one) for one in verdict.reasons]}
+
+
+def load_verdict(record: Record) -> Verdict:
+    """Invert `dump_verdict`."""
+    return from_record(
+        Verdict, record, reasons=tuple(_load_reason(one) for one in record["reasons"])
+    )
+
+
+def _dump_reason(reason: Reason) -> Record:
+    record: Record = encode(reason)
+    if reason.mend is not None:
+        record["mend"] = _dump_remedy(reason.mend)
+    record["instead"] = [_dump_remedy(one) for one in reason.instead]
+    return {key: value for key, value in record.items() if value != _ADDED.get(key, "always")}
+
+
+def _load_reason(record: Record) -> Reason:
+    record = _ADDED | record
+    mend = None if record["mend"] is None else _load_remedy(record["mend"])
+    instead = tuple(_load_remedy(one) for one in record["instead"])
+    return from_record(Reason, record, mend=mend, instead=instead)
+
+
+def _dump_remedy(remedy: Remedy) -> Record:
+    changes = [_without_empty(encode(one)) for one in remedy.corrections]
+    return {"action": remedy.action, "words": remedy.words, "corrections": changes}
+
+
+def _without_empty(record: Record) -> Record:
+    return {key: value for key, value in record.items() if value not in ("", None, [])}
+
+
+def _load_remedy(record: Record) -> Remedy:
+    changes = tuple(_load_correction(one) for one in record["corrections"])
+    return from_record(Remedy, record, corrections=changes)
+
+
+def _load_correction(record: Record) -> Correction:
+    empty: dict[str, Any] = {one.name: encode(one.default) for one in fields(Correction)[1:]}
+    return from_record(Correction, empty | record)
+
 
 SCHEMA = 1
 
@@ -96,7 +147,7 @@ def dump_results(result: Result) -> str:
     }
     if (budget := result.error_budget) is not None:
         content["error_budget"] = {"sources": list(budget.source), "shares": encode(budget.share)}
-    return one_record_a_line(tables.with_evidence(result, content))
+    return format_record_per_line(tables.add_evidence(result, content))
 
 
 def write_results(result: Result, path: str | Path) -> None:
@@ -163,7 +214,7 @@ def _result(content: Record) -> Result:
     )
 
 
-def one_record_a_line(content: dict[str, Any]) -> str:
+def format_record_per_line(content: dict[str, Any]) -> str:
     """Return JSON with a line for each key, and for each record of a list, fit for diff."""
     compact = json.JSONEncoder(ensure_ascii=False, allow_nan=False).encode
     lines = []
@@ -291,7 +342,7 @@ def _dump_shared(result: Result) -> Record:
     The camera's are compared with the calibration before the survey.
     """
     shared = result.shared
-    learnt = learnt_camera(result.camera, shared.intrinsics)
+    learnt = compare_cameras(result.camera, shared.intrinsics)
     return {
         **{key: _dump_estimate(getattr(shared, key)) for key in _TELEMETRY},
         "readout_s": _dump_estimate(shared.readout_s),
@@ -357,8 +408,8 @@ def _load_noise(record: Record | None) -> Noise | None:
         roughness=tuple(
             from_record(AreaNoise, one, area=area) for area, one in record["roughness"].items()
         ),
-        lengths=decode(LearntSigma | None, record["lengths"]),
-        identification=decode(LearntSigma | None, record["identification"]),
+        lengths=decode(EstimatedSigma | None, record["lengths"]),
+        identification=decode(EstimatedSigma | None, record["identification"]),
     )
 
 

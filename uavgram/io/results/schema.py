@@ -33,12 +33,12 @@ from uavgram.model.provenance import Provenance
 from uavgram.model.result.reliability import (
     AreaNoise,
     ChecksOverall,
-    LearntSigma,
+    EstimatedSigma,
     PickNoise,
     RemovalRecord,
 )
 from uavgram.model.result.result import SolutionSummary
-from uavgram.model.result.shared import LearntCamera, OrientationCorrelation
+from uavgram.model.result.shared import CameraUpdate, OrientationCorrelation
 from uavgram.model.result.tables import MonteCarloResults, TieSummary
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.model.survey.survey import Geodetic, World
@@ -282,7 +282,7 @@ def _estimate(numbers: int) -> Record:
 
 
 def _shared() -> Record:
-    learnt = _properties(LearntCamera)
+    learnt = _properties(CameraUpdate)
     return _object(
         {
             **{
@@ -328,8 +328,8 @@ def _noise() -> Record:
         {
             "picks": _by_name(_object(_properties(PickNoise, without=("source",)))),
             "roughness": _by_name(_object(_properties(AreaNoise, without=("area",)))),
-            "lengths": _or_null(_record(LearntSigma)),
-            "identification": _or_null(_record(LearntSigma)),
+            "lengths": _or_null(_record(EstimatedSigma)),
+            "identification": _or_null(_record(EstimatedSigma)),
         }
     )
 

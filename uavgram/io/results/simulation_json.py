@@ -1,15 +1,16 @@
-"""Writer of simulation.json: summary of many repetitions of a survey, and each of them."""
+"""Writers of simulation.json and study.json: repetitions of a survey, and studies of photos."""
 
 from __future__ import annotations
 
 import json
+import math
 from collections import Counter
 from pathlib import Path
 
-from uavgram.io.results.codec import Record, encode
-from uavgram.model.simulation import Accuracy, Repetitions, Simulation
+from uavgram.io.results.codec import Json, Record, encode
+from uavgram.model.simulation import SOURCES, Accuracy, Repetitions, Simulation, Study
 
-SCHEMA = 1
+SIMULATION_SCHEMA = 1
 SHARES = ("68", "95", "99.7")
 
 
@@ -30,7 +31,7 @@ def simulation_as_json(simulation: Simulation) -> Record:
     """Convert to plain data: metres and degrees; ranges are of 95 %; None for missing values."""
     found = simulation.repetitions
     return {
-        "schema": SCHEMA,
+        "schema": SIMULATION_SCHEMA,
         "name": simulation.name,
         "source": simulation.source,
         "seed": simulation.seed,
@@ -40,7 +41,7 @@ def simulation_as_json(simulation: Simulation) -> Record:
             for count, ratio in simulation.running
         ],
         "drawn_unlike_stated": [encode(one) for one in simulation.unlike],
-        "amiss": list(simulation.amiss),
+        "amiss": list(simulation.deviations),
         "variants": [
             {"name": one.name, **_summary(one.repetitions, one.accuracy)}
             for one in simulation.variants
@@ -88,3 +89,31 @@ def _measurement(found: Repetitions, accuracy: Accuracy, i: int) -> Record:
             for k, share in enumerate(SHARES)
         },
     }
+
+
+STUDY_SCHEMA = 1
+
+
+def write_studies(studies: tuple[Study, ...], path: Path) -> None:
+    """Write study.json: metres, seconds and shares; null for missing values.
+
+    Parameters
+    ----------
+    studies
+        Studies to write.
+    path
+        Output file.
+    """
+    record = {"schema": STUDY_SCHEMA, "sources": list(SOURCES), "studies": _finite(encode(studies))}
+    path.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _finite(value: Json) -> Json:
+    """Replace infinite numbers, of undetermined methods, which JSON cannot hold."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    return value

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uavgram.io.results.codec import Json, Record, Table, encode, joined, numbers
+from uavgram.io.results.codec import Json, Record, Table, encode, join_records, numbers
 from uavgram.model.naming import row_shapes
 from uavgram.model.result.known import ControlLineResults, KnownResults
 from uavgram.model.result.reliability import (
@@ -53,7 +53,7 @@ def dump_frames(frames: FrameResults) -> list[Record]:
     """Return the frames; a missing pose is null."""
     seed, refined = _dump_poses(frames.seed), _dump_poses(frames.refined)
     poses = [{"seed": a, "refined": b} for a, b in zip(seed, refined, strict=True)]
-    return joined(FRAMES.dump(frames), poses)
+    return join_records(FRAMES.dump(frames), poses)
 
 
 def load_frames(records: Sequence[Record]) -> FrameResults:
@@ -76,11 +76,11 @@ def _load_poses(rows: Sequence[Record | None]) -> PoseTable:
 
 def dump_points(points: PointResults) -> list[Record]:
     """Return the ground points; angles in degrees for people, and in the original radians."""
-    relative = joined(RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
+    relative = join_records(RELATIVE.dump(points.relative), _dump_ellipses(points.relative))
     for row, off_ground in zip(relative, points.is_off_ground, strict=True):
         if not off_ground:
             del row["covariance_m3"]
-    return joined(
+    return join_records(
         POINTS.dump(points), _dump_ellipses(points), [{"relative": row} for row in relative]
     )
 
@@ -122,16 +122,18 @@ def load_measurements(records: Sequence[Record], correlation: Json) -> Measureme
     )
 
 
-def with_evidence(result: Result, content: Record) -> Record:
+def add_evidence(result: Result, content: Record) -> Record:
     """Add the reliability of lengths, picks, priors and measurements, row by row."""
     if (evidence := result.evidence) is not None:
-        content["lines"] = joined(content["lines"], EFFECTS.dump(evidence.lines))
-        content["picks"] = joined(content["picks"], EFFECTS.dump(evidence.picks))
-        content["measurements"] = joined(content["measurements"], _dump_weakest(evidence.weakest))
+        content["lines"] = join_records(content["lines"], EFFECTS.dump(evidence.lines))
+        content["picks"] = join_records(content["picks"], EFFECTS.dump(evidence.picks))
+        content["measurements"] = join_records(
+            content["measurements"], _dump_weakest(evidence.weakest)
+        )
         priors = evidence.priors
-        content["priors"] = joined(PRIORS.dump(priors), EFFECTS.dump(priors.effects))
+        content["priors"] = join_records(PRIORS.dump(priors), EFFECTS.dump(priors.effects))
     if result.second_order is not None:
-        content["measurements"] = joined(
+        content["measurements"] = join_records(
             content["measurements"], SECOND_ORDER.dump(result.second_order)
         )
     return content

@@ -33,17 +33,17 @@ from uavgram.model.limits import (
     LARGEST_SIGMA,
     SMALLEST_SIGMA,
     UNSHOWABLE,
+    find_unshowable,
     has_decimal_comma,
     length_fault,
     name_fault,
+    replace_decimal_comma,
     sigma_fault,
-    unshowable,
-    with_point,
 )
 
 _LINE = re.compile(r"[^\r\n]+")
 _BLOCK = 10_000  # rows at a time
-_LONGEST_LINE = 100_000  # a cell may be as long for the csv module
+_MAX_LINE_CHARACTERS = 100_000  # a cell may be as long for the csv module
 _BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -85,7 +85,7 @@ def read_blocks(path: Path) -> Iterator[Block]:
         while rows := list(itertools.islice(records, _BLOCK)):
             yield _block(rows, width)
         return
-    mark = separator_of(text)
+    mark = find_separator(text)
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     at, header = next(_records(path, text))
     width = len(header)
@@ -98,7 +98,9 @@ def read_blocks(path: Path) -> Iterator[Block]:
 
 def _plain_block(lines: Sequence[str], first: int, width: int, mark: str) -> Block | None:
     """Split lines without quotes, none of them blank or torn; None where this does not hold."""
-    if {line.count(mark) for line in lines} != {width - 1} or max(map(len, lines)) > _LONGEST_LINE:
+    if {line.count(mark) for line in lines} != {width - 1} or max(
+        map(len, lines)
+    ) > _MAX_LINE_CHARACTERS:
         return None
     cells = mark.join(lines).split(mark)
     columns = [cells[k::width] for k in range(width)]
@@ -124,7 +126,7 @@ def csv_text(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
     return text.getvalue()
 
 
-def separator_of(text: str) -> str:
+def find_separator(text: str) -> str:
     """Return the separator of a table: a semicolon where its header has one and no comma."""
     lines = (match[0] for match in _LINE.finditer(text))
     header = next((line for line in lines if line.strip(" ,;")), "")
@@ -134,12 +136,12 @@ def separator_of(text: str) -> str:
 def may_hold_commas(path: Path) -> bool:
     """Return whether cells of a table can hold commas: in quotes, or between semicolons."""
     text = read_text(path)
-    return '"' in text or separator_of(text) == ";"
+    return '"' in text or find_separator(text) == ";"
 
 
 def _records(path: Path, text: str, mark: str = "") -> Iterator[tuple[int, list[str]]]:
     """Yield line and cells of each row that is not blank; `mark` is the separator, if known."""
-    mark = mark or separator_of(text)
+    mark = mark or find_separator(text)
     reader = csv.reader(io.StringIO(text, newline=""), delimiter=mark, strict=True)
     line = 1
     try:
@@ -171,24 +173,24 @@ def _looks_like_utf_16(start: bytes) -> bool:
 
 
 _PLAIN_NUMBER = re.compile(r"[-+]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]+)?")
-_RUNS = re.compile(r"[\s'\0]*[=+\-@\uff1d\uff0b\uff0d\uff20]|[ ']*[\t\r\n]")
+_FORMULA = re.compile(r"[\s'\0]*[=+\-@\uff1d\uff0b\uff0d\uff20]|[ ']*[\t\r\n]")
 """Pattern of the beginning of a formula, after any apostrophes, so that one more has no effect."""
 
 
-def runs(text: str) -> bool:
+def is_formula(text: str) -> bool:
     """Return whether a cell, or its text after a semicolon, begins like a formula."""
     parts = text.split(";")
     return any(_begins_a_formula(part) and not part.startswith("'") for part in parts)
 
 
-def guarded(text: str) -> str:
+def guard_formula(text: str) -> str:
     """Convert text to a cell that no spreadsheet executes."""
-    if not _RUNS.match(text) and ";" not in text:
+    if not _FORMULA.match(text) and ";" not in text:
         return text
     return ";".join("'" + part if _begins_a_formula(part) else part for part in text.split(";"))
 
 
-def readable(cell: str) -> str:
+def unguard_formula(cell: str) -> str:
     """Convert a guarded cell to its original text."""
     if "'" not in cell:
         return cell
@@ -199,7 +201,7 @@ def readable(cell: str) -> str:
 
 
 def _begins_a_formula(part: str) -> bool:
-    return _RUNS.match(part) is not None and not _PLAIN_NUMBER.fullmatch(part.lstrip("'"))
+    return _FORMULA.match(part) is not None and not _PLAIN_NUMBER.fullmatch(part.lstrip("'"))
 
 
 _NUMBER = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
@@ -275,7 +277,7 @@ class Table:
     has_word: dict[str, Bools]
     faults: list[tuple[int | None, str]] = field(default_factory=list)
 
-    def blame(self, row: int, message: str) -> None:
+    def add_fault(self, row: int, message: str) -> None:
         """Report a mistake in a row."""
         self.faults.append((int(self.line[row]), message))
 
@@ -287,30 +289,30 @@ class Table:
     def require_range(self, name: str, limit: float) -> None:
         """Report every number of a column whose magnitude exceeds the limit."""
         odd = np.abs(self.numbers[name]) > limit
-        self._blame_numbers(name, odd, lambda _: f"must lie between -{limit:g} and {limit:g}")
+        self._add_number_faults(name, odd, lambda _: f"must lie between -{limit:g} and {limit:g}")
 
     def require_length(self, name: str) -> None:
         """Report every number of a column that is not a valid length (empty cells pass)."""
-        self._blame_numbers(name, np.isfinite(self.numbers[name]), length_fault)
+        self._add_number_faults(name, np.isfinite(self.numbers[name]), length_fault)
 
     def require_sigma(self, name: str) -> None:
         """Report every number of a column that is not a valid sigma (empty cells pass)."""
         values = self.numbers[name]
         odd = (values < SMALLEST_SIGMA) | (values > LARGEST_SIGMA)
-        self._blame_numbers(name, odd, sigma_fault)
+        self._add_number_faults(name, odd, sigma_fault)
 
-    def _blame_numbers(self, name: str, rows: Bools, fault_of: Callable[[float], str]) -> None:
+    def _add_number_faults(self, name: str, rows: Bools, fault_of: Callable[[float], str]) -> None:
         for row in np.flatnonzero(rows).tolist():
             value = float(self.numbers[name][row])
             if fault := fault_of(value):
-                self.blame(row, f"{name} {fault} (got {value:g})")
+                self.add_fault(row, f"{name} {fault} (got {value:g})")
 
     def require_short(self, *names: str) -> None:
         """Report every name that is too long."""
         for name in names:
             for row, text in enumerate(self.text[name]):
                 if fault := name_fault(text):
-                    self.blame(row, f"{name} {fault} (it begins with {text[:32]!r})")
+                    self.add_fault(row, f"{name} {fault} (it begins with {text[:32]!r})")
 
     def require_unique(self, name: str, what: str) -> None:
         """Report every text of a column that occurs in an earlier row too."""
@@ -318,7 +320,7 @@ class Table:
         for row, word in enumerate(self.text[name]):
             if word and word in first:
                 earlier = self.line[first[word]]
-                self.blame(
+                self.add_fault(
                     row, f"{what} {word!r} stands in line {earlier} already: rename or remove one"
                 )
             first.setdefault(word, row)
@@ -435,10 +437,10 @@ class _Column:
             return [*faults, *wrong]
         together = "".join(cells)
         if "'" in together:
-            cells = list(map(readable, cells))
+            cells = list(map(unguard_formula, cells))
         if UNSHOWABLE.search(together):
             faults += [
-                (row, f"{self.name} holds {unshowable(cell)}: type it again")
+                (row, f"{self.name} holds {find_unshowable(cell)}: type it again")
                 for row, cell in enumerate(cells)
                 if UNSHOWABLE.search(cell)
             ]
@@ -465,7 +467,7 @@ def _header_faults(header: Sequence[str], columns: Columns) -> list[str]:
     return faults
 
 
-def own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
+def find_own_columns(path: str | Path, columns: Columns) -> tuple[str, ...]:
     """Return the names of users' own columns in a table, which are not read."""
     _, header = read_header(Path(path)) or (1, [])
     return tuple(name for name in header if name not in columns.known)
@@ -503,7 +505,7 @@ def parse_number(text: str) -> float | None:
 
     A decimal comma is accepted where it is unambiguous: ``1,5``, not ``12,001``.
     """
-    text = with_point(text)
+    text = replace_decimal_comma(text)
     value = float(text) if _NUMBER.fullmatch(text) else np.inf
     return value if abs(value) <= LARGEST_NUMBER else None
 

@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
-from uavgram.io.tables.measure import POINT_COUNTS, parameters_of, points_of, request_fault
+from uavgram.io.tables.measure import POINT_COUNTS, read_parameters, read_points, request_fault
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.known import NOT_KNOWN, ON_LINE, STRAIGHTNESS_M, ControlLines, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest
@@ -42,12 +42,12 @@ def read_lines(path: str | Path) -> KnownLines:
     table.require_unique("name", "line")
     for row, (start, end) in enumerate(zip(table.text["from"], table.text["to"], strict=True)):
         if start and start == end:
-            table.blame(row, f"goes from {start!r} to itself: 'to' must be another label")
+            table.add_fault(row, f"goes from {start!r} to itself: 'to' must be another label")
     for column, words in _WORDS.items():
         for row, word in enumerate(table.text[column]):
             if word and word not in words:
                 hint = f": {guess}" if (guess := near_miss(word, words)) else ""
-                table.blame(row, f"{column} must be {' or '.join(words)} (got {word!r}){hint}")
+                table.add_fault(row, f"{column} must be {' or '.join(words)} (got {word!r}){hint}")
     table.raise_faults()
     return KnownLines(
         name=table.text["name"],
@@ -130,7 +130,7 @@ def _check_cells(table: Table, names: tuple[str, ...]) -> None:
     for name in names:
         for row in np.flatnonzero(np.isnan(table.numbers[name])):
             if int(table.line[row]) not in blamed:
-                table.blame(int(row), f"{name} is empty")
+                table.add_fault(int(row), f"{name} is empty")
 
 
 KNOWN_COLUMNS = Columns(
@@ -165,10 +165,10 @@ def read_known(path: str | Path) -> KnownThings:
     points, parameters = [], []
     for row, kind in enumerate(table.text["kind"]):
         if kind and kind not in KNOWN_KINDS:
-            table.blame(row, _unknown(kind))
+            table.add_fault(row, _unknown(kind))
         is_known = kind in KNOWN_KINDS
         parameters.append(
-            parameters_of(table, row, kind, (), KNOWN_KINDS[kind].parameters) if is_known else ()
+            read_parameters(table, row, kind, (), KNOWN_KINDS[kind].parameters) if is_known else ()
         )
         points.append(_points(table, row, kind, parameters[-1]) if is_known else ())
         if is_known:
@@ -176,7 +176,7 @@ def read_known(path: str | Path) -> KnownThings:
     for row, word in enumerate(table.text["use"]):
         if word and word not in _USES:
             hint = f": {guess}" if (guess := near_miss(word, _USES)) else ""
-            table.blame(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
+            table.add_fault(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
     table.raise_faults()
     return KnownThings(
         name=table.text["name"],
@@ -201,14 +201,14 @@ def _points(
     table: Table, row: int, kind: str, parameters: tuple[tuple[str, float], ...]
 ) -> tuple[str, ...]:
     least, most = _COUNTS[kind]
-    points = points_of(table, row, kind, (least, most))
+    points = read_points(table, row, kind, (least, most))
     if kind in POINT_COUNTS and points:
         request = MeasurementRequest(name="", kind=kind, points=points, parameters=parameters)
         if fault := request_fault(request):
-            table.blame(row, fault)
+            table.add_fault(row, fault)
     is_right = least <= len(points) <= (most or len(points))
     if is_right and (fault := KNOWN_KINDS[kind].points_fault(points)):
-        table.blame(row, f"kind {kind} {fault}")
+        table.add_fault(row, f"kind {kind} {fault}")
     return points
 
 
@@ -217,18 +217,18 @@ def _check_value(table: Table, row: int, kind: str) -> None:
     value = float(table.numbers["value"][row])
     if not KNOWN_KINDS[kind].has_value:
         if np.isfinite(value):
-            table.blame(row, f"kind {kind} has no value: leave it empty (got {value:g})")
+            table.add_fault(row, f"kind {kind} has no value: leave it empty (got {value:g})")
         return
     if not np.isfinite(value):
-        if not _blamed(table, row):
-            table.blame(row, f"kind {kind} needs a value")
+        if not _has_fault(table, row):
+            table.add_fault(row, f"kind {kind} needs a value")
         return
     fault = KNOWN_KINDS[kind].fault(value)
     if fault:
-        table.blame(row, f"value of kind {kind} {fault} (got {value:g})")
+        table.add_fault(row, f"value of kind {kind} {fault} (got {value:g})")
 
 
-def _blamed(table: Table, row: int) -> bool:
+def _has_fault(table: Table, row: int) -> bool:
     """Return whether the cell of the value is already reported as not being a number."""
     line = int(table.line[row])
     return any(where == line and text.startswith("value ") for where, text in table.faults)
@@ -285,7 +285,7 @@ def read_control_lines(path: str | Path) -> ControlLines:
     for row, word in enumerate(table.text["use"]):
         if word and word not in _USES:
             hint = f": {guess}" if (guess := near_miss(word, _USES)) else ""
-            table.blame(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
+            table.add_fault(row, f"use must be {' or '.join(_USES)} (got {word!r}){hint}")
     table.raise_faults()
     # Defaults: the vertical sigma is the horizontal one, the straightness a constant.
     plan, up, own = (table.numbers[name] for name in _SIGMAS)
@@ -332,13 +332,13 @@ def _check_ends(
             continue
         empty = [name for of in names for name in of[:2] if np.isnan(table.numbers[name][row])]
         for name in empty:
-            table.blame(row, f"{name} is empty")
+            table.add_fault(row, f"{name} is empty")
         if empty:
             continue
         heights = np.isnan(ends[row, :, 2])
         if heights.any() and not heights.all():
             lacks = names[int(np.flatnonzero(heights)[0])][2]
-            table.blame(
+            table.add_fault(
                 row,
                 f"{lacks} is empty, but the other end has a height: give both heights or none",
             )
@@ -346,7 +346,7 @@ def _check_ends(
         if kind == "geodetic":
             ahead = ahead * _DEGREE_M * np.array([1.0, np.cos(np.deg2rad(ends[row, 0, 0]))])
         if np.hypot(*ahead) < SHORTEST_M:
-            table.blame(
+            table.add_fault(
                 row,
                 f"start and end are {np.hypot(*ahead):.2f} m apart seen from above, which gives "
                 f"the line no direction: give two points at least {SHORTEST_M:g} m apart",
@@ -354,7 +354,7 @@ def _check_ends(
 
 
 def _line_points(table: Table, row: int) -> tuple[str, ...]:
-    points = points_of(table, row, ON_LINE, (1, None))
+    points = read_points(table, row, ON_LINE, (1, None))
     if len(set(points)) < len(points):
-        table.blame(row, f"points names a label twice (got {table.text['points'][row]!r})")
+        table.add_fault(row, f"points names a label twice (got {table.text['points'][row]!r})")
     return points

@@ -33,7 +33,7 @@ POINT_COUNTS: dict[MeasurementKind, tuple[int, int | None]] = {
     "volume": (3, None),
     "profile": (2, None),
 }
-THERE_AND_BACK: frozenset[MeasurementKind] = frozenset({"polyline", "skid_speed"})
+REPEATED_POINT_KINDS: frozenset[MeasurementKind] = frozenset({"polyline", "skid_speed"})
 """Kinds in which a point may occur twice, though not twice in a row."""
 
 PARAMETERS: dict[MeasurementKind, tuple[str, ...]] = {"skid_speed": ("mu", "mu_sigma")}
@@ -59,18 +59,18 @@ def read_measure(path: str | Path) -> tuple[MeasurementRequest, ...]:
             if kind:
                 known = get_args(MeasurementKind)
                 hint = near_miss(kind, known) or f"known are {', '.join(known)}"
-                table.blame(row, f"unknown kind {kind!r}: {hint}")
+                table.add_fault(row, f"unknown kind {kind!r}: {hint}")
             continue
         request = MeasurementRequest(
             name=table.text["name"][row],
             kind=kind,
-            points=points_of(table, row, kind, POINT_COUNTS[kind]),
-            parameters=parameters_of(
+            points=read_points(table, row, kind, POINT_COUNTS[kind]),
+            parameters=read_parameters(
                 table, row, kind, PARAMETERS.get(kind, ()), OPTIONAL_PARAMETERS.get(kind, ())
             ),
         )
         if fault := request_fault(request):
-            table.blame(row, fault)
+            table.add_fault(row, fault)
         requests.append(request)
     table.raise_faults()
     return tuple(requests)
@@ -87,7 +87,7 @@ def parameter_fault(name: str, value: float) -> str:
     return ""
 
 
-def counted(least: int, most: int | None) -> str:
+def format_point_count(least: int, most: int | None) -> str:
     """Format the required number of labels of a kind in words."""
     if most is None:
         return f"at least {least}"
@@ -99,9 +99,9 @@ def points_fault(request: MeasurementRequest) -> str:
     kind, points = request.kind, request.points
     least, most = POINT_COUNTS[kind]
     if len(points) < least or (most is not None and len(points) > most):
-        return f"a measurement of kind {kind} needs {counted(least, most)} labels"
+        return f"a measurement of kind {kind} needs {format_point_count(least, most)} labels"
     twice = any(a == b for a, b in itertools.pairwise(points))
-    if twice or (kind not in THERE_AND_BACK and len(set(points)) < len(points)):
+    if twice or (kind not in REPEATED_POINT_KINDS and len(set(points)) < len(points)):
         return f"a measurement of kind {kind} needs different labels"
     return request_fault(request)
 
@@ -126,7 +126,9 @@ def request_fault(request: MeasurementRequest) -> str:
 _MORE_POINTS = {"top": "one of its top", "plane": "three of the plane below"}
 
 
-def points_of(table: Table, row: int, kind: str, count: tuple[int, int | None]) -> tuple[str, ...]:
+def read_points(
+    table: Table, row: int, kind: str, count: tuple[int, int | None]
+) -> tuple[str, ...]:
     """Read the labels in the cell `points` of a row, and report their mistakes.
 
     Parameters
@@ -143,31 +145,31 @@ def points_of(table: Table, row: int, kind: str, count: tuple[int, int | None]) 
     if not written:
         return ()
     for label in filter(name_fault, points):
-        table.blame(row, f"points: a label {name_fault(label)} (it begins with {label[:32]!r})")
+        table.add_fault(row, f"points: a label {name_fault(label)} (it begins with {label[:32]!r})")
     if not all(points):
-        table.blame(row, f"points holds an empty label (got {written!r})")
+        table.add_fault(row, f"points holds an empty label (got {written!r})")
     least, most = count
     if len(points) < least or (most is not None and len(points) > most):
-        table.blame(
+        table.add_fault(
             row,
-            f"kind {kind} needs {counted(least, most)} labels joined by ';' "
+            f"kind {kind} needs {format_point_count(least, most)} labels joined by ';' "
             f"(got {len(points)}: {written!r})",
         )
     if kind == "equal_lengths":  # the second line may begin where the first one ends
         for label in dict.fromkeys(
             a for a, b in zip(points[::2], points[1::2], strict=False) if a == b
         ):
-            table.blame(row, f"points names a line from {label!r} to itself")
+            table.add_fault(row, f"points names a line from {label!r} to itself")
         return points
     # A polyline may return to a point, but no segment may go from a point to itself.
     for label in dict.fromkeys(a for a, b in itertools.pairwise(points) if a == b):
-        table.blame(row, f"points names {label!r} twice in a row")
-    if kind not in THERE_AND_BACK and len(set(points)) < len(points):
-        table.blame(row, f"kind {kind} needs different points (got {written!r})")
+        table.add_fault(row, f"points names {label!r} twice in a row")
+    if kind not in REPEATED_POINT_KINDS and len(set(points)) < len(points):
+        table.add_fault(row, f"kind {kind} needs different points (got {written!r})")
     return points
 
 
-def parameters_of(
+def read_parameters(
     table: Table, row: int, kind: str, wanted: tuple[str, ...], optional: tuple[str, ...]
 ) -> tuple[tuple[str, float], ...]:
     """Read the numbers in the cell `parameters` of a row, and report their mistakes.
@@ -187,23 +189,25 @@ def parameters_of(
         name, equals, text = (piece.strip() for piece in part.partition("="))
         number = parse_number(text)
         if not equals:
-            table.blame(row, f"parameters must be name=number joined by ';' (got {part!r})")
+            table.add_fault(row, f"parameters must be name=number joined by ';' (got {part!r})")
         elif name not in known:
             hint = near_miss(name, known) or f"it has {', '.join(known) or 'none'}"
-            table.blame(row, f"unknown parameter {name!r} of kind {kind}: {hint}")
+            table.add_fault(row, f"unknown parameter {name!r} of kind {kind}: {hint}")
         elif name in found:
-            table.blame(row, f"parameter {name!r} is there twice: remove one")
+            table.add_fault(row, f"parameter {name!r} is there twice: remove one")
         elif number is None:
-            table.blame(row, f"parameter {name} must be a number (got {text!r}){number_hint(text)}")
+            table.add_fault(
+                row, f"parameter {name} must be a number (got {text!r}){number_hint(text)}"
+            )
         if equals:
             found.setdefault(name, float("nan") if number is None else number)
     if missing := [name for name in wanted if name not in found]:
-        table.blame(
+        table.add_fault(
             row,
             f"kind {kind} needs the parameter {' and '.join(missing)}, "
             "such as mu=0.7;mu_sigma=0.05",
         )
     for name, value in found.items():
         if fault := parameter_fault(name, value):
-            table.blame(row, f"parameter {name} {fault} (got {value:g})")
+            table.add_fault(row, f"parameter {name} {fault} (got {value:g})")
     return tuple((name, found[name]) for name in known if name in found)

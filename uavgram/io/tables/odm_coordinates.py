@@ -11,7 +11,7 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged, within_area
+from uavgram.geometry.earth.geodesy import AXES_EXCHANGED, Origin, are_axes_exchanged, within_area
 from uavgram.input_files import read_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import HeightDatum
@@ -36,7 +36,7 @@ _NAMED = {
 }
 
 
-def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
+def read_content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
     """Read number and text of the lines with content; comments begin with #.
 
     Raises
@@ -52,7 +52,7 @@ def content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
     return lines
 
 
-def crs_of_header(path: Path, line: int, header: str) -> CRS:
+def parse_crs(path: Path, line: int, header: str) -> CRS:
     """Parse the coordinate system in the first line of a file.
 
     Parameters
@@ -99,7 +99,7 @@ def height_datum(crs: CRS, heights: HeightDatum) -> tuple[HeightDatum, str]:
     return heights, f"{crs.name} has no heights; world.heights was taken"
 
 
-def geodetic(
+def convert_to_geodetic(
     path: Path, crs: CRS, xyz: Floats, line: Sequence[int], site: Origin | None = None
 ) -> tuple[Floats, Floats]:
     """Convert coordinates to latitude and longitude (N,) [deg].
@@ -132,8 +132,10 @@ def geodetic(
         exchanged &= ~within_area(flat, latitude, longitude) & flat.is_projected
         what = f"is outside {crs.name}, and inside with x and y exchanged"
     else:
-        exchanged = are_exchanged((latitude, longitude), (turned_latitude, turned_longitude), site)
-        what = EXCHANGED
+        exchanged = are_axes_exchanged(
+            (latitude, longitude), (turned_latitude, turned_longitude), site
+        )
+        what = AXES_EXCHANGED
     if exchanged.any():
         text = f"{what}: {_X_FIRST}"
         raise InputError.of_all(path, [(line[k], text) for k in np.flatnonzero(exchanged).tolist()])

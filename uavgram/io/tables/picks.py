@@ -81,7 +81,7 @@ def _of_program(table: Table, name: str) -> Floats:
             except ValueError:
                 numbers[row] = np.inf
             if not math.isfinite(numbers[row]):
-                table.blame(row, f"{name} must be a number (got {text!r})")
+                table.add_fault(row, f"{name} must be a number (got {text!r})")
     return numbers
 
 
@@ -95,7 +95,7 @@ def _check_heights(table: Table) -> None:
     stated = {label for label, text in zip(table.text["label"], heights, strict=True) if text}
     for row in np.flatnonzero(np.isfinite(sigmas)).tolist():
         if table.text["label"][row] not in stated:
-            table.blame(
+            table.add_fault(
                 row,
                 f"height_sigma_m of label {table.text['label'][row]!r} is the sigma of no height: "
                 "state height_m too, or leave the sigma away",
@@ -109,10 +109,10 @@ def _written(numbers: Floats) -> list[str]:
 def _check_names(table: Table) -> None:
     for row, image in _rows_with(table, "image", _FOLDER):
         name = _FOLDER.split(image)[-1]
-        table.blame(row, f"image must be the file's name alone: {name!r} (got {image!r})")
+        table.add_fault(row, f"image must be the file's name alone: {name!r} (got {image!r})")
     for row, label in _rows_with(table, "label", _SEMICOLON):
         text = f"label {label!r} holds a semicolon, which separates labels in measure.csv"
-        table.blame(row, text)
+        table.add_fault(row, text)
 
 
 def _rows_with(table: Table, name: str, pattern: re.Pattern[str]) -> Iterator[tuple[int, str]]:
@@ -130,7 +130,7 @@ def _check_doubles(table: Table) -> None:
     ):
         if by_program[row] and all(pick) and pick in first:
             image, label, source = pick
-            table.blame(
+            table.add_fault(
                 row,
                 f"label {label!r} is found twice in image {image!r} (source {source}), first in "
                 f"line {table.line[first[pick]]}: only a click is repeated; remove one",
@@ -146,7 +146,7 @@ def _check_same(table: Table, name: str, values: Sequence[str], remedy: str) -> 
     for row, (label, value) in enumerate(zip(table.text["label"], values, strict=True)):
         earlier = first.setdefault(label, row) if value else row
         if values[earlier] != value:
-            table.blame(
+            table.add_fault(
                 row,
                 f"{name} of label {label!r} is {value} here, but {values[earlier]} in line "
                 f"{table.line[earlier]}: one physical point {remedy}",

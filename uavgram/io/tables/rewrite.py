@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import SequenceMatcher
 
-from uavgram.io.tables.csv_tables import guarded, separator_of
+from uavgram.io.tables.csv_tables import find_separator, guard_formula
 
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 # A quoted cell may hold any text; one without quotes ends at a separator or at the end of its line.
@@ -59,7 +59,7 @@ class _Kept:
     added: dict[int, list[Cells]] = field(default_factory=dict)
 
 
-def rewritten_table(
+def rewrite_table(
     content: bytes, before: Sequence[Cells], after: Sequence[Cells], key: Sequence[str]
 ) -> bytes:
     """Change a CSV file from its present to its new content.
@@ -83,7 +83,7 @@ def rewritten_table(
     """
     mark = BYTE_ORDER_MARK if content.startswith(BYTE_ORDER_MARK) else b""
     text = content[len(mark) :].decode()
-    separator = separator_of(text)
+    separator = find_separator(text)
     records = list(_records(text, separator))
     at = next(i for i, record in enumerate(records) if not record.is_blank)
     header = [_plain(cell, separator) for cell in records[at].cells]
@@ -101,7 +101,7 @@ def rewritten_table(
     return mark + "".join(record.text(separator) for record in ended).encode()
 
 
-def new_table(header: Sequence[str], rows: Sequence[Cells]) -> bytes:
+def create_table(header: Sequence[str], rows: Sequence[Cells]) -> bytes:
     """Create a CSV file with these columns; cells that a row does not have are empty."""
     lines = [",".join(header), *(_Writer(header).line(row) for row in rows)]
     return "".join(line + "\n" for line in lines).encode()
@@ -153,7 +153,7 @@ class _Writer:
             text = text.replace(".", ",")
         cell = io.StringIO()
         # with \r\n, as otherwise a lone \r would not be quoted
-        csv.writer(cell, delimiter=self.separator).writerow([guarded(text), ""])
+        csv.writer(cell, delimiter=self.separator).writerow([guard_formula(text), ""])
         return cell.getvalue().removesuffix(f"{self.separator}\r\n")
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.input_files import read_bytes
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
-from uavgram.io.tables.rewrite import Cells, new_table, rewritten_table
+from uavgram.io.tables.rewrite import Cells, create_table, rewrite_table
 from uavgram.model.survey.ties import TiePicks
 
 TIES_COLUMNS = Columns(
@@ -17,8 +17,8 @@ TIES_COLUMNS = Columns(
     optional_text=("source", "note"),
     others=True,
 )
-HEADER = ("image", "tie", "u_px", "v_px", "sigma_px", "source")
-MADE = "tie"
+TIES_HEADER = ("image", "tie", "u_px", "v_px", "sigma_px", "source")
+TIE_SOURCE = "tie"
 """Text of the column `source` for rows made by the program."""
 
 
@@ -37,7 +37,7 @@ def read_ties(path: str | Path) -> TiePicks:
     for row, image in enumerate(table.text["image"]):
         name = image.replace("\\", "/").split("/")[-1]
         if name != image:
-            table.blame(row, f"image must be the file's name alone: {name!r} (got {image!r})")
+            table.add_fault(row, f"image must be the file's name alone: {name!r} (got {image!r})")
     _check_images(table)
     table.raise_faults()
     return TiePicks(
@@ -59,21 +59,21 @@ def _check_images(table: Table) -> None:
         rows.setdefault(tie, []).append(row)
         earlier = first.setdefault((image, tie), row)
         if earlier != row:
-            table.blame(
+            table.add_fault(
                 row,
                 f"tie point {tie!r} stands twice in image {image!r}, first in line "
                 f"{table.line[earlier]}: a photo shows one point once; remove one, or rename it",
             )
     for tie, of_tie in rows.items():
         if len(of_tie) == 1:
-            table.blame(
+            table.add_fault(
                 of_tie[0],
                 f"tie point {tie!r} stands in one image only, and ties nothing: remove it, or add "
                 "its place in another image",
             )
 
 
-def ties_content(path: Path, found: TiePicks) -> bytes | None:
+def update_ties(path: Path, found: TiePicks) -> bytes | None:
     """Update ties.csv with other tie points of the program; rows from other sources stay.
 
     Parameters
@@ -97,7 +97,7 @@ def ties_content(path: Path, found: TiePicks) -> bytes | None:
     if path.exists():
         read_ties(path)
         before = _cells_of(read_table(path, TIES_COLUMNS))
-    others = [row for row in before if row["source"] != MADE]
+    others = [row for row in before if row["source"] != TIE_SOURCE]
     taken = {row["tie"] for row in others}
     prefix = ""
     while any(prefix + name in taken for name in set(found.tie)):
@@ -110,16 +110,16 @@ def ties_content(path: Path, found: TiePicks) -> bytes | None:
             "u_px": f"{u:.3f}",
             "v_px": f"{v:.3f}",
             "sigma_px": f"{sigma:.3f}",
-            "source": MADE,
+            "source": TIE_SOURCE,
         }
         for image, tie, (u, v), sigma in places
     ]
     if others:
-        return rewritten_table(read_bytes(path), before, [*others, *made], ("image", "tie"))
-    return new_table(HEADER, made) if made else None
+        return rewrite_table(read_bytes(path), before, [*others, *made], ("image", "tie"))
+    return create_table(TIES_HEADER, made) if made else None
 
 
-EMPTY = new_table(HEADER, [])
+EMPTY_TIES = create_table(TIES_HEADER, [])
 """Table without tie points: if the project names it, no new search is made."""
 
 
@@ -127,7 +127,7 @@ def count_made(path: Path) -> int:
     """Count the rows of a table made by the program; 0 where the table does not exist."""
     if not path.exists():
         return 0
-    return read_table(path, TIES_COLUMNS).text["source"].count(MADE)
+    return read_table(path, TIES_COLUMNS).text["source"].count(TIE_SOURCE)
 
 
 def _cells_of(table: Table) -> list[Cells]:

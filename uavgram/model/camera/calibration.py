@@ -214,26 +214,26 @@ DRONE_TABLE = AssumedErrors(
 )
 """Errors of the sensor size and distortion in the table, for a full frame of the sensor."""
 
-FOCAL_OF_A_STRIP = 0.08
+CROPPED_FOCAL_SIGMA = 0.08
 """Relative focal error of a photo that is not a full frame: 0.9 and 11.7 % above, rms 8.3 %."""
 
-CENTRE_OF_A_STRIP = 0.02
+CROPPED_CENTRE_SIGMA = 0.02
 """Principal point error of such a photo: rms of the six coordinates above, 1.9 % of the width."""
 
-RADIAL_UNKNOWN = (0.16, 0.25, 0.23)
+UNKNOWN_RADIAL_SIGMAS = (0.16, 0.25, 0.23)
 """Standard deviations of k1 k2 k3 of an unknown lens.
 
 Two thirds of the 57 colour cameras with distortion in the table have smaller values.
 """
 
-EQUIVALENT_FOCAL = 0.03
+EQUIVALENT_FOCAL_SIGMA = 0.03
 """Relative error of a focal length from its 35 mm equivalent, full frame.
 
 Rounded to whole millimetres (1.4 % at 20 mm), and by the diagonal or by the width (4 % apart at
 4:3): CIPA DC-008 leaves it open.
 """
 
-FOCAL_PLANE_FOCAL = 0.02
+FOCAL_PLANE_SIGMA = 0.02
 """Relative error of a focal length from EXIF's FocalPlaneXResolution and FocalPlaneYResolution.
 
 Canon's EOS 5D Mark II states a sensor of 37.06 x 24.33 mm (5616 x 3744 px at 3849.21 and 3908.14

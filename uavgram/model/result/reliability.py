@@ -61,7 +61,7 @@ class PickNoise:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LearntSigma:
+class EstimatedSigma:
     """Estimate of a sigma in metres.
 
     Attributes
@@ -120,8 +120,8 @@ class Noise:
 
     picks: tuple[PickNoise, ...]
     roughness: tuple[AreaNoise, ...]
-    lengths: LearntSigma | None = None
-    identification: LearntSigma | None = None
+    lengths: EstimatedSigma | None = None
+    identification: EstimatedSigma | None = None
 
     def called(self, picks: PickNoise) -> str:
         """Return the name of the picks of one source; just picks where people made all."""

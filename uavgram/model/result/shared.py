@@ -41,12 +41,12 @@ class OrientationCorrelation(FrozenArrays):
     with_pose: Annotated[Floats, "n", 6, "p", NAN_IS_NONE]
 
 
-LEARNT_BELOW = 0.9
+MAX_SIGMA_RATIO = 0.9
 """Largest ratio of posterior to prior sigma of a parameter that the survey determines."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LearntCamera(FrozenArrays):
+class CameraUpdate(FrozenArrays):
     """The camera before and after the survey, parameter by parameter.
 
     Attributes
@@ -63,7 +63,7 @@ class LearntCamera(FrozenArrays):
     shift
         (P,) of the value, in prior sigmas; NaN likewise.
     learnt
-        (P,) whether the survey determines the parameter: its ratio is below `LEARNT_BELOW`.
+        (P,) whether the survey determines the parameter: its ratio is below `MAX_SIGMA_RATIO`.
     """
 
     names: Annotated[tuple[str, ...], "n"]
@@ -76,7 +76,7 @@ class LearntCamera(FrozenArrays):
     learnt: Annotated[Bools, "n"]
 
 
-def learnt_camera(prior: Calibration, refined: Estimate) -> LearntCamera:
+def compare_cameras(prior: Calibration, refined: Estimate) -> CameraUpdate:
     """Compare a calibration with its estimate from the survey.
 
     Parameters
@@ -89,7 +89,7 @@ def learnt_camera(prior: Calibration, refined: Estimate) -> LearntCamera:
     sigma = np.sqrt(np.maximum(prior.covariance.diagonal(), 0.0))  # not negative by rounding
     free = np.where(sigma > 0, sigma, np.nan)
     ratio = refined.sigma / free
-    return LearntCamera(
+    return CameraUpdate(
         names=prior.parameter_names,
         prior_value=prior.parameters,
         prior_sigma=sigma,
@@ -97,7 +97,7 @@ def learnt_camera(prior: Calibration, refined: Estimate) -> LearntCamera:
         sigma=refined.sigma,
         ratio=ratio,
         shift=(refined.value - prior.parameters) / free,
-        learnt=ratio < LEARNT_BELOW,  # False for NaN
+        learnt=ratio < MAX_SIGMA_RATIO,  # False for NaN
     )
 
 

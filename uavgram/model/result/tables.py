@@ -20,7 +20,7 @@ from uavgram.model.survey.observations import Source
 SOURCES: tuple[Source, ...] = get_args(Source)
 
 
-def picks_by_source(picks: PickResults) -> dict[str, dict[Source, int]]:
+def count_picks_by_source(picks: PickResults) -> dict[str, dict[Source, int]]:
     """Count the used picks of each label by their source."""
     found: dict[str, dict[Source, int]] = {}
     for label, source, status in zip(picks.label, picks.source, picks.status, strict=True):
@@ -30,7 +30,7 @@ def picks_by_source(picks: PickResults) -> dict[str, dict[Source, int]]:
     return {label: {s: n[s] for s in SOURCES if s in n} for label, n in found.items()}
 
 
-def sources_behind(
+def find_sources(
     picks: PickResults, points: Sequence[Sequence[str]]
 ) -> tuple[tuple[Source, ...], ...]:
     """Return the sources of the picks on which each group of labels is based.
@@ -42,20 +42,20 @@ def sources_behind(
     points
         (M,) groups of labels, such as those of measurements.
     """
-    by_label = picks_by_source(picks)
+    by_label = count_picks_by_source(picks)
     made = [{source for label in labels for source in by_label.get(label, {})} for labels in points]
     return tuple(tuple(source for source in SOURCES if source in one) for one in made)
 
 
-def only_by_program(picks: PickResults, points: Sequence[Sequence[str]]) -> Bools:
+def is_only_by_program(picks: PickResults, points: Sequence[Sequence[str]]) -> Bools:
     """Return a (M,) mask of groups of labels that have picks, but none made by a person.
 
     Parameters
     ----------
     picks, points
-        As for `sources_behind`.
+        As for `find_sources`.
     """
-    behind = sources_behind(picks, points)
+    behind = find_sources(picks, points)
     return np.array([bool(one) and "hand" not in one for one in behind], dtype=np.bool_)
 
 

@@ -203,11 +203,11 @@ NO_KNOWN = KnownThings(
     parameters=(),
 )
 
-LEAST_TURN_RAD = 0.1
+MIN_TURN_RAD = 0.1
 """Smallest angle between lines that are not parallel [rad]; parallel ones fix one direction."""
 
 
-def lines_place(things: Iterable[KnownThing]) -> bool:
+def do_lines_fix_plan(things: Iterable[KnownThing]) -> bool:
     """Return whether lines of known position fix a plane figure of ground points on the map.
 
     East, north and heading are three unknowns: this takes three points on lines, not all parallel.
@@ -217,4 +217,4 @@ def lines_place(things: Iterable[KnownThing]) -> bool:
         return False
     ahead = np.array([line.ends_m[1, :2] - line.ends_m[0, :2] for line, _ in on_lines])
     turn = np.arctan2(ahead[:, 1], ahead[:, 0])
-    return bool((np.abs(np.sin(turn - turn[0])) > LEAST_TURN_RAD).any())
+    return bool((np.abs(np.sin(turn - turn[0])) > MIN_TURN_RAD).any())

@@ -24,7 +24,7 @@ A person; the program, which matched a person's pick in another photo; or the pr
 found a target."""
 
 
-def taken(table: Any, rows: Sequence[int]) -> dict[str, Any]:  # noqa: ANN401  (any data class)
+def select_rows(table: Any, rows: Sequence[int]) -> dict[str, Any]:  # noqa: ANN401  (any data class)
     """Return selected rows of a table's columns (arrays or tuples), without empty columns."""
     columns = {one.name: getattr(table, one.name) for one in fields(table)}
     return {
@@ -102,7 +102,7 @@ class Picks:
 
     def take(self, rows: Sequence[int]) -> Picks:
         """Return selected picks, by index."""
-        return Picks(**taken(self, rows))
+        return Picks(**select_rows(self, rows))
 
     def source_of(self, pick: int) -> Source:
         """Return the origin of a pick."""
@@ -171,7 +171,7 @@ class KnownLines(FrozenArrays):
 
     def take(self, rows: Sequence[int]) -> KnownLines:
         """Return selected lines, by index."""
-        return KnownLines(**taken(self, rows))
+        return KnownLines(**select_rows(self, rows))
 
     def with_more(self, others: KnownLines) -> KnownLines:
         """Append other lines."""
@@ -279,7 +279,7 @@ class MeasurementRequest:
         return ";".join(f"{name}={value!r}" for name, value in self.parameters)
 
 
-class LeftOut(Enum):
+class RejectedPlate(Enum):
     """Reason why a recognised plate is not measured, in the words of its message."""
 
     NO = ""
@@ -317,7 +317,7 @@ class SeenPlate(FrozenArrays):
     center_sigma_px: float
     score: float
     shadows: int = 0
-    left_out: LeftOut = LeftOut.NO
+    left_out: RejectedPlate = RejectedPlate.NO
 
     @property
     def side_px(self) -> float:

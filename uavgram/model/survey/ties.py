@@ -37,7 +37,7 @@ class TiePicks(FrozenArrays):
 NO_TIES = TiePicks(image=(), tie=(), pixel_px=np.empty((0, 2)), sigma_px=np.empty(0))
 
 
-MOST_LEFT = 0.5
+MIN_WEIGHT_SHARE = 0.5
 """Smallest remaining share of the weights of a label's ties at which they are still used."""
 
 
@@ -46,7 +46,7 @@ def _no_index() -> Ints:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Beside(FrozenArrays):
+class GroundConstraints(FrozenArrays):
     """Constraints on the ground height at B labels, each from m tie points around it.
 
     Attributes
@@ -69,12 +69,12 @@ class Beside(FrozenArrays):
     sigma_m: Annotated[Floats, "b", NAN_IS_NONE] = field(default_factory=lambda: np.zeros(0))
     uneven: Annotated[Floats, "b"] = field(default_factory=lambda: np.zeros(0))
 
-    def of_labels(self, new_label: Ints) -> Beside:
+    def of_labels(self, new_label: Ints) -> GroundConstraints:
         """Return the rows of labels with new indices (K,); without those of dropped labels (-1)."""
         kept = rows_of(self, np.flatnonzero(new_label[self.label] >= 0), "b")
         return replace(self, **kept | {"label": new_label[kept["label"]]})
 
-    def of_ties(self, new_point: Ints) -> Beside:
+    def of_ties(self, new_point: Ints) -> GroundConstraints:
         """Return it with the new indices of the tie points (T,), -1 for dropped ones.
 
         The other points replace them: their weights are rescaled and their sigma grows. A label
@@ -85,7 +85,7 @@ class Beside(FrozenArrays):
         tie = np.append(new_point, -1)[self.tie]
         weight = np.where(tie >= 0, self.weight, 0.0)
         left = np.abs(weight).sum(axis=1) / np.abs(self.weight).sum(axis=1)
-        says = left > MOST_LEFT
+        says = left > MIN_WEIGHT_SHARE
         left = np.where(says, left, 1.0)
         first = np.take_along_axis(tie, np.argmax(np.abs(weight), axis=1)[:, None], axis=1)
         return replace(
@@ -111,7 +111,7 @@ class Sightings(FrozenArrays):
     pick
         (T,) pick that shows the same point: the first of a chain of matches; -1 for points without
         a pick.
-    beside
+    constraints
         Constraints from ties on the ground at labels near them.
     """
 
@@ -121,7 +121,7 @@ class Sightings(FrozenArrays):
     sigma_px: Annotated[Floats, "n"] = field(default_factory=lambda: np.zeros(0))
     row: Annotated[Ints, "n"] = field(default_factory=_no_index)
     pick: Annotated[Ints, "t"] = field(default_factory=_no_index)
-    beside: Beside = field(default_factory=Beside)
+    constraints: GroundConstraints = field(default_factory=GroundConstraints)
 
     @property
     def points(self) -> int:
@@ -140,8 +140,8 @@ class Sightings(FrozenArrays):
         some = rows_of(self, rows, "n") | rows_of(self, points, "t")
         new_point = np.full(self.points, -1)
         new_point[points] = np.arange(len(points))
-        beside = self.beside.of_ties(new_point)
-        return replace(self, **some | {"point": point}, beside=beside), points
+        beside = self.constraints.of_ties(new_point)
+        return replace(self, **some | {"point": point}, constraints=beside), points
 
 
 NO_SIGHTINGS = Sightings()

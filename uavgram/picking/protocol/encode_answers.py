@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.snap import Snapped, snap_circle, snap_corner
-from uavgram.imaging.snap_region import Region, Unclear, snap_within
+from uavgram.imaging.snap_region import Region, UnclearRegion, snap_within
 from uavgram.model.result.tables import COLUMNS
 from uavgram.model.survey.ties import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
@@ -60,10 +60,12 @@ def snap_json(
         found = snap_within(photo, Region(*expected, pointer), corners=any_thing)
     else:
         found = snap_within(photo, Region.near(pointer), corners=False)
-        if isinstance(found, Unclear) and not len(found.place_px):  # what is under the pointer
+        if isinstance(found, UnclearRegion) and not len(
+            found.place_px
+        ):  # what is under the pointer
             under = (snap_corner if any_thing else snap_circle)(photo, asked.u_px, asked.v_px)
             found = under if isinstance(under, Snapped) else replace(found, why=under)
-    if isinstance(found, Unclear):
+    if isinstance(found, UnclearRegion):
         return {"why": found.why, "places_px": found.place_px.tolist()}
     place = {"u_px": found.u_px, "v_px": found.v_px, "sigma_px": round(found.sigma_px, 3)}
     return {**place, "what": found.what, "is_sure": match is not None or expected is None}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uavgram.model.naming import Units
 from uavgram.model.planned import FlightPlanned
-from uavgram.model.target_families import CORNERS
+from uavgram.model.target_families import PLATE_CORNERS
 from uavgram.picking.protocol.encode_places import Json
 from uavgram.views.planned.tables import LineRow, PlateRow, line_rows, plate_rows
 from uavgram.views.planned.words import plate_side
@@ -58,5 +58,5 @@ def _plate(row: PlateRow, side: str, units: Units) -> Json:
         "name": row.name,
         "side": side,
         "place": in_units(row.place, units),
-        "corners": [f"{row.name}-{corner + 1}" for corner in range(CORNERS)],
+        "corners": [f"{row.name}-{corner + 1}" for corner in range(PLATE_CORNERS)],
     }

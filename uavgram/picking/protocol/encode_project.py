@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.geometry.camera.facts import camera_facts
+from uavgram.geometry.camera.properties import compute_camera_properties
 from uavgram.imaging.photos.tiles import level_count
 from uavgram.model.camera.calibration import Calibration, CameraProvenance
 from uavgram.model.catalogue.camera import CAMERA
@@ -131,7 +131,7 @@ def camera_json(survey: LiveSurvey) -> Json:
     inputs = survey.inputs
     calibration = inputs.calibration
     _, *cells = parameter_cells(calibration)
-    facts = camera_facts(calibration)
+    facts = compute_camera_properties(calibration)
     return {
         "name": calibration.name,
         "model": calibration.model,

@@ -23,11 +23,11 @@ from uavgram.io.tables.measure import (
 from uavgram.model.camera.calibration import LensModel
 from uavgram.model.limits import (
     LONGEST_NAME,
+    find_unshowable,
     length_fault,
     name_fault,
     number_fault,
     sigma_fault,
-    unshowable,
 )
 from uavgram.model.survey.observations import Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
@@ -166,7 +166,7 @@ class _Fields:
             _refuse(f"{name} is empty")
         if fault := name_fault(value):
             _refuse(f"{name} {fault}")
-        if fault := unshowable(value):
+        if fault := find_unshowable(value):
             _refuse(f"{name} holds {fault}: type it again")
         return value
 

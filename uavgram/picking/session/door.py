@@ -15,9 +15,9 @@ from typing import Any, NoReturn
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
-from uavgram.io.browse import Browsable, Listed, home_and_drives, look_into
+from uavgram.io.browse import Browsable, ListedFolder, count_photos, find_home_and_drives
 from uavgram.io.own_files import check_inside
-from uavgram.model.limits import LONGEST_NAME, sigma_fault, unshowable
+from uavgram.model.limits import LONGEST_NAME, find_unshowable, sigma_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
 from uavgram.picking.document.refused import RefusedError
@@ -42,7 +42,7 @@ class Door:
     """
 
     def __init__(self, named: Path | None = None, roots: Sequence[Path] | None = None) -> None:
-        known = home_and_drives() if roots is None else roots
+        known = find_home_and_drives() if roots is None else roots
         self._folders = Browsable(known if named is None else (*known, named))
         self._named = None if named is None else named.resolve()
         self._numbers: dict[Path, int] = {}
@@ -55,7 +55,7 @@ class Door:
         return {
             "folder": None if chosen is None else self._number(chosen),
             "is_chosen": self._named is not None,
-            "recent": [self._listed(look_into(path)) for path in self._recent if path.is_dir()],
+            "recent": [self._listed(count_photos(path)) for path in self._recent if path.is_dir()],
         }
 
     def _present(self) -> Path | None:
@@ -93,12 +93,12 @@ class Door:
                 "way": [],
                 "photos": 0,
                 "has_project": False,
-                "folders": [self._listed(look_into(root)) for root in self._folders.roots],
+                "folders": [self._listed(count_photos(root)) for root in self._folders.roots],
             }
         folder = self._folder(number)
         root = self._folders.root_of(folder) or folder
         way = [folder, *(one for one in folder.parents if one.is_relative_to(root))][::-1]
-        own = look_into(folder)
+        own = count_photos(folder)
         return {
             "number": self._number(folder),
             "way": [{"number": self._number(one), "name": self._name(one)} for one in way],
@@ -180,7 +180,7 @@ class Door:
             return "Home"
         return folder.name or str(folder)
 
-    def _listed(self, one: Listed) -> Json:
+    def _listed(self, one: ListedFolder) -> Json:
         return {
             "number": self._number(one.path),
             "name": self._name(one.path),
@@ -279,6 +279,6 @@ def _number(said: object, what: str) -> float:
 def _text(said: object, what: str) -> str:
     if not isinstance(said, str) or len(said) > LONGEST_NAME:
         raise RefusedError(f"{what}: at most {LONGEST_NAME} letters")
-    if fault := unshowable(said):
+    if fault := find_unshowable(said):
         raise RefusedError(f"{what} holds {fault}")
     return said.strip()

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.imaging.photos.grey_photos import GreyPhotos
-from uavgram.imaging.targets.uncoded import Uncoded
+from uavgram.imaging.targets.uncoded import UncodedTarget
 from uavgram.model.arrays import Floats
 from uavgram.picking.document import commands as c
 from uavgram.pipeline.pick.live import LiveSurvey
@@ -31,7 +31,7 @@ class PickedTargets:
 
     def __init__(self, survey: LiveSurvey, photos: GreyPhotos) -> None:
         self._survey, self._photos = survey, photos
-        self._known: dict[tuple[Pair, float, float], Uncoded | None] = {}
+        self._known: dict[tuple[Pair, float, float], UncodedTarget | None] = {}
 
     def target_at(self, match: c.Place, affine: Floats) -> c.Place:
         """The target itself where one was matched and is clear there, else the match.
@@ -66,7 +66,7 @@ class PickedTargets:
             from_v_px=None,
         )
 
-    def _at_pick(self, match: c.Place) -> Uncoded | None:
+    def _at_pick(self, match: c.Place) -> UncodedTarget | None:
         """The target at the pick that a match was found from, looked at once."""
         u, v = match.from_u_px or 0.0, match.from_v_px or 0.0
         key = (match.from_image, match.label), u, v

@@ -12,11 +12,10 @@ from dataclasses import replace
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError
 from uavgram.imaging.photos.grey_photos import GreyPhotos
-from uavgram.imaging.plates.board import sight_board_plate
-from uavgram.imaging.plates.sight import sight_large_plates
+from uavgram.imaging.plates.detection import sight_board_plate, sight_large_plates
 from uavgram.imaging.raster import Image
 from uavgram.model.options import TargetOptions
-from uavgram.model.survey.observations import LeftOut, SeenPlate
+from uavgram.model.survey.observations import RejectedPlate, SeenPlate
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair
 from uavgram.picking.document.state import State, observations_of
@@ -114,7 +113,9 @@ class PlateSeeker:
         """Propose the corners, and the centres that lengths and measurements name now."""
         picks, lines = observations_of(state)
         now = replace(self._inputs, picks=picks, lines=lines, requests=state.requests)
-        plates = {p.plate for some in self._seen.values() for p in some if p.left_out is LeftOut.NO}
+        plates = {
+            p.plate for some in self._seen.values() for p in some if p.left_out is RejectedPlate.NO
+        }
         named, known = named_points(now)
         rows = rows_of(self._seen, asked_centers(plates, named, known, picks))
         new = {(row.image, row.label): _outcome(row) for row in rows}

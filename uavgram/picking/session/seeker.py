@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.imaging.matching.matched import Matched, Refused
-from uavgram.imaging.matching.quarters import least_likeness
+from uavgram.imaging.matching.matches import Matches, RefusalReason
+from uavgram.imaging.matching.occlusion import compute_worst_quarter_correlation
 from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
@@ -149,7 +149,7 @@ class Seeker:
         for own in later.values():
             yield np.array(own, dtype=np.int64)
 
-    def _looked(self, places: Places, rows: Ints, picks: Picks) -> Matched | str:
+    def _looked(self, places: Places, rows: Ints, picks: Picks) -> Matches | str:
         """What is found at some places; why nothing where a photo cannot be read."""
         source = [picks.image[i] for i in places.pick[rows]]
         target = [places.image[row] for row in rows]
@@ -161,7 +161,7 @@ class Seeker:
             return f"the photo cannot be read: {why}"
 
     def _take(
-        self, places: Places, rows: Ints, picks: Picks, found: Matched | str, left: int
+        self, places: Places, rows: Ints, picks: Picks, found: Matches | str, left: int
     ) -> None:
         """Keep what some places (n,) were found to show, and tell it.
 
@@ -184,7 +184,10 @@ class Seeker:
             if isinstance(found, str):
                 new[image, label] = replace(outcome, why=found)
             elif found.refused[k]:
-                why, asked = reason(int(found.refused[k])), found.refused[k] != Refused.OUTSIDE
+                why, asked = (
+                    reason(int(found.refused[k])),
+                    found.refused[k] != RefusalReason.OUTSIDE,
+                )
                 new[image, label] = replace(outcome, why=why, is_asked=bool(asked))
             else:
                 place = c.Place(
@@ -209,10 +212,12 @@ class Seeker:
         """How alike all that surrounds a match and its pick is, -1 to 1."""
         source, target = map(self._photos.photos.get, (place.from_image, place.image))
         at = np.array([place.from_u_px, place.from_v_px], dtype=np.float64)
-        return least_likeness(source, target, at, np.array([place.u_px, place.v_px]), affine)
+        return compute_worst_quarter_correlation(
+            source, target, at, np.array([place.u_px, place.v_px]), affine
+        )
 
 
-def _stated(found: Matched | str, is_raised: Bools) -> Floats:
+def _stated(found: Matches | str, is_raised: Bools) -> Floats:
     """(n,) the sigmas that picks of what was found would state."""
     if isinstance(found, str):
         return np.full(len(is_raised), np.nan)

@@ -23,8 +23,8 @@ from uavgram.io.outputs import replace_bytes
 from uavgram.io.own_files import check_inside, check_own
 from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.measure import read_measure
-from uavgram.io.tables.picked import lines_content, measure_content, picks_content
 from uavgram.io.tables.picks import read_picks
+from uavgram.io.tables.updates import update_lines, update_measure, update_picks
 from uavgram.model.message import Message
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.state import State, observations_of, state_of
@@ -161,9 +161,9 @@ class Tables:
         )
         requests = self._files.requests, state.requests
         return {
-            "picks": picks_content(self._original["picks"], picks, now_picks),
-            "lines": lines_content(self._original["lines"], lines, now_lines),
-            "measure": measure_content(self._original["measure"], *requests),
+            "picks": update_picks(self._original["picks"], picks, now_picks),
+            "lines": update_lines(self._original["lines"], lines, now_lines),
+            "measure": update_measure(self._original["measure"], *requests),
         }
 
     def _write(self, role: str, content: bytes | None) -> None:

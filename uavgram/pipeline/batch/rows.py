@@ -12,9 +12,9 @@ from uavgram.errors import InputError
 from uavgram.io.digest import photo_files
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.model.arrays import Floats
-from uavgram.model.batch import Fit, SeenParameter, SurveyRow
+from uavgram.model.batch import Fit, ParameterUpdate, SurveyRow
 from uavgram.model.result.result import Result
-from uavgram.model.result.shared import learnt_camera
+from uavgram.model.result.shared import compare_cameras
 from uavgram.views.survey.verdict import verdict_sentence
 
 POOLED_GROUPS = ("pixels", "lengths", "telemetry")
@@ -99,12 +99,12 @@ def _fits(result: Result) -> Iterator[Fit]:
             yield Fit(kind=group.name, squares=squares, freedom=group.redundancy)
 
 
-def _seen(result: Result) -> tuple[SeenParameter, ...]:
-    found = learnt_camera(result.camera, result.shared.intrinsics)
+def _seen(result: Result) -> tuple[ParameterUpdate, ...]:
+    found = compare_cameras(result.camera, result.shared.intrinsics)
     columns = (found.prior_value, found.prior_sigma, found.value, found.sigma)
     rows = zip(found.names, *(column.tolist() for column in columns), strict=True)
     return tuple(
-        SeenParameter(name=name, stated=stated, stated_sigma=prior, value=value, sigma=sigma)
+        ParameterUpdate(name=name, stated=stated, stated_sigma=prior, value=value, sigma=sigma)
         for name, stated, prior, value, sigma in rows
         if prior > 0
     )

@@ -11,15 +11,14 @@ from pathlib import Path
 
 from uavgram.config.project import load_project
 from uavgram.errors import UavgramError
-from uavgram.io.claims import SupersededError, claimed
-from uavgram.io.outputs import LAST
+from uavgram.io.outputs import LAST_MOVED, SupersededError, claim_folder
 from uavgram.io.photos.catalogue import find_photos
 from uavgram.io.results.batch_state import (
     append_record,
-    is_as_it_was,
+    is_unchanged,
+    read_file_stat,
+    read_file_state,
     read_records,
-    stat_of,
-    state_of,
 )
 from uavgram.model.batch import FileState, SurveyRecord, SurveyRow
 from uavgram.model.maps import Paper
@@ -118,7 +117,7 @@ def with_results(task: Task) -> Task:
         output = load_project(Path(task.project)).output
     except UavgramError:  # reported when it is measured
         return task
-    return replace(task, results=stat_of(Path(output) / LAST))
+    return replace(task, results=read_file_stat(Path(output) / LAST_MOVED))
 
 
 def name_of(project: str) -> str:
@@ -135,7 +134,9 @@ def _measured(task: Task) -> Outcome:
     left = _left_behind(task, project)
     if left is not None:
         return Outcome(row=left.row, record=left)
-    if task.results is not None and task.results != stat_of(Path(project.output) / LAST):
+    if task.results is not None and task.results != read_file_stat(
+        Path(project.output) / LAST_MOVED
+    ):
         raise SupersededError(project.output)
     begun, before = time.process_time(), _stats(_inputs(path, project))
     with _claimed(project) as hold:
@@ -149,7 +150,7 @@ def _measured(task: Task) -> Outcome:
         version=stamp()["version"],
         asked=repr(task.asked),
         inputs=states,
-        results=state_of(Path(project.output) / LAST),
+        results=read_file_state(Path(project.output) / LAST_MOVED),
     )
     if task.results is not None:
         with suppress(OSError):  # then it is measured again if the record is lost
@@ -177,7 +178,7 @@ def _claimed(project: Project) -> AbstractContextManager[Callable[[], None] | No
     output = Path(project.output).resolve()
     if any(Path(one).resolve().parent == output for one in find_photos(project.images)):
         return nullcontext()
-    return claimed(project.output)
+    return claim_folder(project.output)
 
 
 def _inputs(path: Path, project: Project) -> list[str]:
@@ -192,13 +193,13 @@ def _is_unchanged(task: Task, before: SurveyRecord, project: Project) -> bool:
         return False
     if {one.path for one in before.inputs} != set(_inputs(Path(task.project), project)):
         return False
-    if before.results.path != str(Path(project.output) / LAST):
+    if before.results.path != str(Path(project.output) / LAST_MOVED):
         return False
-    return all(map(is_as_it_was, (before.results, *before.inputs)))
+    return all(map(is_unchanged, (before.results, *before.inputs)))
 
 
 def _stats(paths: list[str]) -> dict[str, tuple[int, int]]:
-    return {path: stat_of(path) for path in paths}
+    return {path: read_file_stat(path) for path in paths}
 
 
 def _states(
@@ -208,7 +209,7 @@ def _states(
     states = []
     for one in result.provenance.inputs:
         path = str(folder / one.path)
-        size, changed = stat_of(path)
+        size, changed = read_file_stat(path)
         # a table of ties that the run itself found was not there before
         if before.get(path, (size, changed)) != (size, changed) or size != one.size_bytes:
             return None

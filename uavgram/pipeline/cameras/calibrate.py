@@ -15,18 +15,18 @@ import numpy as np
 from uavgram.config.board_text import parse_board
 from uavgram.config.camera import camera_text
 from uavgram.config.project import load_project
-from uavgram.config.project_text import with_settings
+from uavgram.config.project_text import apply_settings
 from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.calibration.problem import focal_and_center_prior
-from uavgram.imaging.photos.preview import Preview, preview_of
+from uavgram.imaging.photos.preview import Preview, make_preview
 from uavgram.imaging.raster import Image
+from uavgram.imaging.targets.board_picture import draw_board
 from uavgram.imaging.targets.detect import detect_in_photos
-from uavgram.imaging.targets.draw_board import draw_board
 from uavgram.imaging.targets.observations import collect_observations
 from uavgram.imaging.targets.sighting import Sighting
-from uavgram.io.cameras.choice import drone_cameras
+from uavgram.io.cameras.choice import read_drone_cameras
 from uavgram.io.cameras.opencv import opencv_text
-from uavgram.io.discovery import PhotoFolder, folders_with_photos
+from uavgram.io.discovery import PhotoFolder, find_photo_folders
 from uavgram.io.outputs import replace_text, staged_output
 from uavgram.io.own_files import check_no_originals
 from uavgram.io.photos.board_photos import (
@@ -152,7 +152,7 @@ def _assumed(tags: CameraTags, *, is_needed: bool) -> Calibration | None:
         It is unknown, but needed.
     """
     try:
-        return assume_camera(tags, drone_cameras())[0]
+        return assume_camera(tags, read_drone_cameras())[0]
     except InputError as fault:
         if is_needed:
             raise InputError("--prior exif", str(fault)) from fault
@@ -174,7 +174,7 @@ def _look(files: CalibrationFiles, board: Board, progress: Progress) -> _Seen:
 
     def load(path: str) -> Image:
         grey = read_grey(path)
-        previews[path] = preview_of(grey)
+        previews[path] = make_preview(grey)
         return grey
 
     found = detect_in_photos(files.path, board, load, os.cpu_count())
@@ -336,7 +336,7 @@ _NUMBERED = re.compile(rf"{FOLDER}(?:-(\d+))?")
 
 def board_folders(project: Path) -> tuple[PhotoFolder, ...]:
     """Return folders near a project with enough photos for a calibration."""
-    return folders_with_photos(project.absolute().parent, LEAST_PHOTOS)
+    return find_photo_folders(project.absolute().parent, LEAST_PHOTOS)
 
 
 def calibrate_folder(
@@ -381,7 +381,7 @@ def use_camera(project: Path, camera: Path) -> None:
         raise InputError(project, f"cannot be read: {fault.strerror}") from fault
     beside = project.absolute().parent
     name = camera.relative_to(beside).as_posix() if camera.is_relative_to(beside) else str(camera)
-    after = with_settings(before, {"camera": name})
+    after = apply_settings(before, {"camera": name})
     if after is None:
         raise InputError(project, f"does not name its camera in one line: write `camera: {name}`")
     replace_text(project, after)

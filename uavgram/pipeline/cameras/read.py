@@ -12,7 +12,7 @@ import numpy as np
 from uavgram.config.camera import camera_text, load_camera_file
 from uavgram.errors import InputError
 from uavgram.input_files import read_bytes
-from uavgram.io.cameras.choice import drone_cameras
+from uavgram.io.cameras.choice import read_drone_cameras
 from uavgram.io.cameras.colmap import colmap_text, is_colmap_cameras, read_colmap_camera
 from uavgram.io.cameras.odm import is_odm_cameras, read_odm_camera
 from uavgram.io.cameras.opencv import is_opencv_calibration, opencv_text, read_opencv_calibration
@@ -42,7 +42,7 @@ def camera_of_drone(name: str) -> Calibration | None:
     """
     known = [
         camera
-        for camera in drone_cameras()
+        for camera in read_drone_cameras()
         if camera.make_model in ORDINARY_EQUIVALENTS_MM and not camera.is_thermal
     ]
     wanted = _key(name)
@@ -60,7 +60,7 @@ def camera_of_drone(name: str) -> Calibration | None:
         model=camera.make_model,
         focal_35mm_mm=ORDINARY_EQUIVALENTS_MM[camera.make_model],
     )
-    return assume_camera(tags, drone_cameras())[0]
+    return assume_camera(tags, read_drone_cameras())[0]
 
 
 def _key(name: str) -> str:
@@ -117,7 +117,7 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
     if path.suffix.lower() in _PHOTOS:
         _refuse(wanted, path)
         tags = read_camera_tags(path)
-        calibration, messages = assume_camera(tags, drone_cameras())
+        calibration, messages = assume_camera(tags, read_drone_cameras())
         return CameraRead(path=path, calibration=calibration, messages=messages, tags=tags)
     text = read_bytes(path).decode("utf-8-sig", errors="replace")
     if is_odm_cameras(text):
@@ -166,7 +166,7 @@ def camera_of_photos(
                 f"{difference} {Path(first.path).name}, so one assumed camera cannot serve both: "
                 f"leave the others out, or {REMEDY}",
             )
-    return assume_camera(first, drone_cameras(), may_be_unknown=may_be_unknown)
+    return assume_camera(first, read_drone_cameras(), may_be_unknown=may_be_unknown)
 
 
 def _difference(first: CameraTags, other: CameraTags) -> str:
@@ -251,7 +251,7 @@ def focal_on_sensor_mm(camera: CameraRead) -> float | None:
             make=camera.provenance.make,
             model=camera.provenance.camera_model,
         )
-    known = None if tags is None else find_camera(tags, drone_cameras())
+    known = None if tags is None else find_camera(tags, read_drone_cameras())
     if known is None:
         return None
     sensor_width_mm = known.pitch_mm[0] * known.width_px

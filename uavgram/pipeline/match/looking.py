@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.imaging.matching.match import matched
-from uavgram.imaging.matching.matched import REASON, Matched, Refused, Sought
+from uavgram.imaging.matching.match import match_points
+from uavgram.imaging.matching.matches import REASON_TEXTS, Matches, RefusalReason, SoughtPoints
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.raster import Image
 from uavgram.io.photos.board_photos import read_grey
@@ -30,7 +30,7 @@ class Task(NamedTuple):
     source: str
     target: str
     rows: Ints
-    sought: Sought
+    sought: SoughtPoints
 
 
 def grey_photos(paths: Mapping[str, str]) -> Photos:
@@ -38,7 +38,7 @@ def grey_photos(paths: Mapping[str, str]) -> Photos:
     return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MOST_BYTES)
 
 
-def tasks(source: Sequence[str], target: Sequence[str], sought: Sought) -> list[Task]:
+def tasks(source: Sequence[str], target: Sequence[str], sought: SoughtPoints) -> list[Task]:
     """Group places (n,) by photos, so that neighbours in the list share a photo.
 
     Parameters
@@ -57,7 +57,7 @@ def tasks(source: Sequence[str], target: Sequence[str], sought: Sought) -> list[
     ]
 
 
-def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent) -> Matched:
+def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent) -> Matches:
     """Search for places, and return the finds in their order.
 
     Parameters
@@ -81,19 +81,19 @@ def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = 
         "covariance_px2": np.full((count, 2, 2), np.nan),
         "sigma_px": np.full(count, np.nan),
         "score": np.zeros(count),
-        "refused": np.full(count, int(Refused.OUTSIDE)),
+        "refused": np.full(count, int(RefusalReason.OUTSIDE)),
     }
     done = prefetch(lambda task: _done(photos, task), work)
     for task, one in progress(done, "looking in the photos", len(work)):
         for name, values in found.items():
             values[task.rows] = getattr(one, name)
-    return Matched(**found)  # type: ignore[arg-type]
+    return Matches(**found)  # type: ignore[arg-type]
 
 
 def reason(refused: int) -> str:
     """Describe why a place was not found."""
-    return REASON[Refused(refused)]
+    return REASON_TEXTS[RefusalReason(refused)]
 
 
-def _done(photos: Photos, task: Task) -> Matched:
-    return matched(photos.get(task.source), photos.get(task.target), task.sought)
+def _done(photos: Photos, task: Task) -> Matches:
+    return match_points(photos.get(task.source), photos.get(task.target), task.sought)

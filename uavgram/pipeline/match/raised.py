@@ -6,9 +6,9 @@ import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
-from uavgram.imaging.matching.matched import REASON, Refused
-from uavgram.imaging.matching.on_line import found_on_line
-from uavgram.imaging.matching.shared_corner import Line
+from uavgram.imaging.matching.line_of_sight import match_along_line
+from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason
+from uavgram.imaging.matching.shared_corner import SightLine
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.match.adjusting import LEAST_HEIGHT_M
@@ -66,7 +66,7 @@ def look_up(
     for row, far in zip(
         rows[~known].tolist(), compute_radii(covariance[~known]).tolist(), strict=True
     ):
-        too_far = Missed(int(candidates.pick[row]), far, REASON[Refused.TOO_FAR])
+        too_far = Missed(int(candidates.pick[row]), far, REASON_TEXTS[RefusalReason.TOO_FAR])
         results[candidates.pair[row]] = too_far
     rows = rows[known]
     chosen = np.unique(candidates.pick[rows]).tolist()
@@ -94,13 +94,13 @@ def _of_pick(
     others = np.array([frame[image] for image, _ in pairs])
     line = line_of_sight(adjustment, of, others, picks.pixel_px[pick])
     source, targets = photos.get(picks.image[pick]), [photos.get(image) for image, _ in pairs]
-    found = found_on_line(source, targets, line)
+    found = match_along_line(source, targets, line)
     sigma = pick_sigmas(found.covariance_px2, np.ones(len(rows), np.bool_))
     radius = compute_radii(candidates.places.covariance_px2[rows]).tolist()
     results: dict[Pair, Found | Missed] = {}
     for k, pair in enumerate(pairs):
         if found.refused[k]:
-            why = REASON[Refused(int(found.refused[k]))]
+            why = REASON_TEXTS[RefusalReason(int(found.refused[k]))]
             results[pair] = Missed(pick, radius[k], why)
         else:
             u, v = np.round(found.pixel_px[k], 3).tolist()
@@ -111,7 +111,7 @@ def _of_pick(
 
 def line_of_sight(
     adjustment: Adjustment, of: tuple[int, int], others: Ints, pixel_px: Floats
-) -> Line:
+) -> SightLine:
     """Project a picked pixel's line of sight to other photos.
 
     Parameters
@@ -145,7 +145,7 @@ def line_of_sight(
             level = start + ((place[:, 2] - start[2]) / beside[2])[:, None] * beside
             both.append(_pixels(adjustment, others, level))
         columns.append((both[0] - both[1]) / (2.0 * _ABOUT_PX))
-    return Line(
+    return SightLine(
         source_px=pixel_px,
         pixel_px=_pixels(adjustment, others, place),
         affine=np.stack(columns, axis=-1),

@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.estimation.measuring.predicted_pixels import FlightOfPhotos
 from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred, transferred
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.matched import REASON, Refused, Sought
+from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason, SoughtPoints
 from uavgram.model.arrays import Floats, Ints
 from uavgram.pipeline.match.adjusting import Base
 from uavgram.pipeline.match.asked import EVEN_ODDS, may_be_raised, without_height
@@ -115,7 +115,9 @@ def _silent(candidates: Candidates, record: Record) -> set[Pair]:
 
     A moved point is beside its line of sight; a point along it may be at another height.
     """
-    silent = {pair for pair, why in record.in_vain.items() if why == REASON[Refused.OUTSIDE]}
+    silent = {
+        pair for pair, why in record.in_vain.items() if why == REASON_TEXTS[RefusalReason.OUTSIDE]
+    }
     places = candidates.places
     for row, pair in enumerate(candidates.pair):
         for missed in record.missed.get(pair, ()):
@@ -217,7 +219,7 @@ def _flight(base: Base) -> FlightOfPhotos | None:
     return telemetry.prior, telemetry.track, telemetry.poses.frame_id
 
 
-def sought_at(places: Transferred, rows: Ints, source_px: Floats) -> Sought:
+def sought_at(places: Transferred, rows: Ints, source_px: Floats) -> SoughtPoints:
     """Convert predicted places to the input of the matching.
 
     Parameters
@@ -227,7 +229,7 @@ def sought_at(places: Transferred, rows: Ints, source_px: Floats) -> Sought:
     source_px
         (m, 2) pixels of the picks.
     """
-    return Sought(
+    return SoughtPoints(
         source_px=source_px,
         target_px=places.pixel_px[rows],
         covariance_px2=places.covariance_px2[rows] + LEAST_PX**2 * np.eye(2),

@@ -15,23 +15,23 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from uavgram.config.project import relative_paths
+from uavgram.config.project import make_paths_relative
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_lines import line_poses
 from uavgram.estimation.measuring.error_budget import error_budget, shares, shifts
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
-from uavgram.geometry.earth.geodesy import checked_crs, utm_crs
-from uavgram.imaging.known_point_pose import known_point_poses
-from uavgram.io.digest import name_inside
+from uavgram.geometry.earth.geodesy import normalise_crs, utm_crs
+from uavgram.imaging.known_point_pose import find_known_point_poses
+from uavgram.io.digest import find_relative_name
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.options import Project, SolveOptions, option_pairs
 from uavgram.model.provenance import Provenance
 from uavgram.model.result.reliability import SecondOrder
 from uavgram.model.result.result import Result
-from uavgram.model.result.shared import SharedResult, learnt_camera
+from uavgram.model.result.shared import SharedResult, compare_cameras
 from uavgram.model.result.tables import FrameResults, MeasurementResults, MonteCarloResults
 from uavgram.model.survey.known import KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
@@ -286,7 +286,7 @@ def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tupl
     mount = find_turned_mount(survey)
     if survey.telemetry is None and survey.gauge == "world":
         # Nothing but known points and lines places the frames: their first poses are from these.
-        by_points = known_point_poses(survey)
+        by_points = find_known_point_poses(survey)
         placed = {one.frame_id for one in by_points}
         by_lines = (one for one in line_poses(survey) if one.frame_id not in placed)
         survey = replace(survey, candidate_poses=(*by_points, *by_lines))
@@ -344,7 +344,7 @@ def _sampled(
 def _learnt(inputs: Inputs, shared: SharedResult) -> tuple[Message, ...]:
     """Report the information of the survey on its camera."""
     is_assumed = any(m.code in _GUESSED for m in inputs.messages)
-    learnt = learnt_camera(inputs.calibration, shared.intrinsics)
+    learnt = compare_cameras(inputs.calibration, shared.intrinsics)
     return report_learnt_camera(learnt, is_assumed=is_assumed)
 
 
@@ -354,7 +354,7 @@ def _map_crs(project: Project, world: World) -> str | None:
         return None
     if project.crs == "auto":
         return utm_crs(*world.origin[:2])
-    return checked_crs(project.crs)
+    return normalise_crs(project.crs)
 
 
 def _unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
@@ -384,7 +384,7 @@ def _frames(
         reasons[image] = reasons[image] or why.text
     seeds = None if posed.telemetry is None else posed.telemetry.poses
     folder = inputs.folder
-    paths = tuple(name_inside(path, folder) for path in inputs.photos.path)
+    paths = tuple(find_relative_name(path, folder) for path in inputs.photos.path)
     return summarise_frames(posed.frames, paths, str(folder), seeds, refined, reasons)
 
 
@@ -393,7 +393,7 @@ def _provenance(inputs: Inputs, sampling: Sampling | None) -> Provenance:
         **stamp(),
         made_by=inputs.project.operator or "",
         inputs=inputs.digests,
-        options=option_pairs(relative_paths(inputs.project, inputs.folder)),
+        options=option_pairs(make_paths_relative(inputs.project, inputs.folder)),
         seed=None if sampling is None else sampling.seed,
         packages=package_versions(PACKAGES),
     )

@@ -11,19 +11,15 @@ import numpy as np
 from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.digest import photo_files
-from uavgram.io.exports.colmap import write_colmap_model
 from uavgram.io.exports.dxf import place_texts, write_local_dxf, write_map_dxf
-from uavgram.io.exports.dxf_sheet import Words
+from uavgram.io.exports.dxf_sheet import NumberFormat
 from uavgram.io.exports.geojson import write_geojson
 from uavgram.io.exports.geopackage import write_geopackage
-from uavgram.io.exports.geotags import write_geo_txt
-from uavgram.io.exports.geotiff import with_opacity, write_turned_picture
+from uavgram.io.exports.geotiff import add_opacity, write_turned_picture
 from uavgram.io.exports.kml import write_kml
-from uavgram.io.exports.measurements_csv import write_measurements_csv
-from uavgram.io.exports.opendronemap import write_gcp_list
-from uavgram.io.exports.profiles_csv import write_profiles_csv
-from uavgram.io.exports.qgis_project import GROUND, write_qgis_project
-from uavgram.io.exports.qgis_styles import Look
+from uavgram.io.exports.measurements_csv import write_measurements_csv, write_profiles_csv
+from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list, write_geo_txt
+from uavgram.io.exports.qgis import GROUND, LayerStyle, write_qgis_project
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import GeoTags, PoseChoice
 from uavgram.model.naming import Units
@@ -38,32 +34,32 @@ Writers = dict[str, Callable[[Path], None]]
 
 
 LOOKS = {
-    "points": Look(title="points", colour=INK["point"], width_mm=1.6, label="label"),
-    "verticals": Look(title="heights over the ground", colour=INK["above"], width_mm=0.4),
-    "measured_lines": Look(
+    "points": LayerStyle(title="points", colour=INK["point"], width_mm=1.6, label="label"),
+    "verticals": LayerStyle(title="heights over the ground", colour=INK["above"], width_mm=0.4),
+    "measured_lines": LayerStyle(
         title="measured", colour=INK["measured"], width_mm=0.5, label="text"
     ),
-    "measured_areas": Look(
+    "measured_areas": LayerStyle(
         title="measured areas", colour=INK["measured"], width_mm=0.5, filled=0.15, label="text"
     ),
-    "known_lengths": Look(
+    "known_lengths": LayerStyle(
         title="known lengths", colour=INK["used"], width_mm=0.5, dashed=True, label="text",
         by_status={status: INK[status] for status in ("suspect", "removed", "checked", "unseen")},
     ),
-    "control_lines": Look(
+    "control_lines": LayerStyle(
         title="lines of known position", colour=INK["position"], width_mm=0.35, label="name",
         by_status={status: INK[status] for status in ("suspect", "removed", "checked", "unseen")},
     ),
-    "ellipses_95_within_survey": Look(
+    "ellipses_95_within_survey": LayerStyle(
         title="95 % ellipses within the survey", colour=INK["ellipse"], width_mm=0.3
     ),
-    "ellipses_95": Look(
+    "ellipses_95": LayerStyle(
         title="95 % ellipses on the earth", colour=INK["ellipse"], width_mm=0.2, shown=False
     ),
-    "camera_poses": Look(
+    "camera_poses": LayerStyle(
         title="photos", colour=hex_colour(REFINED), width_mm=2.0, label="frame", shown=False
     ),
-    "footprints": Look(
+    "footprints": LayerStyle(
         title="what photos show", colour=hex_colour(REFINED), width_mm=0.2, shown=False
     ),
 }  # fmt: skip
@@ -125,7 +121,7 @@ def write_ground(texture: GroundTexture, result: Result, path: Path) -> None:
     corner = np.array([texture.west_m, texture.north_m])
     corners, crs = on_map(result, corner + np.array([[0.0, 0.0], [right, 0.0], [0.0, down]]))
     tags = {"surface": "the adjusted ground plane: what stands above it leans away from the photo"}
-    rgba = with_opacity(texture.rgb, texture.covered)
+    rgba = add_opacity(texture.rgb, texture.covered)
     write_turned_picture(rgba, corners, crs, tags, path)
 
 
@@ -147,10 +143,10 @@ def on_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
     return projected_from_enu(np.column_stack([local_m, up]), origin, crs)[:, :2], crs
 
 
-def drawing_words(units: Units) -> Words:
+def drawing_words(units: Units) -> NumberFormat:
     """Return the wording of numbers in a drawing: in the project's units, while it is in metres."""
     one = column(units)
-    return Words(
+    return NumberFormat(
         value=partial(quantity, units=units),
         length_m=1.0 if one.symbol == "m" else 1.0 / one.factor,
         symbol=one.symbol,

@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.config.project_text import AssumedOrigin
 from uavgram.errors import InputError
 from uavgram.io.photos.metadata import read_exif_place
-from uavgram.io.photos.poses.read import read_photo_poses
+from uavgram.io.photos.poses.sources import read_photo_poses
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
 from uavgram.stages.seed.photo_exposures import DEFAULT_HEIGHT_M

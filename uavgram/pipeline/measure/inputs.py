@@ -14,16 +14,15 @@ import numpy as np
 from uavgram.config.project import load_project, project_file
 from uavgram.errors import InputError, near_miss
 from uavgram.geometry.camera.back_projection import share_without_rays
-from uavgram.imaging.photos.alike import shows_the_same
+from uavgram.imaging.photos.decode import is_same_exposure
 from uavgram.io.digest import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.metadata import exif_text, read_exif_tags
-from uavgram.io.photos.poses.read import FROM_PHOTOS
-from uavgram.io.photos.poses.sources import read_pose_sources
+from uavgram.io.photos.poses.sources import FROM_PHOTOS, read_pose_sources
 from uavgram.io.photos.poses.tags import first_maker
-from uavgram.io.tables.csv_tables import own_columns
+from uavgram.io.tables.csv_tables import find_own_columns
 from uavgram.io.tables.known import (
     CONTROL_LINES_COLUMNS,
     KNOWN_COLUMNS,
@@ -347,7 +346,7 @@ def duplicates_of(inputs: Inputs) -> Duplicates:
 def _is_same(one: str, other: str) -> bool:
     """Return whether two photos are of one camera, if stated, and show the same."""
     cameras = [_camera_named(path) for path in (one, other)]
-    return (not all(cameras) or cameras[0] == cameras[1]) and shows_the_same(one, other)
+    return (not all(cameras) or cameras[0] == cameras[1]) and is_same_exposure(one, other)
 
 
 def _camera_named(path: str) -> str:
@@ -363,7 +362,7 @@ def _column_messages(*files: str | None) -> Iterator[Message]:
     )
     tables = zip(files, columns_of, strict=True)
     for file, columns in tables:
-        if file and (own := own_columns(file, columns)):
+        if file and (own := find_own_columns(file, columns)):
             names = ", ".join(map(repr, own))
             what = "column" if len(own) == 1 else "columns"
             text = f"{Path(file).name}: nothing reads the {what} {names}; what is there stays."

@@ -11,7 +11,7 @@ from uavgram.imaging.top_view.mosaic import GroundTexture, Mosaic
 from uavgram.io.digest import photo_files
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.results.results_json import write_results
-from uavgram.model.maps import PLAN_PDF, Paper, PlanWish
+from uavgram.model.maps import PLAN_PDF, Paper, PlanPaper
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
 from uavgram.pipeline.measure.exports import exports
@@ -30,7 +30,7 @@ def write_outputs(
     journal: Journal,
     progress: Progress,
     pdf: Paper | None = None,
-    plan: PlanWish | None = None,
+    plan: PlanPaper | None = None,
 ) -> None:
     """Write all outputs into a folder.
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 from itertools import groupby
 from threading import Lock
 
-from uavgram.imaging.photos.cutouts import cut_out
 from uavgram.imaging.photos.decode import read_pixels
-from uavgram.imaging.photos.preview import Pixels, Preview, preview_of_whole
-from uavgram.imaging.top_view.ground_cut import cut_ground
+from uavgram.imaging.photos.preview import Pixels, Preview, cut_parts, make_preview_of_decoded
+from uavgram.imaging.top_view.ground_picture import cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.digest import photo_files
 from uavgram.model.message import Message
@@ -60,8 +59,8 @@ class ReportPictures:
         """
         with self._one:
             whole = read_pixels(path, room=self._room)
-            preview, pixels, halves = preview_of_whole(whole)
-            self._made[path] = cut_out(halves, preview.tone, self._wanted[path])
+            preview, pixels, halves = make_preview_of_decoded(whole)
+            self._made[path] = cut_parts(halves, preview.tone, self._wanted[path])
             self._room = None if pixels is whole else whole
         return preview, pixels
 

@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.geometry.ground.top_view import View
-from uavgram.imaging.photos.tone import automatic_tone, toned
-from uavgram.imaging.top_view.exposure import exposure_gains
+from uavgram.imaging.photos.tone import apply_tone, choose_tone
+from uavgram.imaging.top_view.brightness import estimate_exposure_gains
 from uavgram.imaging.top_view.photo_cache import PhotoCache
 from uavgram.io.exports.geotiff import write_turned_picture
 from uavgram.io.outputs import replace_bytes
 from uavgram.io.results.results_json import dump_results
-from uavgram.model.maps import PLAN_PDF, GroundRaster, Plan, PlanSheet, PlanWish
+from uavgram.model.maps import PLAN_PDF, GroundRaster, Plan, PlanPaper, PlanSheet
 from uavgram.model.result.result import Result
 from uavgram.pipeline.ground_picture import photos_for, whole_picture
 from uavgram.pipeline.measure.exports import on_map
@@ -33,7 +33,7 @@ PLAN_PNG, PLAN_MAP = "plan.png", "plan.tif"
 PICTURE_DPI = 200
 
 
-def write_plan(result: Result, wish: PlanWish, folder: Path) -> None:
+def write_plan(result: Result, wish: PlanPaper, folder: Path) -> None:
     """Write plan.pdf, plan.png and plan.tif.
 
     Parameters
@@ -82,10 +82,10 @@ class _Ground:
         self._view = view
         raster = _raster(view, overview, overview.sheets[0])
         coarse = raster.coarser(max(max(raster.width, raster.height) // 512, 1))
-        self._gains = exposure_gains(view, coarse, photos_for(view, coarse))
+        self._gains = estimate_exposure_gains(view, coarse, photos_for(view, coarse))
         picture = whole_picture(view, coarse, photos_for(view, coarse, self._gains))
         bright = picture[picture[..., 3] > 0]
-        self._tone = automatic_tone(np.ascontiguousarray(bright[:, None, 2::-1]))
+        self._tone = choose_tone(np.ascontiguousarray(bright[:, None, 2::-1]))
         self._photos: dict[int, PhotoCache] = {}
 
     def picture(self, plan: Plan, sheet: PlanSheet) -> GroundPicture:
@@ -95,7 +95,7 @@ class _Ground:
             self._photos = {plan.scale: photos_for(self._view, raster, self._gains)}
         rgba = whole_picture(self._view, raster, self._photos[plan.scale])
         rgb = np.ascontiguousarray(rgba[..., :3])
-        return GroundPicture(np.dstack([toned(rgb, self._tone), rgba[..., 3]]), raster)
+        return GroundPicture(np.dstack([apply_tone(rgb, self._tone), rgba[..., 3]]), raster)
 
     def notes(self) -> tuple[str, ...]:
         """Describe the changes to the photos."""

@@ -12,12 +12,12 @@ from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import (
     SAME_SITE_M,
-    are_exchanged,
+    are_axes_exchanged,
     curvature_drop,
     enu_from_geodetic,
-    misfit,
+    exchange_axes,
+    explain_unsuitable_crs,
     utm_crs,
-    with_axes_exchanged,
 )
 from uavgram.model.arrays import Floats, rows_of
 from uavgram.model.flight.frames import Frames, Pairing
@@ -103,7 +103,7 @@ def _posed(inputs: Inputs) -> Posed:
     else:
         posed = unposed(inputs)
     place, crs = posed.world.origin, inputs.project.crs
-    if place is not None and crs != "auto" and (why := misfit(crs, *place[:2])):
+    if place is not None and crs != "auto" and (why := explain_unsuitable_crs(crs, *place[:2])):
         raise InputError(inputs.project_path, why)
     return posed
 
@@ -372,12 +372,12 @@ def _check_places(inputs: Inputs, points: KnownPoints, origin: Geodetic) -> None
     place, crs = origin[:2], inputs.project.crs
     turned = {
         "latitude and longitude": (longitude, latitude),
-        "easting and northing": with_axes_exchanged(
+        "easting and northing": exchange_axes(
             latitude, longitude, utm_crs(*place) if crs == "auto" else crs
         ),
     }
     for what, places in turned.items():
-        exchanged = are_exchanged((latitude, longitude), places, origin)
+        exchanged = are_axes_exchanged((latitude, longitude), places, origin)
         if exchanged.any():
             raise InputError(
                 inputs.project_path,

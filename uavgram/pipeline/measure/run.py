@@ -10,7 +10,7 @@ from typing import Literal
 
 from uavgram.io.outputs import staged_output
 from uavgram.io.own_files import check_folder_of_project
-from uavgram.model.maps import Paper, PlanWish
+from uavgram.model.maps import Paper, PlanPaper
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.inputs import read_inputs
@@ -38,7 +38,7 @@ def run(
     progress: Progress = silent,
     sampling: Sampling | None = None,
     pdf: Paper | None = None,
-    plan: PlanWish | None = None,
+    plan: PlanPaper | None = None,
     *,
     hold: Callable[[], None] | None = None,
 ) -> Result:

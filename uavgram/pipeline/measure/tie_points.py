@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from uavgram.io.digest import digest_file
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.tables.ties import read_ties, ties_content
+from uavgram.io.tables.ties import read_ties, update_ties
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FOUND
 from uavgram.model.survey.ties import TiePicks
@@ -115,7 +115,7 @@ def with_ties_found(
     ties = new.ties
     if path is not None:
         messages = (*messages, *new.messages(path.name))
-        content = ties_content(path, ties)
+        content = update_ties(path, ties)
         if write and content is not None:
             replace_bytes(path, content)
             digests = (*digests, digest_file(path, inputs.folder))

@@ -13,7 +13,7 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
-from uavgram.imaging.matching.matched import Sought
+from uavgram.imaging.matching.matches import SoughtPoints
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import World
@@ -119,7 +119,7 @@ class Places:
         off = pixel_px - self.predicted.pixel_px[at]
         return find_contradicted(off, joint, np.hypot(sigma_px, LEAST_PX))
 
-    def sought(self, picks: Picks, rows: Ints) -> Sought:
+    def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
         """Convert places to the input of the matching."""
         return sought_at(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
 

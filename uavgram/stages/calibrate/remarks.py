@@ -16,10 +16,10 @@ from uavgram.estimation.calibration.network import (
     tilts,
 )
 from uavgram.geometry.camera.back_projection import share_without_rays
-from uavgram.geometry.camera.facts import FRAME_35MM_DIAGONAL_MM
+from uavgram.geometry.camera.properties import FRAME_35MM_DIAGONAL_MM
 from uavgram.model.camera.board import LensSetting
 from uavgram.model.camera.calibration_result import CalibrationResult, ModelScore
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
 from uavgram.stages.calibrate.assessment import AssessedCalibration
 
@@ -264,7 +264,7 @@ def _on_outliers(result: CalibrationResult) -> Iterator[Message]:
 
 
 def _photo(code: str, file: str, text: str, opening: str, why: str, look: str = "") -> Message:
-    several = Several(opening, file, why, look)
+    several = MessagePlural(opening, file, why, look)
     return Message("warning", code, text, files=(file,), several=several)
 
 

@@ -14,7 +14,7 @@ from uavgram.estimation.reliability.stated_values import displaced, likely_fault
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import Taped, taped_known
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.result.reliability import ChecksOverall
 from uavgram.model.result.tables import PointChecks
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
@@ -237,7 +237,7 @@ def judge_points(
             "check-unseen",
             f"The check point {known.label[i]!r} has no usable pick: pick it, or correct its name.",
             labels=(known.label[i],),
-            several=Several(
+            several=MessagePlural(
                 "{count} check points have no usable pick",
                 repr(known.label[i]),
                 ending="Pick them, or correct their names.",
@@ -279,7 +279,7 @@ def _report_suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[M
 
 def _off(checks: PointChecks, i: int, likely: str) -> Message:
     label, where = checks.label[i], displaced(-checks.error_m[i], checks.sigma_m[i])
-    several = Several(
+    several = MessagePlural(
         "{count} check points are off",
         f"{label!r} is {where}{likely}",
         ending="Look at their coordinates and their picks.",

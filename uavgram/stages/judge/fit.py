@@ -16,7 +16,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.estimation.survey.observations.observation import Kind
 from uavgram.model.arrays import Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures, listed
 from uavgram.model.result.known import KnownResults
 from uavgram.model.result.reliability import ChecksOverall
@@ -178,7 +178,7 @@ def _report_misfit(kind: Kind, factor: float, probability: float) -> Message:
         "group-misfit",
         f"The {what} do not fit as well as their stated errors promise: look at {cause}. {until} "
         f"({how}).",
-        several=Several(
+        several=MessagePlural(
             "{count} kinds of observations do not fit as well as their stated errors promise",
             f"{what}: look at {cause} ({how})",
             ending=f"{until}.",

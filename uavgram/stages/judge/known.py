@@ -12,9 +12,9 @@ from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.known import known_rows, named_thing
-from uavgram.geometry.ground.line_of_position import beside_line
+from uavgram.geometry.ground.line_of_position import compute_line_offsets
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures
 from uavgram.model.result.known import (
     NO_LINES_OF_POSITION,
@@ -173,7 +173,7 @@ def _left_out(results: KnownResults, i: int) -> Message:
         f"{describe_values(results, i)}{found}",
         "With so gross an error, nothing else would fit.",
     )
-    several = Several(
+    several = MessagePlural(
         "{count} known things were left out",
         f"{what} {how}",
         ending=f"Look at their values and units, and at the labels of their points. {why}",
@@ -195,7 +195,7 @@ def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
         "known-unseen",
         f"The {what} is not used: {which}. {PICK_OR_CORRECT}",
         labels=tuple(missing),
-        several=Several("{count} known things are not used", what, which, PICK_OR_CORRECT),
+        several=MessagePlural("{count} known things are not used", what, which, PICK_OR_CORRECT),
     )
 
 
@@ -210,7 +210,7 @@ def _idle(known: KnownThings, i: int) -> Message:
         f"The {what} is not used: by their picks all of its points lie on the ground, of which it "
         "says nothing. Where some of them do not, write `free` for their height_m in picks.csv.",
         labels=known.points[i],
-        several=Several(
+        several=MessagePlural(
             "{count} known things are not used, as by their picks all of their points lie on the "
             "ground, of which they say nothing",
             what,
@@ -227,7 +227,7 @@ def _unplaced(known: KnownThings, i: int, what: str) -> Message:
         "known-idle",
         f"The {what} is not used: {why}. {way_out}",
         labels=known.points[i],
-        several=Several("{count} known things are not used", what, why, way_out),
+        several=MessagePlural("{count} known things are not used", what, why, way_out),
     )
 
 
@@ -240,7 +240,7 @@ def _does_not_fit(results: KnownResults, i: int) -> Message:
         f"The withheld {what} does not fit: {how}. Look at its value, at its points and at their "
         "picks.",
         labels=results.points[i],
-        several=Several(
+        several=MessagePlural(
             "{count} withheld known things do not fit",
             f"{what} {how}",
             ending="Look at their values, at their points and at their picks.",
@@ -306,5 +306,5 @@ def _offset(adjustment: Adjustment, line: LinePosition, points: tuple[str, ...])
     if not len(label):
         return float("nan")
     world, _, _ = adjustment.problem.world_points(adjustment.state, label)
-    off = beside_line(world, line.ends_m, upwards=False).value[:, 0]
+    off = compute_line_offsets(world, line.ends_m, upwards=False).value[:, 0]
     return float(off[np.abs(off).argmax()])

@@ -13,7 +13,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observations.lengths import named_ends, taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import PhotoExposures
-from uavgram.model.message import Message, Several, without_lengths
+from uavgram.model.message import Message, MessagePlural, propose_length_removal
 from uavgram.model.naming import figures, listed
 from uavgram.model.result.reliability import Effects
 from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
@@ -137,7 +137,7 @@ def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...
         f"The length {what} is not used: {which}. {PICK_OR_CORRECT}",
         lengths=(lines.name[i],),
         labels=tuple(missing),
-        several=Several("{count} lengths are not used", what, which, PICK_OR_CORRECT),
+        several=MessagePlural("{count} lengths are not used", what, which, PICK_OR_CORRECT),
     )
 
 
@@ -148,7 +148,7 @@ def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Mess
     ask = f"{what[0].upper()}{what[1:]}? " if what else ""
     name = named_ends(lines.name[i], lines.start[i], lines.end[i])
     how = f"taped {lines.length_m[i]:.3f} m, found {found:.3f} m (w = {columns['w'][i]:.1f})"
-    mend, *instead = read_first([without_lengths([lines.name[i]])])
+    mend, *instead = read_first([propose_length_removal([lines.name[i]])])
     return Message(
         "warning",
         "line-suspect",
@@ -156,7 +156,7 @@ def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Mess
         "and at their picks.",
         lengths=(lines.name[i],),
         labels=(lines.start[i], lines.end[i]),
-        several=Several(
+        several=MessagePlural(
             "{count} withheld lengths do not fit",
             f"{name} {how}{f': {what}?' if what else ''}",
             ending="Look at the readings, at their ends and at their picks.",
@@ -196,7 +196,7 @@ def _left_out(
     told = []
     for group in groups:
         names = tuple(lines.name[i] for i in group)
-        mend, *instead = read_first([without_lengths(names)])
+        mend, *instead = read_first([propose_length_removal(names)])
         told.append(
             Message(
                 "warning",
@@ -245,7 +245,9 @@ def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
         lengths=each,
         labels=clicks or tuple(dict.fromkeys(ends)),
         instead=tuple(
-            one for one in read_first([without_lengths([name]) for name in each]) if one is not None
+            one
+            for one in read_first([propose_length_removal([name]) for name in each])
+            if one is not None
         ),
     )
 

@@ -12,7 +12,12 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
 from uavgram.model.result.reliability import Effects
-from uavgram.model.result.tables import MeasurementResults, PickResults, PickStatus, only_by_program
+from uavgram.model.result.tables import (
+    MeasurementResults,
+    PickResults,
+    PickStatus,
+    is_only_by_program,
+)
 from uavgram.model.survey.observations import Picks
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
@@ -115,7 +120,7 @@ def judge_makers(picks: PickResults, measured: MeasurementResults) -> Iterator[M
     measured
         All measurements; those that could not be computed are not reported.
     """
-    alone = only_by_program(picks, measured.points) & np.isfinite(measured.value)
+    alone = is_only_by_program(picks, measured.points) & np.isfinite(measured.value)
     rows = np.flatnonzero(alone).tolist()
     if not rows:
         return

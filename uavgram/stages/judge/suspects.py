@@ -16,7 +16,7 @@ from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.estimation.survey.observations.observation import Member, Misfit, Suspicion
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.result.reliability import RemovalRecord
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest
@@ -92,7 +92,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         observation.kind.misfit_code,
         " ".join([text, *others]),
         **names.subjects(accused),
-        several=Several(observation.several(), item, ending=observation.kind.look),
+        several=MessagePlural(observation.several(), item, ending=observation.kind.look),
         mend=remedies[0],
         instead=tuple(one for one in remedies[1:] if one is not None),
     )

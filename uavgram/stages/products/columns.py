@@ -13,7 +13,7 @@ from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Attribute
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import sources_behind
+from uavgram.model.result.tables import find_sources
 
 File = Literal["csv", "geojson", "map"]
 """Kinds of files: measurements.csv; points.geojson; layers of survey.gpkg, survey.kml and
@@ -94,9 +94,7 @@ MEASUREMENTS = (
     ),
     FileColumn("sigma_stated", attrgetter("measurements.sigma_stated"), files=("csv",)),
     FileColumn("status", attrgetter("measurements.status")),
-    FileColumn(
-        "picked_by", lambda result: sources_behind(result.picks, result.measurements.points)
-    ),
+    FileColumn("picked_by", lambda result: find_sources(result.picks, result.measurements.points)),
 )
 
 POINTS = (
@@ -135,7 +133,7 @@ POINTS = (
     FileColumn("frames", attrgetter("points.frames"), MAPS),
     FileColumn(
         "picked_by",
-        lambda result: sources_behind(result.picks, [(one,) for one in result.points.label]),
+        lambda result: find_sources(result.picks, [(one,) for one in result.points.label]),
         MAPS,
     ),
 )

@@ -9,7 +9,7 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import row_poses, sight_lines
-from uavgram.geometry.ground.top_view import LEAST_SINE, View
+from uavgram.geometry.ground.top_view import MIN_SINE, View
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.maps import GroundRaster
 from uavgram.model.naming import figures
@@ -160,7 +160,7 @@ def _ground_behind(view: View, index: int, pixel: Floats) -> Floats:
         result.camera, result.shared.intrinsics.value, row_poses(result, row), pixel
     )
     place = intersect_ground(center, ray, view.surface, result.plane.pivot_m)
-    steep = -ray[..., 2] > LEAST_SINE * np.linalg.norm(ray, axis=-1)
+    steep = -ray[..., 2] > MIN_SINE * np.linalg.norm(ray, axis=-1)
     return np.where(steep[..., None], place, np.nan)
 
 

@@ -18,10 +18,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.geometry.ground.plane import plane_of_most
+from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import Beside, Sightings
+from uavgram.model.survey.ties import GroundConstraints, Sightings
 
 NEIGHBOURS = 8
 """Ties around a label from which its ground is predicted: twelve give no better prediction."""
@@ -129,10 +129,12 @@ def constrain_by_near_ties(survey: Survey, adjustment: Adjustment) -> Survey:
     index = _points(survey.ties, shown.ties, lone[on_ground])
     label = np.array([row[shown.label[k]] for k in names])
     beside = _ground_constraints(label, told._replace(tie=index[told.tie]), own_m, rough_m)
-    return replace(survey, ties=replace(survey.ties, beside=beside))
+    return replace(survey, ties=replace(survey.ties, constraints=beside))
 
 
-def _ground_constraints(label: Ints, told: _Prediction, own_m: Floats, rough_m: float) -> Beside:
+def _ground_constraints(
+    label: Ints, told: _Prediction, own_m: Floats, rough_m: float
+) -> GroundConstraints:
     """Convert predictions of heights to observations beside the prior of an even ground.
 
     Simple kriging has already used that prior. The additional information is N(g, v) with 1/v =
@@ -155,7 +157,7 @@ def _ground_constraints(label: Ints, told: _Prediction, own_m: Floats, rough_m: 
     says = share > LEAST_EXPLAINED
     share = np.where(says, share, 1.0)
     sigma_m = np.maximum(told.sigma / np.sqrt(share), MIN_SIGMA_M)
-    return Beside(
+    return GroundConstraints(
         label=label,
         tie=told.tie,
         weight=told.weight / share[:, None],
@@ -195,7 +197,7 @@ def _on_ground(world_m: Floats) -> tuple[Ints, Floats]:
     none = np.zeros(0, dtype=np.int64), np.zeros(0)
     if len(world_m) < MIN_TIES:
         return none
-    plane = plane_of_most(world_m[:, :2], world_m[:, 2], np.full(len(world_m), MAX_UNEVENNESS_M))
+    plane = fit_robust_plane(world_m[:, :2], world_m[:, 2], np.full(len(world_m), MAX_UNEVENNESS_M))
     if plane is None:
         return none
     height = world_m[:, 2] - plane

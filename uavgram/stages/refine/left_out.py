@@ -15,7 +15,7 @@ from uavgram.estimation.survey.observations.known import known_rows
 from uavgram.estimation.survey.observations.lengths import Taped, taped_lines
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.remedies import make_height_remedy
 
@@ -125,7 +125,7 @@ def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> 
             f"The control point {label!r} was left out: it is {where}, and with it nothing else "
             f"would fit. Look at its coordinates{likely}, its label and its picks."
         )
-        several = Several(
+        several = MessagePlural(
             "{count} control points were left out, as nothing else would fit with them",
             f"{label!r} is {where}{likely}",
             ending="Look at their coordinates, their labels and their picks.",
@@ -160,7 +160,7 @@ def report_heights_left_out(
             "again, and look whether its picks are on the right thing; until then it was adjusted "
             "with the height that the photos show."
         )
-        several = Several(
+        several = MessagePlural(
             "{count} stated heights were left out",
             f"{what}{shown}",
             ending="Measure them again, and look whether the picks are on the right thing.",

@@ -25,11 +25,17 @@ from uavgram.estimation.reliability.variance_components import (
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.geometry.ground.plane import spread_knots
+from uavgram.geometry.ground.plane import choose_knots
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import figures
-from uavgram.model.result.reliability import AreaNoise, LearntSigma, Noise, PickNoise, SurfaceShape
+from uavgram.model.result.reliability import (
+    AreaNoise,
+    EstimatedSigma,
+    Noise,
+    PickNoise,
+    SurfaceShape,
+)
 from uavgram.model.survey.survey import Relief, Survey
 from uavgram.stages.refine.noise_outliers import NoiseOutliers, find_noise_outliers
 from uavgram.stages.refine.readjustment import convert_state, find_used_lines, readjust
@@ -228,7 +234,7 @@ def _correlated_relief(point_m: Floats, share: float) -> Relief | None:
     if len(point_m) < MIN_POINTS:
         return None
     reach = share * float(np.ptp(point_m, axis=0).max())
-    knots = spread_knots(point_m, MAX_KNOTS)
+    knots = choose_knots(point_m, MAX_KNOTS)
     return Relief(kind="correlated", sigma_m=INITIAL_ROUGHNESS_M, scale_m=reach, knots_m=knots)
 
 
@@ -426,7 +432,7 @@ def _describe_noise(
             own = stated.length_sigma_m[_is_taped(stated)]
             own = stated.identification_sigma_m if area == IDENTIFICATION_CODE else own
             size = float(np.sqrt(np.mean(own**2)))
-            others[area] = LearntSigma(
+            others[area] = EstimatedSigma(
                 stated_m=size, factor=float(factor[k]), sigma=float(sigma[k])
             )
         if area in (PICKS_CODE, TARGETS_CODE):

@@ -22,9 +22,9 @@ from uavgram.estimation.reliability.redundancy import upper_tail
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Placed, Refined, within_survey
 from uavgram.estimation.survey.departures import heights_above_ground
-from uavgram.geometry.ground.plane import plane_of_most
+from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several, unpicked
+from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.readjustment import readjust
 from uavgram.stages.remedies import make_height_remedy
@@ -164,7 +164,7 @@ def _points_in_space(adjustment: Adjustment) -> tuple[Floats, Floats]:
 def _heights_over_plane(world_m: Floats, sigma_m: Floats) -> Floats | None:
     """Compute heights (n,) over the plane of most points (n, 3); None where there is none."""
     height = world_m[:, 2]
-    plane = plane_of_most(world_m[:, :2], height, np.hypot(sigma_m, MAX_UNEVENNESS_M))
+    plane = fit_robust_plane(world_m[:, :2], height, np.hypot(sigma_m, MAX_UNEVENNESS_M))
     return None if plane is None else height - plane
 
 
@@ -301,7 +301,7 @@ def report_off_ground(refined: Refined) -> Iterator[Message]:
                 continue
             picks = np.flatnonzero(survey.pick_label == row)
             frames = [survey.frame_id[frame] for frame in survey.pick_frame[picks]]
-            either = (unpicked([(frame, label)]) for frame in frames)
+            either = (propose_pick_removal([(frame, label)]) for frame in frames)
             yield replace(message, instead=tuple(one for one in either if one is not None))
 
 
@@ -328,7 +328,7 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
         "confirm it, write 'free' into the column height_m of its picks, or the height if you "
         "know it."
     )
-    several = Several(
+    several = MessagePlural(
         "{count} points fit at a height off the ground, and not on it; they were adjusted so",
         f"{label!r} {abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side}{other}",
         ending="To confirm it, write 'free' into the column height_m of their picks, or the "

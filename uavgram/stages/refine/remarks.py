@@ -23,9 +23,9 @@ from uavgram.estimation.survey.names import Names
 from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several, unpicked
+from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, figures, listed
-from uavgram.model.survey.mend import Cause
+from uavgram.model.survey.corrections import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.remedies import read_first
 
@@ -179,10 +179,12 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
             f"The pick of {label!r} in {name!r} was left out: {why}. Look at its place and label.",
             frames=(name,),
             labels=(label,),
-            several=Several(
+            several=MessagePlural(
                 "{count} picks were left out", f"{label!r} in {name!r}", why, LOOK_AT_PICKS
             ),
-            mend=unpicked([(name, label)]) if reason.cause is LeftOutCause.GROSS else None,
+            mend=propose_pick_removal([(name, label)])
+            if reason.cause is LeftOutCause.GROSS
+            else None,
         )
     for name, reasons in frames.items():
         why = "; ".join(
@@ -194,7 +196,7 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
             "frame-left-out",
             f"The photo {name!r} was left out, with all of its picks: {why}. {LOOK_AT_PICKS}",
             frames=(name,),
-            several=Several(
+            several=MessagePlural(
                 "{count} photos were left out, with all of their picks",
                 repr(name),
                 why,
@@ -222,7 +224,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
         f"{removal.kind}-removed",
         text,
         **names.subjects(removal.suspicion.accused),
-        several=Several(
+        several=MessagePlural(
             f"{{count}} {plural} were taken out, as they do not fit the rest, which was adjusted "
             "anew",
             f"{what} (w = {removal.w:.1f})",

@@ -28,9 +28,9 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCau
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import kind_of
 from uavgram.estimation.survey.selection import select_control, select_picks, without_known
-from uavgram.geometry.ground.plane import plane_of_most
+from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine.annealing import (
@@ -152,7 +152,7 @@ class Robust:
                 "so the point is uncertain by as much as they differ. Pick it anew in these "
                 "photos, or in another one too."
             )
-            several = Several(
+            several = MessagePlural(
                 "The picks of {count} points contradict each other",
                 what,
                 ending="Pick them anew in these photos, or in another one too.",
@@ -571,7 +571,7 @@ def _clear_of_ground(survey: Survey, point_m: Floats) -> Bools:
     for area in np.unique(survey.area[seen]):
         own = seen[survey.area[seen] == area]
         height, sigma = point_m[own, 2], np.full(len(own), OFF_GROUND_M)
-        plane = plane_of_most(point_m[own, :2], height, sigma)
+        plane = fit_robust_plane(point_m[own, :2], height, sigma)
         if plane is not None:
             is_off[own] = np.abs(height - plane) > CLEAR_M
     return is_off

@@ -102,14 +102,14 @@ def _with_larger_sigmas(survey: Survey) -> Iterator[Survey]:
                 known=tuple(replace(one, sigma=softer * one.sigma) for one in survey.known),
             )
     if survey.matches.points + survey.ties.points:
-        beside = survey.ties.beside
+        beside = survey.ties.constraints
         for softer in SIGHTING_SIGMA_FACTORS:
             # These are predicted by ties that are still off.
             told = replace(beside, sigma_m=softer * beside.sigma_m)
             yield replace(
                 survey,
                 matches=replace(survey.matches, sigma_px=softer * survey.matches.sigma_px),
-                ties=replace(survey.ties, sigma_px=softer * survey.ties.sigma_px, beside=told),
+                ties=replace(survey.ties, sigma_px=softer * survey.ties.sigma_px, constraints=told),
             )
     to_free = survey.is_free[survey.line_start] | survey.is_free[survey.line_end]
     if to_free.any():

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.result.reliability import Noise, PickNoise
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
@@ -301,7 +301,7 @@ def report_ties(survey: Survey, sound: CheckedTies) -> Iterator[Message]:
             "it, and pick it by hand or delete the row.",
             frames=(image,),
             labels=(label,),
-            several=Several(
+            several=MessagePlural(
                 "{count} matches are left out: what the program found there does not fit what it "
                 "found in other photos",
                 f"{label} in {image}",

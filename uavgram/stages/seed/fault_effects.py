@@ -17,7 +17,7 @@ import numpy as np
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.log import FaultKind, FlightEvidence, LogFault
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed
 
 Faults = Sequence[LogFault]
@@ -141,7 +141,7 @@ def report_faults(faults: Faults, evidence: FlightEvidence, frames: Frames) -> I
             own = freed if fault.is_jump else _freed([fault], frames)
             effect = _effect(own) if last or not fault.is_jump else ""
             where = _where(fault.start_s, fault.end_s, frames)
-            several = Several(
+            several = MessagePlural(
                 _OPENINGS[code], f"{_size(fault)} {where}", ending=_effect(freed).strip()
             )
             text = f"{_what(fault)} {where}.{_why(fault)}{effect}"

@@ -16,7 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from uavgram.geometry.motion.interpolation import running_median, running_rank, windows
+from uavgram.geometry.motion.interpolation import (
+    compute_running_median,
+    compute_running_rank,
+    make_running_windows,
+)
 from uavgram.geometry.motion.rotation import log_so3, matrix_from_xyzw
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import FaultKind, FlightEvidence, LogFault, Track
@@ -152,7 +156,7 @@ def compute_stated_turn(
 def compute_usual_size(size: Floats) -> Floats:
     """Return the limits (M, K) above which sizes (M, K) are unusual among those around them."""
     about = min(_ABOUT, len(size))
-    return np.asarray(_UNUSUAL * running_rank(size, about, about * 9 // 10))
+    return np.asarray(_UNUSUAL * compute_running_rank(size, about, about * 9 // 10))
 
 
 def interpolate(at: Floats | float, time: Floats, value: Floats) -> Floats:
@@ -317,7 +321,9 @@ def _turn_steps(time: Floats, stated: tuple[Floats, Floats], turn: Floats) -> _S
     agility = np.where(known, _TURN_RAD_S2 / 4, _TURN_RAD_S2 / 2)
     floor = np.maximum(_SMALLEST_RAD, agility * np.diff(time) ** 2)
     # A jump is isolated: next to other fast rotations it is a rotation.
-    turning = np.delete(windows(_sizes(np.nan_to_num(turn)), 5), 2, axis=-1).max(axis=-1)
+    turning = np.delete(make_running_windows(_sizes(np.nan_to_num(turn)), 5), 2, axis=-1).max(
+        axis=-1
+    )
     slack = np.where(known, _UNEVEN * uneven, _CALM * turning.max(axis=1))
     allowed = np.maximum(floor[:, None], compute_usual_size(_sizes(change))) + slack[:, None]
     return _Steps(time, change, allowed)
@@ -383,7 +389,7 @@ def _receiver_apart(
     apart = apart - np.clip(lag_s, -1.0, 1.0) * way
     apart = apart - np.median(apart, axis=0)
     width = 2 * int(_SMOOTH_S / 2 / max(float(np.median(np.diff(time))), 1e-3)) + 1
-    smooth = running_median(apart, width)
+    smooth = compute_running_median(apart, width)
     scatter = 1.48 * float(np.median(np.linalg.norm(apart - smooth, axis=1)))
     allowed = _APART_SIGMAS * np.maximum(_sigma(track, time)[:, 0], scatter)
     size = np.linalg.norm(smooth, axis=1)

@@ -25,7 +25,7 @@ from uavgram.estimation.clocks.clock_line import COARSE_S, to_utc
 from uavgram.geometry.earth.gps_time import span_text, utc_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames, Pairing, PairStatus, Photos
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.options import TimeOptions
 from uavgram.stages.synchronise.boots import ClockedBoot, is_inside
 
@@ -287,7 +287,9 @@ def unmatched_messages(frames: Frames) -> tuple[Message, ...]:
             "frame-unmatched",
             f"The photo {frame!r} has no place in the log: {reason}. {LOOK}",
             frames=(frame,),
-            several=Several("{count} photos have no place in the log", repr(frame), reason, LOOK),
+            several=MessagePlural(
+                "{count} photos have no place in the log", repr(frame), reason, LOOK
+            ),
         )
         for frame, reason in zip(frames.frame_id, frames.reason, strict=True)
         if reason

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.sparse import coo_array
 
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey.ties import TiePicks
 
 
@@ -54,7 +54,7 @@ def _untied(photo: str) -> Message:
         f"Nothing in the photo {photo!r} was found in another one, so no tie point helps to place "
         "it: it may be blurred, or show another place.",
         frames=(photo,),
-        several=Several(
+        several=MessagePlural(
             "Nothing in {count} photos was found in others, so no tie point helps to place them",
             repr(photo),
             ending="They may be blurred, or show another place.",

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.motion.camera_motion import row_share
+from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.imaging.raster import Weights
 from uavgram.model.arrays import Floats
 from uavgram.synthetic.scene import Surface
@@ -106,7 +106,7 @@ def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Surface)
     """Intersect the rays of pixels (H, W, 2) with a sheet: east and north (H, W, 2)."""
     truth, camera = survey.truth, survey.calibration
     # one pose for each row of nodes
-    share = row_share(pixel[:, 0, 1], camera.height_px)
+    share = compute_row_share(pixel[:, 0, 1], camera.height_px)
     center, rotation = _poses(survey, index, share)
     center = center[:, None]
     ray = back_project(camera.model, truth.intrinsics, pixel) @ np.swapaxes(rotation, -1, -2)

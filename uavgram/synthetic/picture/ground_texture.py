@@ -10,13 +10,13 @@ from uavgram.imaging.raster import (
     Image,
     Painter,
     Weights,
-    arc,
     blend,
-    box,
-    lay,
-    octaves,
-    ramp,
-    soften,
+    blur_mask,
+    colour_noise,
+    make_arc,
+    make_box,
+    make_texture,
+    paint_layer,
     stripe_outline,
 )
 from uavgram.model.arrays import Floats
@@ -51,14 +51,14 @@ def paint_ground(road: RoadLayout, rng: np.random.Generator) -> GroundRaster:
         resolution_m=RESOLUTION_M,
     )
     painter = Painter(raster)
-    grain = octaves(rng, shape, {1: 0.6, 2: 0.5, 5: 0.45})
-    patches = octaves(rng, shape, {30: 0.5, 120: 0.7, 500: 0.5})
+    grain = make_texture(rng, shape, {1: 0.6, 2: 0.5, 5: 0.45})
+    patches = make_texture(rng, shape, {30: 0.5, 120: 0.7, 500: 0.5})
     image = _grass(grain, patches)
     _trees(image, painter, rng)
     asphalt = painter.polygons(*road_outlines(road))
     image = _verge(image, asphalt, grain, patches)
     _footpath(image, painter, grain, rng)
-    lay(image, _asphalt(painter, road, grain, patches, rng), asphalt)
+    paint_layer(image, _asphalt(painter, road, grain, patches, rng), asphalt)
     _kerb(image, painter, road, grain)
     _road_paint(image, painter, road, grain, patches)
     _skid_marks(image, painter, road, grain)
@@ -77,18 +77,20 @@ def road_outlines(road: RoadLayout) -> tuple[Floats, Floats]:
     left, right = road.side_x_m - road.side_width_m / 2, road.side_x_m + road.side_width_m / 2
     side = np.vstack(
         [
-            arc((left - radius, -half - radius), radius, 90.0, 0.0),
+            make_arc((left - radius, -half - radius), radius, 90.0, 0.0),
             [[left, -FAR], [right, -FAR]],
-            arc((right + radius, -half - radius), radius, 180.0, 90.0),
+            make_arc((right + radius, -half - radius), radius, 180.0, 90.0),
             [[right, 0.0], [left, 0.0]],
         ]
     )
-    return box(-FAR, FAR, -half, half), side
+    return make_box(-FAR, FAR, -half, half), side
 
 
 def _grass(grain: Weights, patches: Weights) -> Image:
-    lush = ramp(grain + 0.5 * patches, (22, 46, 34), (44, 92, 74), (62, 122, 104), (92, 158, 146))
-    dry = ramp(grain, (58, 84, 92), (88, 124, 136), (122, 164, 178))
+    lush = colour_noise(
+        grain + 0.5 * patches, (22, 46, 34), (44, 92, 74), (62, 122, 104), (92, 158, 146)
+    )
+    dry = colour_noise(grain, (58, 84, 92), (88, 124, 136), (122, 164, 178))
     return blend(lush, dry, np.clip(0.35 * patches - 0.12, 0.0, 0.75))
 
 
@@ -96,23 +98,23 @@ def _verge(image: Image, asphalt: Image, grain: Weights, patches: Weights) -> Im
     """Paint gravel beside the asphalt, with a ragged edge."""
     distance = cv2.distanceTransform(255 - asphalt, cv2.DIST_L2, 3) * np.float32(RESOLUTION_M)
     ragged = np.clip((0.75 + 0.12 * patches + 0.1 * grain - distance) / 0.25, 0.0, 1.0)
-    gravel = ramp(1.2 * grain, (66, 78, 86), (110, 124, 134), (160, 172, 180))
+    gravel = colour_noise(1.2 * grain, (66, 78, 86), (110, 124, 134), (160, 172, 180))
     return blend(image, gravel, ragged.astype(np.float32) * np.float32(0.85))
 
 
 def _footpath(image: Image, painter: Painter, grain: Weights, rng: np.random.Generator) -> None:
     inner, outer = FOOTPATH_M
-    concrete = ramp(0.6 * grain, (128, 138, 142), (150, 160, 164), (174, 182, 186))
-    lay(image, concrete, painter.polygons(box(-FAR, FAR, inner, outer)))
+    concrete = colour_noise(0.6 * grain, (128, 138, 142), (150, 160, 164), (174, 182, 186))
+    paint_layer(image, concrete, painter.polygons(make_box(-FAR, FAR, inner, outer)))
     joints = np.arange(-HALF_LENGTH_M, HALF_LENGTH_M, 1.5)
     # slabs weather differently
     slabs = painter.blank()
     for x, shade in zip(joints, rng.integers(0, 50, len(joints)), strict=True):
-        painter.polygons(box(x, x + 1.5, inner, outer), mask=slabs, value=int(shade))
-    lay(image, (96, 104, 104), slabs)
+        painter.polygons(make_box(x, x + 1.5, inner, outer), mask=slabs, value=int(shade))
+    paint_layer(image, (96, 104, 104), slabs)
     lines = [np.array([[x, inner], [x, outer]]) for x in joints]
     edges = [np.array([[-FAR, y], [FAR, y]]) for y in (inner, outer)]
-    lay(image, (78, 86, 86), painter.stripes(*lines, *edges, width_m=0.025), 0.8)
+    paint_layer(image, (78, 86, 86), painter.stripes(*lines, *edges, width_m=0.025), 0.8)
 
 
 def _asphalt(
@@ -122,7 +124,7 @@ def _asphalt(
     patches: Weights,
     rng: np.random.Generator,
 ) -> Image:
-    image = ramp(
+    image = colour_noise(
         0.9 * grain + 0.35 * patches, (70, 68, 66), (98, 96, 94), (114, 112, 110), (150, 149, 148)
     )
     # wheels polish four tracks; oil darkens the middle of each lane
@@ -132,13 +134,13 @@ def _asphalt(
         for middle in (-lane, lane)
         for y in (middle - 0.75, middle + 0.75)
     ]
-    worn = soften(painter.stripes(*tracks, width_m=0.45), 12)
-    lay(image, (84, 82, 80), worn, 0.45)
-    repairs = painter.polygons(box(-27.0, -23.2, 0.5, 3.0), box(24.0, 27.5, -3.0, -0.4))
-    lay(image, (68, 66, 65), repairs, 0.55)
+    worn = blur_mask(painter.stripes(*tracks, width_m=0.45), 12)
+    paint_layer(image, (84, 82, 80), worn, 0.45)
+    repairs = painter.polygons(make_box(-27.0, -23.2, 0.5, 3.0), make_box(24.0, 27.5, -3.0, -0.4))
+    paint_layer(image, (68, 66, 65), repairs, 0.55)
     cracks = [_crack(rng, start) for start in rng.uniform((-34, -3), (34, 3), (16, 2))]
     cracks += [_crack(rng, start) for start in rng.uniform((3.5, -24), (8.5, -8), (5, 2))]
-    lay(image, (46, 45, 44), painter.stripes(*cracks, width_m=0.03), 0.6)
+    paint_layer(image, (46, 45, 44), painter.stripes(*cracks, width_m=0.03), 0.6)
     return image
 
 
@@ -152,11 +154,11 @@ def _crack(rng: np.random.Generator, start_m: Floats) -> Floats:
 
 def _kerb(image: Image, painter: Painter, road: RoadLayout, grain: Weights) -> None:
     edge = road.width_m / 2
-    stone = painter.polygons(box(-FAR, FAR, edge, edge + KERB_M))
-    gutter = painter.polygons(box(-FAR, FAR, edge - 0.06, edge))
-    concrete = ramp(0.5 * grain, (140, 148, 152), (168, 176, 180), (190, 196, 200))
-    lay(image, concrete, stone)
-    lay(image, (60, 60, 60), gutter, 0.6)
+    stone = painter.polygons(make_box(-FAR, FAR, edge, edge + KERB_M))
+    gutter = painter.polygons(make_box(-FAR, FAR, edge - 0.06, edge))
+    concrete = colour_noise(0.5 * grain, (140, 148, 152), (168, 176, 180), (190, 196, 200))
+    paint_layer(image, concrete, stone)
+    paint_layer(image, (60, 60, 60), gutter, 0.6)
 
 
 def _road_paint(
@@ -172,15 +174,16 @@ def _road_paint(
         np.array([[-FAR, edge], [FAR, edge]]),
         np.array([[-FAR, -edge], [before, -edge]]),
         np.array([[after, -edge], [FAR, -edge]]),
-        arc((before, corner), radius, 90.0, 0.0),
-        arc((after, corner), radius, 180.0, 90.0),
+        make_arc((before, corner), radius, 90.0, 0.0),
+        make_arc((after, corner), radius, 180.0, 90.0),
         np.array([[road.side_x_m - side, corner], [road.side_x_m - side, -FAR]]),
         np.array([[road.side_x_m + side, corner], [road.side_x_m + side, -FAR]]),
         width_m=0.12,
     )
     stop = corner - 0.7
     painter.polygons(
-        box(road.side_x_m + 0.2, road.side_x_m + side - 0.1, stop - 0.2, stop + 0.2), mask=white
+        make_box(road.side_x_m + 0.2, road.side_x_m + side - 0.1, stop - 0.2, stop + 0.2),
+        mask=white,
     )
     starts = np.arange(-36.0, 38.0, 6.0)
     centre = painter.stripes(
@@ -190,8 +193,8 @@ def _road_paint(
     )
     # old paint: thin where the aggregate protrudes
     wear = np.clip(0.86 + 0.14 * grain + 0.1 * patches, 0.25, 1.0).astype(np.float32)
-    lay(image, WHITE_PAINT, white, wear)
-    lay(image, YELLOW_PAINT, centre, wear)
+    paint_layer(image, WHITE_PAINT, white, wear)
+    paint_layer(image, YELLOW_PAINT, centre, wear)
 
 
 def _skid_marks(image: Image, painter: Painter, road: RoadLayout, grain: Weights) -> None:
@@ -204,7 +207,7 @@ def _skid_marks(image: Image, painter: Painter, road: RoadLayout, grain: Weights
         half = len(path)
         painter.stripes(outline[:half], outline[half:], width_m=0.05, mask=mask)
     rubber = np.clip(0.74 - 0.12 * grain, 0.3, 0.95).astype(np.float32)
-    lay(image, (30, 29, 28), soften(mask, 0.8), rubber)
+    paint_layer(image, (30, 29, 28), blur_mask(mask, 0.8), rubber)
 
 
 def _smooth(corners_m: Floats) -> Floats:
@@ -231,7 +234,7 @@ def _debris(image: Image, painter: Painter, road: RoadLayout, rng: np.random.Gen
         angle = np.sort(rng.uniform(0.0, 2.0 * np.pi, (count, 5)), axis=1)
         size = rng.gamma(2.0, 0.018, (count, 1)) + 0.012
         shards = middle[:, None] + size[..., None] * np.stack([np.cos(angle), np.sin(angle)], -1)
-        lay(image, color, painter.polygons(*shards), 0.9)
+        paint_layer(image, color, painter.polygons(*shards), 0.9)
 
 
 def _trees(image: Image, painter: Painter, rng: np.random.Generator) -> None:
@@ -252,9 +255,9 @@ def _trees(image: Image, painter: Painter, rng: np.random.Generator) -> None:
 def _canopy(image: Image, painter: Painter, leaves_m: Floats, radius_m: float) -> None:
     sun = np.array([0.35, 0.5])  # direction of the shadow, per metre of radius
     shade = painter.discs(leaves_m - 1.1 * radius_m * sun, 0.42, painter.blank())
-    lay(image, (18, 30, 24), soften(shade, 3), 0.7)
+    paint_layer(image, (18, 30, 24), blur_mask(shade, 3), 0.7)
     tones = ((24, 50, 34), (32, 68, 48), (42, 86, 62), (58, 110, 84))
     for i, tone in enumerate(tones):
         shifted = leaves_m[i::4] + 0.12 * i * sun
         layer = painter.discs(shifted, 0.42 - 0.07 * i, painter.blank())
-        lay(image, tone, layer, 0.9)
+        paint_layer(image, tone, layer, 0.9)

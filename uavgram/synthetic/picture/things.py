@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.imaging.plates.families import cells_of
-from uavgram.imaging.raster import GroundRaster, Image, Painter, lay, soften
+from uavgram.imaging.plates.families import read_cells
+from uavgram.imaging.raster import GroundRaster, Image, Painter, blur_mask, paint_layer
 from uavgram.model.arrays import Floats
-from uavgram.model.target_families import CORNERS
+from uavgram.model.target_families import PLATE_CORNERS
 from uavgram.synthetic.accident_scene import ScenePoint, Vehicle
 from uavgram.synthetic.scenario import FAMILY, GroundSpec
 from uavgram.synthetic.scene import Surface
@@ -37,16 +37,16 @@ def mark_raster(point: ScenePoint) -> GroundRaster:
     right, down = (u - left_px) * MARK_RESOLUTION_M, (v - HALF_HEIGHT_PX) * MARK_RESOLUTION_M
     square = np.maximum(np.abs(right), np.abs(down))
     if point.mark == "checker":
-        lay(image, WHITE, _mask(square < 0.24))
-        lay(image, BLACK, _mask((square < 0.21) & (right * down > 0)))
+        paint_layer(image, WHITE, _mask(square < 0.24))
+        paint_layer(image, BLACK, _mask((square < 0.21) & (right * down > 0)))
     elif point.mark == "disc":
         radius = np.hypot(right, down)
         for color, size in ((BLACK, 0.24), (WHITE, 0.2), (RED, 0.13), (WHITE, 0.05)):
-            lay(image, color, _mask(radius < size))
+            paint_layer(image, color, _mask(radius < size))
     else:
         narrow = np.minimum(np.abs(right), np.abs(down))
-        lay(image, BLACK, _mask((narrow < 0.048) & (square < 0.24)), 0.35)
-        lay(image, SPRAY, _mask((narrow < 0.028) & (square < 0.22)), 0.95)
+        paint_layer(image, BLACK, _mask((narrow < 0.048) & (square < 0.24)), 0.35)
+        paint_layer(image, SPRAY, _mask((narrow < 0.028) & (square < 0.22)), 0.95)
     _write(image, point, left_px)
     return GroundRaster(
         image=image,
@@ -69,8 +69,8 @@ def _write(image: Image, point: ScenePoint, left_px: int) -> None:
     mask = np.zeros(image.shape[:2], np.uint8)
     cv2.putText(mask, point.label, base, font, TEXT_SCALE, [255], TEXT_THICKNESS, cv2.LINE_AA)
     rim = np.asarray(cv2.dilate(mask, np.ones((RIM_PX, RIM_PX), np.uint8)), np.uint8)
-    lay(image, BLACK, soften(rim, 2.5), 0.55)
-    lay(image, _text_color(point), mask, 0.95)
+    paint_layer(image, BLACK, blur_mask(rim, 2.5), 0.55)
+    paint_layer(image, _text_color(point), mask, 0.95)
 
 
 def _text_color(point: ScenePoint) -> tuple[int, int, int, int]:
@@ -105,26 +105,26 @@ def vehicle_raster(vehicle: Vehicle) -> GroundRaster:
 def _draw(image: Image, painter: Painter, vehicle: Vehicle) -> None:
     body = _outline(vehicle)
     shadow = painter.polygons(body + np.array(SHADOW_M), body + 0.5 * np.array(SHADOW_M))
-    lay(image, (8, 8, 10, 255), soften(shadow, 7), 0.62)
+    paint_layer(image, (8, 8, 10, 255), blur_mask(shadow, 7), 0.62)
     wheels = [_part(vehicle, (f - 0.07, f + 0.07), (s - 0.03, s + 0.03))
               for f in (-0.3, 0.3) for s in (-0.475, 0.475)]  # fmt: skip
-    lay(image, DARK, painter.polygons(*wheels))
+    paint_layer(image, DARK, painter.polygons(*wheels))
     paint = vehicle.color_rgb[::-1]
-    lay(image, _shade(paint, 0.5), painter.polygons(body))
+    paint_layer(image, _shade(paint, 0.5), painter.polygons(body))
     # the body is darker towards its rounded edge
     for inset, light in ((0.965, 0.75), (0.925, 0.92), (0.87, 1.0)):
-        lay(image, _shade(paint, light), painter.polygons(_outline(vehicle, inset)))
+        paint_layer(image, _shade(paint, light), painter.polygons(_outline(vehicle, inset)))
     for side in (-1, 1):
         crease = _part(vehicle, (0.2, 0.46), (side * 0.22 - 0.006, side * 0.22 + 0.006))
-        lay(image, _shade(paint, 1.35), painter.polygons(crease), 0.7)
+        paint_layer(image, _shade(paint, 1.35), painter.polygons(crease), 0.7)
     mirrors = [_quad(vehicle, (0.16, s * 0.5), (0.19, s * 0.5), (0.18, s * 0.6), (0.15, s * 0.6))
                for s in (-1, 1)]  # fmt: skip
-    lay(image, _shade(paint, 0.8), painter.polygons(*mirrors))
+    paint_layer(image, _shade(paint, 0.8), painter.polygons(*mirrors))
     _glass(image, painter, vehicle, paint)
     lamp = _part(vehicle, (0.455, 0.485), (-0.42, -0.28))  # the other one is broken
-    lay(image, LAMP, painter.polygons(lamp), 0.9)
+    paint_layer(image, LAMP, painter.polygons(lamp), 0.9)
     tails = [_part(vehicle, (-0.49, -0.47), (s * 0.34 - 0.07, s * 0.34 + 0.07)) for s in (-1, 1)]
-    lay(image, TAIL, painter.polygons(*tails), 0.9)
+    paint_layer(image, TAIL, painter.polygons(*tails), 0.9)
 
 
 def _glass(image: Image, painter: Painter, vehicle: Vehicle, paint: tuple[int, ...]) -> None:
@@ -134,13 +134,13 @@ def _glass(image: Image, painter: Painter, vehicle: Vehicle, paint: tuple[int, .
         _quad(vehicle, (0.16, s * 0.435), (0.06, s * 0.385), (-0.28, s * 0.36), (-0.34, s * 0.42))
         for s in (-1, 1)
     ]
-    lay(image, GLASS, painter.polygons(windscreen, rear, *sides), 0.95)
+    paint_layer(image, GLASS, painter.polygons(windscreen, rear, *sides), 0.95)
     glare = _quad(vehicle, (0.09, -0.2), (0.19, -0.36), (0.19, -0.2), (0.09, -0.1))
-    lay(image, GLARE, soften(painter.polygons(glare), 4), 0.5)
+    paint_layer(image, GLARE, blur_mask(painter.polygons(glare), 4), 0.5)
     roof = _part(vehicle, (-0.28, 0.05), (-0.34, 0.34))
-    lay(image, _shade(paint, 1.12), painter.polygons(roof))
+    paint_layer(image, _shade(paint, 1.12), painter.polygons(roof))
     shine = _part(vehicle, (-0.24, 0.02), (0.06, 0.26))
-    lay(image, _shade(paint, 1.7), soften(painter.polygons(shine), 12), 0.4)
+    paint_layer(image, _shade(paint, 1.7), blur_mask(painter.polygons(shine), 12), 0.4)
 
 
 def _shade(color: tuple[int, ...], light: float) -> tuple[int, ...]:
@@ -221,7 +221,7 @@ def details(survey: SimulatedSurvey) -> list[Detail]:
             replace(ground, height_m=ground.height_m + height) if abs(height) > LEVEL_M else None
         )
         laid.append(_of_raster(mark_raster(point), sheet))
-    plates = truth.point_world_m[len(scenario.points) :].reshape(-1, CORNERS, 3)
+    plates = truth.point_world_m[len(scenario.points) :].reshape(-1, PLATE_CORNERS, 3)
     return laid + [_plate(survey, number, corner) for number, corner in enumerate(plates)]
 
 
@@ -238,7 +238,7 @@ def _of_raster(raster: GroundRaster, sheet: Surface | None) -> Detail:
 def _plate(survey: SimulatedSurvey, number: int, corner_m: Floats) -> Detail:
     """Draw a coded plate, its paper flat on the plane of its corners (4, 3)."""
     # picture of the code: one block of pixels for each cell
-    cells = np.pad(cells_of(FAMILY, number), WHITE_CELLS, constant_values=True)
+    cells = np.pad(read_cells(FAMILY, number), WHITE_CELLS, constant_values=True)
     side = survey.scenario.plates.side_m
     cell_px = max(1, round(side / (len(cells) - 2 * WHITE_CELLS) / PLATE_RESOLUTION_M))
     white = np.kron(cells, np.ones((cell_px, cell_px), np.bool_))
@@ -247,14 +247,14 @@ def _plate(survey: SimulatedSurvey, number: int, corner_m: Floats) -> Detail:
     low, high = WHITE_CELLS * cell_px - 0.5, (len(cells) - WHITE_CELLS) * cell_px - 0.5
     corner_px = np.array([[low, low], [high, low], [high, high], [low, high]])
     scene = survey.scenario.site.in_scene(corner_m[:, :2])
-    affine = np.linalg.lstsq(np.column_stack([scene, np.ones(CORNERS)]), corner_px)[0].T
+    affine = np.linalg.lstsq(np.column_stack([scene, np.ones(PLATE_CORNERS)]), corner_px)[0].T
     # corners of the paper in the scene
     rim = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * len(image) - 0.5
     place = (rim - affine[:, 2]) @ np.linalg.inv(affine[:, :2]).T
     # plane through the corners, on which the paper is
     ground = survey.truth.surface
     offset = corner_m[:, :2] - ground.middle_m
-    rows = np.column_stack([np.ones(CORNERS), offset])
+    rows = np.column_stack([np.ones(PLATE_CORNERS), offset])
     plane = np.asarray(np.linalg.lstsq(rows, corner_m[:, 2])[0], np.float64)
     return Detail(
         image=image,

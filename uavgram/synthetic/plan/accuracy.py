@@ -14,11 +14,11 @@ from uavgram.model.planned import (
     AccuracyGrid,
     ChosenBy,
     Gain,
-    Laid,
     PlannedLines,
     PlannedMeasurements,
     PlannedPlates,
     PlanRequest,
+    ReferenceKind,
 )
 from uavgram.model.target_families import plate_label
 from uavgram.synthetic.plan.cameras import large_enough, seen
@@ -41,7 +41,7 @@ from uavgram.synthetic.plan.survey import Predicted, predicted
 from uavgram.synthetic.plan.wanted import Wanted, equal_weights, lengths_over
 
 MAP_CELLS = 140
-NOTHING_HOLDS = 100.0
+UNDETERMINED_RATIO = 100.0
 """Ratio of the criterion without a line to that of the layout at which it is undetermined."""
 
 
@@ -139,7 +139,7 @@ def _seen_and_lost(
     whole = shown.reshape(len(shown), *world_m.shape[:2]).all(axis=2)
     aim = plain_mean(possible)
     left = np.array([_without(aim, possible, lines, end) for end in world_m[..., :2]])
-    limit = NOTHING_HOLDS * criterion_of(aim, possible.candidates, lines)
+    limit = UNDETERMINED_RATIO * criterion_of(aim, possible.candidates, lines)
     return np.count_nonzero(whole, axis=0).astype(np.float64), np.where(left < limit, left, np.nan)
 
 
@@ -235,15 +235,15 @@ def gains(
         )
     if request.lay == "either":
         yield from _instead(scene, request, wanted, choice, len(lines))
-    differs = set(choice.sturdy.lines) != set(choice.layout.lines)
+    differs = set(choice.robust_layout.lines) != set(choice.layout.lines)
     if request.robust and differs:
         yield _borne(aim, choice, choice.layout, "for the best result if none is lost")
     elif not request.robust:
         if differs:
-            yield _borne(aim, choice, choice.sturdy, "to bear a loss best")
+            yield _borne(aim, choice, choice.robust_layout, "to bear a loss best")
         if larger is not None and len(lines) > 1:
-            sturdy = surviving(options.aim, candidates, larger)
-            yield _borne(aim, choice, sturdy, "to bear a loss best")
+            robust_layout = surviving(options.aim, candidates, larger)
+            yield _borne(aim, choice, robust_layout, "to bear a loss best")
     yield from _photo_more(scene, request, wanted, choice, lines)
 
 
@@ -286,7 +286,7 @@ def _borne(aim: Aim, choice: Choice, layout: Chosen, aimed: str) -> Gain:
     return Gain(
         what=f"{len(layout.lines)} {choice.laid} laid {aimed}",
         mean_sigma=whole,
-        worst_without=worst if worst < NOTHING_HOLDS * whole else None,
+        worst_without=worst if worst < UNDETERMINED_RATIO * whole else None,
     )
 
 
@@ -294,7 +294,7 @@ def _instead(
     scene: PlanScene, request: PlanRequest, wanted: Wanted, choice: Choice, count: int
 ) -> Iterator[Gain]:
     """Evaluate the same number of plates instead of lines, or lines instead of plates."""
-    laid: Laid = "plates" if choice.laid == "lines" else "lines"
+    laid: ReferenceKind = "plates" if choice.laid == "lines" else "lines"
     try:
         options = lines_or_plates(scene, choice.flight.cameras, wanted, lengths(request, laid))
     except GeometryError:

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats
-from uavgram.model.planned import Laid, PlanRequest
+from uavgram.model.planned import PlanRequest, ReferenceKind
 from uavgram.pipeline.progress import Progress
 from uavgram.synthetic.plan.flights import Flight
 from uavgram.synthetic.plan.layouts import (
@@ -53,20 +53,20 @@ class Choice(NamedTuple):
     ----------
     flight, possible, laid
         The flight, and its possible lines or plates.
-    layout, sturdy
+    layout, robust_layout
         The best one, and one of as many lines that tolerates the loss of any.
     """
 
     flight: Flight
     possible: Possible
     layout: Chosen
-    sturdy: Chosen
-    laid: Laid = "lines"
+    robust_layout: Chosen
+    laid: ReferenceKind = "lines"
 
 
 class _Tried(NamedTuple):
     flight: Flight
-    laid: Laid
+    laid: ReferenceKind
     lines: int
     criterion: float
     worst: float  # largest ratio of sigma to required sigma; NaN without any
@@ -116,20 +116,20 @@ def choose(
     layout = best_layout(options.aim, options.candidates, best.lines)
     if request.lines is None and best.worst <= 1.0:  # exchanges may save a line
         layout = _fewer(options, layout, least_lines(scene, best.flight))
-    sturdy = layout
+    robust_layout = layout
     if len(layout.lines) > 1:
-        sturdy = surviving(options.aim, options.candidates, layout)
-    if sturdy.criterion < layout.criterion:  # the exchanges found a better one from there
-        layout = exchanged(options.aim, options.candidates, sturdy)
-    return Choice(best.flight, options, layout, sturdy, best.laid)
+        robust_layout = surviving(options.aim, options.candidates, layout)
+    if robust_layout.criterion < layout.criterion:  # the exchanges found a better one from there
+        layout = exchanged(options.aim, options.candidates, robust_layout)
+    return Choice(best.flight, options, layout, robust_layout, best.laid)
 
 
-def kinds(request: PlanRequest) -> tuple[Laid, ...]:
+def kinds(request: PlanRequest) -> tuple[ReferenceKind, ...]:
     """Return the kinds of references that may be laid out."""
     return ("lines", "plates") if request.lay == "either" else (request.lay,)
 
 
-def lengths(request: PlanRequest, laid: Laid) -> tuple[float, float] | None:
+def lengths(request: PlanRequest, laid: ReferenceKind) -> tuple[float, float] | None:
     """Return the limits of the length of lines; None for plates."""
     return (request.shortest_line_m, request.longest_tape_m) if laid == "lines" else None
 
@@ -150,7 +150,7 @@ def _try(
     scene: PlanScene,
     request: PlanRequest,
     wanted: Wanted,
-    way: tuple[Flight, Laid],
+    way: tuple[Flight, ReferenceKind],
     enough: Floats,
 ) -> list[_Tried]:
     """Evaluate a flight with each number of lines or plates, chosen greedily."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.ground.polygons import contains, crosses, long_axis
+from uavgram.geometry.ground.polygons import contains, crosses, find_long_axis
 from uavgram.model.arrays import Floats
 from uavgram.model.planned import FlightPattern, PlanRequest
 from uavgram.synthetic.plan.cameras import Cameras, seen
@@ -116,7 +116,7 @@ def flight(
         Number of photos; for a grid, the overlap determines it.
     """
     pattern, height, pitch = kind
-    middle, axis, size = long_axis(scene.area_m)
+    middle, axis, size = find_long_axis(scene.area_m)
     across = np.array([-axis[1], axis[0]])
     fx, fy = scene.calibration.parameters[:2]
     # size of a vertical photo on the ground, and offset of its centre behind the view
@@ -264,7 +264,7 @@ def _obstacle(scene: PlanScene, request: PlanRequest, one: Flight, must_m: Float
 
 
 def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) -> str:
-    size = long_axis(scene.area_m)[2]
+    size = find_long_axis(scene.area_m)[2]
     area = f"The area is {size[0]:.0f} m by {size[1]:.0f} m"
     tried = ", ".join(request.patterns)
     if not heights_to_try(request):

@@ -179,7 +179,7 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
     wanted = wanted_of(scene)
     flown = covering(scene, request, wanted)
     choice = choose(scene, request, wanted, flown, progress)
-    layout = choice.sturdy if request.robust else choice.layout
+    layout = choice.robust_layout if request.robust else choice.layout
     ends = ends_of(choice.possible, layout.lines)
     try:
         found = predicted(scene, choice.flight.cameras, wanted, ends)

@@ -12,7 +12,7 @@ from uavgram.estimation.measuring.kinds import Measurand
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.geometry.ground.polygons import contains
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.target_families import FOUND_PX
+from uavgram.model.target_families import MIN_SIDE_PX
 from uavgram.stages.plate_sides import SIDES
 from uavgram.synthetic.plan.cameras import Cameras, large_enough, seen
 from uavgram.synthetic.plan.elimination import (
@@ -163,8 +163,8 @@ def _groups(
         way_out = (
             "fly higher, take more photos, or allow shorter lines (shortest_line_m)"
             if lengths_m
-            else f"fly lower or lay larger ones, of {FOUND_PX:.0f} pixels or more in the photos, "
-            "or take more photos"
+            else f"fly lower or lay larger ones, of {MIN_SIDE_PX:.0f} pixels or more in the "
+            "photos, or take more photos"
         )
         raise GeometryError(
             f"no {what} fits into the area, clear of what is out of bounds, and lies in a photo "

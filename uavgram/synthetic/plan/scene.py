@@ -10,7 +10,11 @@ import numpy as np
 
 from uavgram.errors import InputError, near_miss
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.geometry.ground.polygons import counterclockwise, long_axis, squares_on_plane
+from uavgram.geometry.ground.polygons import (
+    find_long_axis,
+    orient_counterclockwise,
+    squares_on_plane,
+)
 from uavgram.geometry.ground.shapes import polygon_self_intersects
 from uavgram.io.area_file import Area, AreaFile, read_areas
 from uavgram.model.arrays import Floats, FrozenArrays
@@ -25,7 +29,7 @@ from uavgram.model.options import (
 from uavgram.model.planned import Corners, PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.synthetic.inputs import project_of
-from uavgram.synthetic.observe import Still
+from uavgram.synthetic.observe import MeanGenerator
 from uavgram.synthetic.scenario import PlateSpec, Scenario, Site
 from uavgram.synthetic.scenario_file import measurement_fault, scenario_camera
 from uavgram.synthetic.scene import draw_surface
@@ -107,7 +111,7 @@ class PlanScene(FrozenArrays):
 
     def plates_at(self, east_north_m: Floats) -> Floats:
         """Return (N, 4, 3) corners of plates centred at (N, 2), along the area's longer side."""
-        _, axis, _ = long_axis(self.area_m)
+        _, axis, _ = find_long_axis(self.area_m)
         turn = np.full(len(east_north_m), np.arctan2(axis[1], axis[0]))
         middle = self.on_ground(east_north_m)
         return squares_on_plane(middle, self.slope, turn, self.plates.side_m)
@@ -218,7 +222,7 @@ def _polygon(corner: Floats, what: str, path: Path) -> Floats:
         raise InputError(
             path, f"the outline of {what} crosses itself: give its corners one after the other"
         )
-    return counterclockwise(corner)
+    return orient_counterclockwise(corner)
 
 
 def _width(corner: Floats) -> float:
@@ -297,7 +301,7 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
     site = site_of(scenario.site, request, file, path)
     area = area_of(request, file, site, path)
     no_go = no_go_of(request, site, path)
-    surface = draw_surface(replace(scenario, site=site), Still())
+    surface = draw_surface(replace(scenario, site=site), MeanGenerator())
     places = _places(scenario, file, site)
     requests, label, point = _wanted(request, places, site, path)
     project = project_of(scenario)

@@ -19,7 +19,7 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.flight.pose import PhotoExposures, Telemetry
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import KnownLines, Picks
-from uavgram.model.target_families import CORNERS, corner_label
+from uavgram.model.target_families import PLATE_CORNERS, corner_label
 from uavgram.stages.assemble import assemble
 from uavgram.stages.plate_sides import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, own_scale_sigma
 from uavgram.stages.seed.poses import seed
@@ -308,7 +308,7 @@ def survey_with(
         (L, 2, 2) ends of the lines, or (L, 4, 2) corners of the plates.
     """
     count, (laid, marks_each) = len(wanted.label), ends_m.shape[:2]
-    of_plates = marks_each == CORNERS
+    of_plates = marks_each == PLATE_CORNERS
     world = scene.on_ground(np.concatenate([wanted.point_m, ends_m.reshape(-1, 2)]))
     own = [
         corner_label(i, c) if of_plates else f"L{i + 1}{'ab'[c]}"

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.polygons import contains, crosses, long_axis
+from uavgram.geometry.ground.polygons import contains, crosses, find_long_axis
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.synthetic.plan.scene import PlanScene
@@ -36,7 +36,7 @@ def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
     from_edge_m
         Margin at the edges of its smallest rectangle.
     """
-    middle, axis, size = long_axis(area_m)
+    middle, axis, size = find_long_axis(area_m)
     room = np.maximum(size - 2.0 * from_edge_m, 0.0)
     count = np.maximum(np.ceil(room / step_m - 1e-9).astype(int), 1)
     along, across = (np.linspace(-r / 2, r / 2, n + 1) for r, n in zip(room, count, strict=True))
@@ -59,7 +59,7 @@ def spots(
     most
         Approximate number of ends.
     """
-    size = long_axis(area_m)[2]
+    size = find_long_axis(area_m)[2]
     edge = min(FROM_EDGE_M, 0.1 * float(size.min()))
     step = max(min(STEP_M, 0.2 * float(size.min())), float(np.sqrt(size.prod() / most)))
     if step * CELLS_IN_LINE <= longest_m:
@@ -137,7 +137,7 @@ class Map(NamedTuple):
 
 def lengths_over(area_m: Floats, cells: int) -> Map:
     """Return lengths centred on about `cells` cells of an area (V, 2)."""
-    _, _, size = long_axis(area_m)
+    _, _, size = find_long_axis(area_m)
     cell = float(np.sqrt(size.prod() / cells))
     middle = grid_in(area_m, cell, min(0.5 * cell, 0.45 * float(size.min())))
     length = min(LENGTH_M, 0.3 * float(size.min()))

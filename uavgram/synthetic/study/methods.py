@@ -18,7 +18,7 @@ from uavgram.estimation.first_poses.pose_problem import (
 from uavgram.estimation.solver.batched import Ends, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane
-from uavgram.imaging.known_point_pose import FEWEST_POINTS, poses_from_points
+from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.simulation import MethodRow
 from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
@@ -63,8 +63,8 @@ def point_starts(scenes: MethodScenes) -> Starts:
     )
     place = rows.place_m[:, :, 0]
     world = np.concatenate([place, np.zeros((*place.shape[:2], 1))], axis=-1)
-    for k in range(count if start.shape[1] >= FEWEST_POINTS else 0):
-        found = poses_from_points(world[k], ray[k])
+    for k in range(count if start.shape[1] >= MIN_POINTS else 0):
+        found = find_poses_from_points(world[k], ray[k])
         if found is not None:
             some = min(2, len(found[0]))
             center[k, :some], rotation[k, :some] = found[0][:some], found[1][:some]

@@ -11,7 +11,7 @@ from typing import Any
 
 from uavgram.errors import UavgramError, near_miss
 from uavgram.io.outputs import staged_output
-from uavgram.io.results.study_json import write_studies
+from uavgram.io.results.simulation_json import write_studies
 from uavgram.model.simulation import MethodRow, Study
 from uavgram.pipeline.parallel import in_processes
 from uavgram.pipeline.progress import Progress, silent

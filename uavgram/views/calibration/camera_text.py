@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from uavgram.estimation.calibration.difference import CameraDifference
-from uavgram.geometry.camera.facts import CameraFacts
+from uavgram.geometry.camera.properties import CameraProperties
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration, CameraProvenance
 from uavgram.views.terminal import aligned
@@ -20,7 +20,7 @@ NINETY_FIVE = 2.4477  # of a two-dimensional normal error, in sigmas
 
 def camera_lines(
     calibration: Calibration,
-    facts: CameraFacts,
+    facts: CameraProperties,
     provenance: CameraProvenance | None = None,
     focal_mm: float | None = None,
 ) -> list[str]:
@@ -92,7 +92,7 @@ def _correlation_cells(calibration: Calibration, correlation: Floats) -> list[tu
     return [("", *names[:-1]), *filled]
 
 
-def fact_lines(facts: CameraFacts, focal_mm: float | None) -> list[str]:
+def fact_lines(facts: CameraProperties, focal_mm: float | None) -> list[str]:
     """What the parameters mean: angles, millimetres, pixels."""
     wide, high, diagonal = (number(math.degrees(angle), 2) for angle in facts.field_of_view_rad)
     on_sensor = "" if focal_mm is None else f", {focal_mm:.3f} mm on its sensor"

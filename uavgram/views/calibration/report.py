@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from uavgram.imaging.photos.preview import jpeg_of_width
+from uavgram.imaging.photos.preview import shrink_jpeg
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import Board
 from uavgram.model.camera.calibration_result import (
@@ -176,7 +176,7 @@ def _picture(pictures: Mapping[str, bytes], file: str) -> str:
     """A small copy as a data URL; empty where there is none."""
     if file not in pictures:
         return ""
-    small = jpeg_of_width(pictures[file], PICTURE_WIDTH_PX)
+    small = shrink_jpeg(pictures[file], PICTURE_WIDTH_PX)
     return "data:image/jpeg;base64," + base64.b64encode(small).decode("ascii")
 
 

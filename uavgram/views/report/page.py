@@ -14,7 +14,7 @@ import numpy as np
 from uavgram.errors import OutputError
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
-from uavgram.model.result.shared import learnt_camera
+from uavgram.model.result.shared import compare_cameras
 from uavgram.views.pages import page, units_shown
 from uavgram.views.report.annex import annex
 from uavgram.views.report.brief import MOST_REASONS, Brief, brief
@@ -222,7 +222,7 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         weakest=weakest_links(result),
         most_weakest=MOST_ROWS,
         picks=worst_fit_first(result.picks.w),
-        camera=learnt_camera(result.camera, result.shared.intrinsics),
+        camera=compare_cameras(result.camera, result.shared.intrinsics),
         priors=prior_rows(result),
         pick_count=Counter(result.picks.image),
         position_sigma_m=position_m,

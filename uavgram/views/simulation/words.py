@@ -202,7 +202,7 @@ def unlike(simulation: Simulation) -> str:
 
 def amiss(simulation: Simulation) -> str:
     """What the scenario has amiss of which its project knows nothing; empty: nothing."""
-    named = [_named(key) for key in simulation.amiss]
+    named = [_named(key) for key in simulation.deviations]
     if not named:
         return ""
     told = (

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import SOURCES, only_by_program, picks_by_source
+from uavgram.model.result.tables import SOURCES, count_picks_by_source, is_only_by_program
 from uavgram.model.survey.observations import Source
 from uavgram.views.wording import number
 
@@ -43,7 +43,7 @@ def picks_text(result: Result) -> str:
 
 def points_made(result: Result) -> tuple[str, ...]:
     """(K,) who made the picks of each point; empty where a person made all of them."""
-    made = picks_by_source(result.picks)
+    made = count_picks_by_source(result.picks)
     return tuple(counts_text(made.get(label, {})) for label in result.points.label)
 
 
@@ -65,7 +65,7 @@ def frames_tied(result: Result) -> tuple[str, ...]:
 def measured_alone(result: Result) -> tuple[str, ...]:
     """(M,) what is to be said of each value's picks; empty where a person made some."""
     rows = result.measurements
-    alone = only_by_program(result.picks, rows.points) & np.isfinite(rows.value)
+    alone = is_only_by_program(result.picks, rows.points) & np.isfinite(rows.value)
     return tuple(ONLY_PROGRAM if one else "" for one in alone.tolist())
 
 

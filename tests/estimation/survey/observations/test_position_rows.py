@@ -12,7 +12,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.known import known_rows
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import move
-from uavgram.model.survey.known import ON_LINE, KnownThing, LinePosition, lines_place
+from uavgram.model.survey.known import ON_LINE, KnownThing, LinePosition, do_lines_fix_plan
 
 SIGMA = np.array([[0.02, 0.01, 0.03], [0.01, 0.03, 0.02]])
 
@@ -97,6 +97,6 @@ def test_lines_place_a_survey_with_three_points_on_two_directions() -> None:
     east, also_east = [[0, 0, 0], [9, 0, 0]], [[0, 5, 0], [9, 5.2, 0]]
     north = [[0, 0, 0], [0, 9, 0]]
 
-    assert lines_place([on_line((0, 1), east), on_line((2,), north)])
-    assert not lines_place([on_line((0, 1), east), on_line((2, 3), also_east)])
-    assert not lines_place([on_line((0,), east), on_line((1,), north)])
+    assert do_lines_fix_plan([on_line((0, 1), east), on_line((2,), north)])
+    assert not do_lines_fix_plan([on_line((0, 1), east), on_line((2, 3), also_east)])
+    assert not do_lines_fix_plan([on_line((0,), east), on_line((1,), north)])

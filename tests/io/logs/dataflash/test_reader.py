@@ -12,8 +12,8 @@ from pymavlink import DFReader
 from uavgram.errors import InputError
 from uavgram.io.logs.dataflash.binary import (
     index_binary,
-    indexed_by_loop,
-    indexed_by_pymavlink,
+    index_by_loop,
+    index_by_pymavlink,
 )
 from uavgram.io.logs.dataflash.reader import read_dataflash
 from uavgram.io.logs.dataflash.tables import index_text
@@ -75,10 +75,10 @@ def test_the_loop_finds_the_messages_that_the_compiled_indexer_finds(
     data_dir: Path, name: str
 ) -> None:
     data = (data_dir / name).read_bytes()
-    compiled = indexed_by_pymavlink(data)
+    compiled = index_by_pymavlink(data)
     if compiled is None:
         pytest.skip("this pymavlink has no compiled indexer")
-    loop = indexed_by_loop(data)
+    loop = index_by_loop(data)
     assert compiled[129:] == loop[129:]
 
 

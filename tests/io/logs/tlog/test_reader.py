@@ -412,14 +412,14 @@ def test_a_frame_inside_a_payload_is_no_frame_of_its_own() -> None:
 def test_checksums_equal_pymavlinks() -> None:
     from pymavlink.generator.mavcrc import x25crc
 
-    from uavgram.io.logs.tlog.frames import checksums
+    from uavgram.io.logs.tlog.frames import compute_checksums
 
     rng = np.random.default_rng(4)
     data = rng.integers(0, 256, 5000, dtype=np.uint8)
     start, length = rng.integers(0, 4700, 300), rng.integers(0, 290, 300)
     start[:4], length[:4] = (0, 0, 3, 1), (0, 5, 9, 17)  # at the beginning of the file
     extra = rng.integers(0, 256, 300)
-    found = checksums(data, start, length, extra)
+    found = compute_checksums(data, start, length, extra)
     for k in range(300):
         part = bytes(data[start[k] : start[k] + length[k]]) + bytes([extra[k]])
         assert x25crc(part).crc == found[k]

@@ -11,7 +11,7 @@ from pyulog import ULog
 from uavgram.errors import InputError
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.topics import Topic
-from uavgram.io.logs.ulog.reader import TOPICS, _is_global, read_ulog, reprojected
+from uavgram.io.logs.ulog.reader import TOPICS, _is_global, read_ulog, unproject_local
 from uavgram.io.logs.ulog.topics import read_tables
 
 
@@ -183,7 +183,7 @@ def test_the_local_frame_is_put_on_the_earth_as_px4_does(data_dir: Path) -> None
     local, world = tables.topic("vehicle_local_position"), tables.topic("vehicle_global_position")
     assert local is not None
     assert world is not None
-    latitude, longitude, height = reprojected(local)
+    latitude, longitude, height = unproject_local(local)
     # both topics are published with one time by the estimator
     tied = _is_global(local)
     shared, a, b = np.intersect1d(local.time_s[tied], world.time_s, return_indices=True)
@@ -200,7 +200,7 @@ def test_the_local_frame_is_an_azimuthal_equidistant_projection() -> None:
     east, north = rng.uniform(-5000, 5000, (2, 50))
     fields = {"x": north, "y": east, "z": np.full(50, -20.0), "ref_alt": np.full(50, 480.0)}
     fields |= {"ref_lat": np.full(50, 63.4), "ref_lon": np.full(50, 10.4)}
-    latitude, longitude, height = reprojected(Topic("local", np.arange(50.0), fields))
+    latitude, longitude, height = unproject_local(Topic("local", np.arange(50.0), fields))
     sphere = "+proj=aeqd +R=6371000 +lat_0=63.4 +lon_0=10.4"
     to_degrees = Transformer.from_crs(sphere, "+proj=longlat +R=6371000", always_xy=True)
     expected = to_degrees.transform(east, north)

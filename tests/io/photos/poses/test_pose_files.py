@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.photos.poses.pose_tables import read_geo_txt, read_pose_csv
-from uavgram.io.photos.poses.read import read_photo_poses
+from uavgram.io.photos.poses.sources import read_photo_poses
 
 
 class Write(Protocol):

@@ -12,7 +12,7 @@ from uavgram.errors import InputError
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.photos.metadata import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
 from uavgram.io.photos.poses.tags import first_maker, read_photo_tags
-from uavgram.io.photos.tagging.exif_gps import ExifGps, with_gps
+from uavgram.io.photos.tagging import ExifGps, set_gps
 from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
 
@@ -189,7 +189,7 @@ def test_an_altitude_that_the_maker_left_empty_is_that_of_exif(tmp_path: Path) -
     plain = parse_jpeg(tagged_jpeg.jpeg(tagged_jpeg.dji(**PLACE | {"AbsoluteAltitude": "+0.00"})))
     assert plain is not None
     path = tmp_path / "DJI_0000.JPG"
-    tags = Segment(APP1, EXIF_HEAD + with_gps(None, gps))
+    tags = Segment(APP1, EXIF_HEAD + set_gps(None, gps))
     path.write_bytes(build_jpeg([tags, *plain.segments], plain.scan))
     poses, messages = read_photo_tags(tagged_jpeg.photos([path]))
 

@@ -14,7 +14,7 @@ from scenes import Scene, make_scene
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.mend import Cause, Ends, Mend
+from uavgram.model.survey.corrections import Cause, Ends, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.causes.correction import MAX_LISTED, apply_corrections
@@ -29,7 +29,7 @@ stage = importlib.import_module("uavgram.stages.refine.at_stated_noise")
 whole = importlib.import_module("uavgram.stages.refine.refine")
 
 
-def cause(mend: Mend | None, gain: float = 100.0) -> Cause:
+def cause(mend: SurveyCorrection | None, gain: float = 100.0) -> Cause:
     message = Message("warning", "labels-swapped", "It is wrong: mend it.")
     return Cause(message=message, mend=mend, gain=gain)
 
@@ -48,7 +48,9 @@ def words_of_pick(survey: Survey, k: int, label: str) -> str:
 
 def test_labels_are_put_back_and_told_before_and_after(survey: Survey) -> None:
     one, other = survey.pick_label[:2].tolist()
-    found = apply_corrections(survey, [cause(Mend(label_of_pick={0: other, 1: one}))], BEFORE)
+    found = apply_corrections(
+        survey, [cause(SurveyCorrection(label_of_pick={0: other, 1: one}))], BEFORE
+    )
     assert found.survey.pick_label[:2].tolist() == [other, one]
     assert found.survey.pick_label[2:].tolist() == survey.pick_label[2:].tolist()
     assert not found.without.any()
@@ -64,7 +66,7 @@ def test_labels_are_put_back_and_told_before_and_after(survey: Survey) -> None:
 
 def test_lengths_and_heights_are_told_before_and_after(survey: Survey) -> None:
     ends = Ends(*(int(survey.line_start[2]), 5))
-    mend = Mend(length_m={0: 4.5}, ends={2: ends}, free={3: True})
+    mend = SurveyCorrection(length_m={0: 4.5}, ends={2: ends}, free={3: True})
     found = apply_corrections(survey, [cause(mend)], BEFORE)
     assert found.survey.length_m[0] == 4.5
     assert found.survey.line_end[2] == 5
@@ -80,7 +82,11 @@ def test_lengths_and_heights_are_told_before_and_after(survey: Survey) -> None:
 
 
 def test_each_mend_goes_on_from_the_one_before(survey: Survey) -> None:
-    causes = [cause(Mend(length_m={1: 2.0})), cause(None), cause(Mend(length_m={1: 3.0}))]
+    causes = [
+        cause(SurveyCorrection(length_m={1: 2.0})),
+        cause(None),
+        cause(SurveyCorrection(length_m={1: 3.0})),
+    ]
     found = apply_corrections(survey, causes, BEFORE)
     assert found.survey.length_m[1] == 3.0
     first, second = (removal.mended for removal in found.removals)
@@ -90,7 +96,10 @@ def test_each_mend_goes_on_from_the_one_before(survey: Survey) -> None:
 
 def test_picks_taken_out_are_those_of_all_mends_and_a_long_list_is_cut(survey: Survey) -> None:
     many = frozenset(range(MAX_LISTED + 2))
-    causes = [cause(Mend(without_picks=many)), cause(Mend(without_picks=frozenset([9])))]
+    causes = [
+        cause(SurveyCorrection(without_picks=many)),
+        cause(SurveyCorrection(without_picks=frozenset([9]))),
+    ]
     found = apply_corrections(survey, causes, BEFORE)
     assert np.flatnonzero(found.without).tolist() == [*sorted(many), 9]
     words = found.removals[0].mended[0]
@@ -129,7 +138,7 @@ def test_a_mended_survey_is_adjusted_as_if_nothing_had_been_wrong(
 @pytest.mark.parametrize("most", [0, 1])
 def test_mends_without_end_end(monkeypatch: pytest.MonkeyPatch, survey: Survey, most: int) -> None:
     """Each adjustment finds something: one that changes nothing."""
-    idle = cause(Mend(length_m={1: float(survey.length_m[1])}))
+    idle = cause(SurveyCorrection(length_m={1: float(survey.length_m[1])}))
     monkeypatch.setattr(whole, "MAX_CORRECTIONS", most)
     monkeypatch.setattr(stage, "identify_causes", lambda _: IdentifiedCauses((idle,), (None,)))
     refined, _ = refine(survey, REMOVE)
@@ -138,7 +147,7 @@ def test_mends_without_end_end(monkeypatch: pytest.MonkeyPatch, survey: Survey, 
 
 
 def test_with_report_nothing_is_mended(monkeypatch: pytest.MonkeyPatch, survey: Survey) -> None:
-    found = cause(Mend(length_m={1: 7.0}, without_picks=frozenset([0])))
+    found = cause(SurveyCorrection(length_m={1: 7.0}, without_picks=frozenset([0])))
     monkeypatch.setattr(stage, "identify_causes", lambda _: IdentifiedCauses((found,), (None,)))
     refined, (first, *_) = refine(survey, replace(REMOVE, outliers="report"))
     assert refined.removals == ()

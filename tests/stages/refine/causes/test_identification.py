@@ -13,7 +13,7 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.reliability.hypotheses import Explained, Moved
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes import identification as room
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
@@ -26,7 +26,7 @@ from uavgram.stages.refine.causes.identification import (
 from uavgram.stages.refine.causes.trials import JudgedHypothesis
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
-TAPE, LABELS = Mend(length_m={0: 3.0}), Mend(label_of_pick={0: 1})
+TAPE, LABELS = SurveyCorrection(length_m={0: 3.0}), SurveyCorrection(label_of_pick={0: 1})
 
 
 def told_as(code: str) -> Callable[[Explained | None], Message]:
@@ -34,7 +34,7 @@ def told_as(code: str) -> Callable[[Explained | None], Message]:
 
 
 def judged(
-    code: str, mend: Mend | None, *, odds: float = 50.0, cost: float | None = 10.0
+    code: str, mend: SurveyCorrection | None, *, odds: float = 50.0, cost: float | None = 10.0
 ) -> JudgedHypothesis:
     """A hypothesis that was tried, with what is left of the misfit; `code` empty: a competitor."""
     after = None if cost is None else cast("Diagnosis", SimpleNamespace(cost=cost))
@@ -55,7 +55,10 @@ def test_a_tape_is_not_told_first_where_labels_explain_as_much() -> None:
     tape, labels = judged("tape", TAPE), judged("labels", LABELS, odds=40.0)
     assert pair(tape, labels) == ("labels", "tape")
     assert pair(labels, tape) == ("labels", "tape")
-    assert pair(judged("tape", Mend(without_lines=frozenset([2]))), labels) == ("labels", "tape")
+    assert pair(judged("tape", SurveyCorrection(without_lines=frozenset([2]))), labels) == (
+        "labels",
+        "tape",
+    )
     assert pair(tape, judged("other", TAPE), labels) == ("labels", "tape")
 
 

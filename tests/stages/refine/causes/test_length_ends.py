@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
-from uavgram.model.survey.mend import Ends, Mend
+from uavgram.model.survey.corrections import Ends, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.length_ends import find_label_exchange_instead
 
@@ -21,7 +21,7 @@ def survey() -> Survey:
 
 
 def test_labels_at_which_no_other_length_ends_may_be_swapped(survey: Survey) -> None:
-    found = find_label_exchange_instead(survey, Mend(ends={0: Ends(0, 4)}))
+    found = find_label_exchange_instead(survey, SurveyCorrection(ends={0: Ends(0, 4)}))
     assert found is not None
 
     swapped = survey.pick_label.copy()
@@ -34,12 +34,12 @@ def test_labels_at_which_no_other_length_ends_may_be_swapped(survey: Survey) -> 
 @pytest.mark.parametrize(
     "mend",
     [
-        Mend(ends={0: Ends(4, 1)}),  # 0 is an end of another length, which fits
-        Mend(ends={0: Ends(0, 3)}),  # so is 3
-        Mend(ends={0: Ends(4, 5)}),
-        Mend(ends={0: Ends(0, 4), 1: Ends(2, 5)}),
-        Mend(length_m={0: 3.0}),
+        SurveyCorrection(ends={0: Ends(4, 1)}),  # 0 is an end of another length, which fits
+        SurveyCorrection(ends={0: Ends(0, 3)}),  # so is 3
+        SurveyCorrection(ends={0: Ends(4, 5)}),
+        SurveyCorrection(ends={0: Ends(0, 4), 1: Ends(2, 5)}),
+        SurveyCorrection(length_m={0: 3.0}),
     ],
 )
-def test_elsewhere_the_other_lengths_tell(survey: Survey, mend: Mend) -> None:
+def test_elsewhere_the_other_lengths_tell(survey: Survey, mend: SurveyCorrection) -> None:
     assert find_label_exchange_instead(survey, mend) is None

@@ -12,7 +12,7 @@ from scenes import Scene
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Cause, Ends, Mend
+from uavgram.model.survey.corrections import Cause, Ends, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.identification import identify_causes
@@ -47,7 +47,7 @@ def reading(survey: Survey, values: dict[int, float]) -> Survey:
     return replace(survey, length_m=length)
 
 
-def likeliest(hypotheses: list[Hypothesis]) -> tuple[Message, Mend]:
+def likeliest(hypotheses: list[Hypothesis]) -> tuple[Message, SurveyCorrection]:
     best = max(hypotheses, key=lambda one: one.promise / 2.0 - one.price)
     assert best.message is not None
     assert best.mend is not None

@@ -11,7 +11,7 @@ from scenes import Scene
 
 from uavgram.estimation.reliability.hypotheses import explained
 from uavgram.model.arrays import Ints
-from uavgram.model.survey.mend import Cause
+from uavgram.model.survey.corrections import Cause
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, correct_survey
 from uavgram.stages.refine.causes.identification import identify_causes

@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.estimation.survey.ground_below import ground_below
 from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
-from uavgram.geometry.ground import conditions, measurable
+from uavgram.geometry.ground import conditions, measurements
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import length_fault, number_fault
 from uavgram.model.survey.known import KnownThing
@@ -62,11 +62,13 @@ class Measured(KnownKind):
         nothing = np.zeros((len(world), 3))
         try:
             if not self.is_from_ground(thing):
-                value, gradient = measurable.shape_of(kind, world, parameters)
+                value, gradient = measurements.measure_shape(kind, world, parameters)
                 return value - thing.value, gradient, nothing, 0.0
             below = ground_below(survey, np.array(thing.label), world, feet)
-            value, gradient, by_feet = measurable.over_ground(kind, world, below.feet, parameters)
-        except measurable.UnmeasurableError:
+            value, gradient, by_feet = measurements.measure_over_ground(
+                kind, world, below.feet, parameters
+            )
+        except measurements.UnmeasurableError:
             return -thing.value, nothing, nothing, 0.0
         # Where the ground point moves with the point, its derivatives add to those of the point.
         is_below = below.told[:, None]
@@ -79,7 +81,7 @@ class Measured(KnownKind):
 
     def is_from_ground(self, thing: KnownThing) -> bool:
         """Return whether it is measured from the ground straight below its points."""
-        return measurable.refers_to_ground(thing.kind, len(thing.label), dict(thing.parameters))
+        return measurements.refers_to_ground(thing.kind, len(thing.label), dict(thing.parameters))
 
     def fault(self, value: float) -> str:
         """Describe why a value is impossible."""

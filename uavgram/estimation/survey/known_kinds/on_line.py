@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
-from uavgram.geometry.ground.line_of_position import beside_line, joint_covariance
+from uavgram.geometry.ground.line_of_position import compute_joint_covariance, compute_line_offsets
 from uavgram.model.survey.known import ON_LINE, KnownThing
 
 
@@ -18,12 +18,12 @@ class OnLine(KnownKind):
         for thing, world in zip(alike.things, alike.world, strict=True):
             line = thing.position
             assert line is not None  # noqa: S101  (of this kind)
-            beside = beside_line(world, line.ends_m, upwards=line.has_height)
+            beside = compute_line_offsets(world, line.ends_m, upwards=line.has_height)
             k, axes = beside.value.shape
             by_point = np.zeros((k, axes, k, 3))
             by_point[np.arange(k), :, np.arange(k)] = beside.gradient
             # Covariance of all offsets: errors of the line's ends, shared, and its straightness.
-            joint = joint_covariance(beside.by_ends, line.sigma_m, line.straightness_m)
+            joint = compute_joint_covariance(beside.by_ends, line.sigma_m, line.straightness_m)
             value.append(beside.value.ravel())
             gradient.append(by_point.reshape(k * axes, k, 3))
             covariance.append(joint * (thing.sigma / line.across_m) ** 2)

@@ -51,7 +51,7 @@ class ThirdCoordinate:
         roughness = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
         free, stated = survey.is_free, survey.height_sigma_m > 0
         departs = free | stated | (roughness > 0)
-        beside = survey.ties.beside
+        beside = survey.ties.constraints
         roughness[beside.label] *= beside.uneven
         sigma = np.hypot(roughness, survey.height_sigma_m)
         return cls(

@@ -21,7 +21,7 @@ from uavgram.estimation.survey.observations.observation import (
 )
 from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.unknowns import State, unstacked
-from uavgram.geometry.ground.line_of_position import inverse_root
+from uavgram.geometry.ground.line_of_position import compute_inverse_root
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
@@ -76,7 +76,7 @@ class KnownRows(NamedTuple):
         scaled = of_rows / self.sigma.reshape(-1, *(1,) * (of_rows.ndim - 1))
         # Correlated rows: multiply by the inverse root of their covariance.
         for rows, covariance in self.joint:
-            scaled[rows] = inverse_root(covariance) @ of_rows[rows]
+            scaled[rows] = compute_inverse_root(covariance) @ of_rows[rows]
         return np.asarray(scaled)
 
     def covariance(self, rows: Ints) -> Floats:

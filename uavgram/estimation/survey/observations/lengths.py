@@ -29,7 +29,7 @@ from uavgram.estimation.survey.observations.priors import independent_prior
 from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Remedy, without_lengths
+from uavgram.model.message import Remedy, propose_length_removal
 from uavgram.model.naming import figures
 from uavgram.model.survey.observations import KnownLines
 from uavgram.model.survey.survey import Survey
@@ -210,7 +210,7 @@ class Lengths(Observation):
     def remedy(self, row: int) -> Remedy | None:
         """Return the removal of the length."""
         survey, line = self.problem.survey, self.problem.line_index[row]
-        return without_lengths([survey.line_name[line] if survey.line_name else ""])
+        return propose_length_removal([survey.line_name[line] if survey.line_name else ""])
 
 
 class TapeScales(Observation):

@@ -27,7 +27,7 @@ from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sight
 from uavgram.estimation.survey.observed import Observations, Truth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.message import Remedy, unpicked
+from uavgram.model.message import Remedy, propose_pick_removal
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -226,4 +226,4 @@ class Pixels(Observation):
 
     def remedy(self, row: int) -> Remedy | None:
         """Return the removal of the pick."""
-        return unpicked([self.place(row)])
+        return propose_pick_removal([self.place(row)])

@@ -17,7 +17,7 @@ import numpy as np
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.projection import project_with_jacobian
-from uavgram.geometry.motion.camera_motion import row_share
+from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -184,7 +184,7 @@ def rows_of_sightings(
     if survey.rolling is not None:
         # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
         motion = survey.rolling.motion[frame]
-        share = row_share(rows.pixel_px[:, 1], survey.calibration.height_px)[:, None]
+        share = compute_row_share(rows.pixel_px[:, 1], survey.calibration.height_px)[:, None]
         moved = share * sweep_of(survey, state)[..., frame, :]
         from_center = from_center - moved[..., :3]
         unturned = exp_so3(-moved[..., 3:])

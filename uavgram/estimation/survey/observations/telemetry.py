@@ -31,7 +31,7 @@ from uavgram.geometry.motion.telemetry_pose import (
     SHARED_SIZE,
     UP,
     Exposures,
-    corrected_time,
+    correct_time,
     exposures_by_time,
     predict_pose,
 )
@@ -126,7 +126,7 @@ class Telemetry(Observation):
     def rows(self, state: State) -> Block | None:
         """Compare the poses with the predicted ones; None if the corrected time leaves the log."""
         prior, layout = self._prior, self.problem.layout
-        at_s = corrected_time(state.telemetry, prior.time_s, prior.middle_s)
+        at_s = correct_time(state.telemetry, prior.time_s, prior.middle_s)
         try:
             exposures = self._exposures(at_s)
         except ValueError:

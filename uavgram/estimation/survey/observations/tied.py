@@ -188,13 +188,13 @@ class Beside(Observation):
 
     @cached_property
     def _which(self) -> Ints:
-        beside = self.problem.survey.ties.beside
+        beside = self.problem.survey.ties.constraints
         is_rough = np.isin(beside.label, self.problem.third.rough)
         return np.flatnonzero(is_rough & np.isfinite(beside.sigma_m))
 
     def rows(self, state: State) -> Block | None:
         """Compare the heights that ties give for labels with those of the labels."""
-        problem, beside, which = self.problem, self.problem.survey.ties.beside, self._which
+        problem, beside, which = self.problem, self.problem.survey.ties.constraints, self._which
         label, weight, sigma = beside.label[which], beside.weight[which], beside.sigma_m[which]
         tie = problem.survey.matches.points + beside.tie[which]
         place = state.tie[..., tie, :]

@@ -23,7 +23,7 @@ from uavgram.io.logs.dataflash.formats import (
     Format,
     format_at,
 )
-from uavgram.io.logs.dataflash.tables import Piece, Tables, inside
+from uavgram.io.logs.dataflash.tables import FormatPiece, Tables, select_inside
 
 #: Offsets of the messages of each of the 256 types, in the order of the file.
 Starts = list[list[int]]
@@ -56,17 +56,17 @@ def index_binary(path: str, data: bytes) -> BinaryTables:
             "is no DataFlash log (no format message in its first 64 kB); "
             "give the .bin from the autopilot's memory card, or a .tlog under that suffix",
         )
-    starts = indexed_by_pymavlink(data)
+    starts = index_by_pymavlink(data)
     tables = None if starts is None else _tables(data, starts)
     if tables is not None and starts is not None and (end := _end(tables)) < len(data):
         # the compiled indexer ends at the first unknown type: continue behind it
         lengths = {p.format.number: p.format.length for ps in tables.pieces.values() for p in ps}
-        rest = indexed_by_loop(data, end, lengths)
+        rest = index_by_loop(data, end, lengths)
         if any(rest):
             tables = _tables(data, [a + b for a, b in zip(starts, rest, strict=True)])
     if tables is None or _unread(tables) > _SUSPICIOUS * len(data):
         # A damaged format message changes the length of a type: the loop checks format messages.
-        checked = _tables(data, indexed_by_loop(data))
+        checked = _tables(data, index_by_loop(data))
         tables = checked if tables is None or _unread(checked) < _unread(tables) else tables
     unread = _unread(tables)
     if not unread:
@@ -78,15 +78,15 @@ def index_binary(path: str, data: bytes) -> BinaryTables:
 def _tables(data: bytes, starts: Starts) -> BinaryTables:
     """Return formats and complete messages, from the offsets of each of the 256 types."""
     formats, notes = _read_formats(data, starts[FMT_TYPE])
-    pieces: dict[str, list[Piece]] = {}
+    pieces: dict[str, list[FormatPiece]] = {}
     for number, stated in formats.items():
         edges = [0, *(start for start, _ in stated[1:]), len(data)]
         for k, (_, fmt) in enumerate(stated):
-            found = inside(starts[number], edges[k], edges[k + 1])
+            found = select_inside(starts[number], edges[k], edges[k + 1])
             while found and found[-1] + fmt.length > len(data):
                 found.pop()  # incomplete message at the end of a truncated file
             if found:
-                pieces.setdefault(fmt.name, []).append(Piece(fmt, found))
+                pieces.setdefault(fmt.name, []).append(FormatPiece(fmt, found))
     ordered = {n: tuple(sorted(p, key=lambda piece: piece.starts[0])) for n, p in pieces.items()}
     return BinaryTables(ordered, tuple(notes), np.frombuffer(data, dtype=np.uint8))
 
@@ -123,7 +123,7 @@ def _read_formats(
     return stated, notes
 
 
-def indexed_by_pymavlink(data: bytes) -> Starts | None:
+def index_by_pymavlink(data: bytes) -> Starts | None:
     """Index with pymavlink's compiled indexer (since 2.4.50); None if this pymavlink has none."""
     try:
         from pymavlink import dfindexer  # noqa: PLC0415 - absent in older releases
@@ -138,7 +138,7 @@ def indexed_by_pymavlink(data: bytes) -> Starts | None:
     return starts
 
 
-def indexed_by_loop(
+def index_by_loop(
     data: bytes, first: int = 0, known_lengths: dict[int, int] | None = None
 ) -> Starts:
     """Index without the compiled indexer; only plausible format messages are used.

@@ -127,7 +127,7 @@ def fields_of(names: str) -> tuple[str, ...]:
     return tuple(names.split(",")) if names else ()
 
 
-def odd_names(fmt: Format) -> tuple[str, ...]:
+def check_field_names(fmt: Format) -> tuple[str, ...]:
     """Return a remark if no firmware writes a message of this name with its fields in this order.
 
     The names are then damaged or exchanged: every value of the message has another field's name, or

@@ -21,11 +21,11 @@ from uavgram.geometry.earth.gps_time import utc_from_gps
 from uavgram.input_files import read_bytes
 from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.dataflash.binary import index_binary
-from uavgram.io.logs.dataflash.formats import Columns, odd_names
+from uavgram.io.logs.dataflash.formats import Columns, check_field_names
 from uavgram.io.logs.dataflash.tables import Tables, index_text
 from uavgram.io.logs.quality.boots import ANY_CODE, StatedResets
 from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
-from uavgram.io.logs.quality.rows import is_height, plausible_rows, restarts
+from uavgram.io.logs.quality.rows import find_plausible_rows, find_restarts, is_height
 from uavgram.io.logs.quality.samples import clock_samples
 from uavgram.io.logs.topics import Found, Messages, Row, Topic, as_numbers
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -120,7 +120,7 @@ def _two_heights(messages: BootMessages) -> Topic | None:
     if gps is None or gpa is None:
         return None
     ellipsoid = gpa.column("AEl")
-    rows = plausible_rows(gpa.time_s, is_height(ellipsoid))
+    rows = find_plausible_rows(gpa.time_s, is_height(ellipsoid))
     if not len(rows):
         return None
     at_fixes = np.interp(gps.time_s, gpa.time_s[rows], ellipsoid[rows])
@@ -154,7 +154,7 @@ def _arrival_s(accuracies: Topic | None, logged_s: Floats) -> Floats:
     if accuracies is None:
         return nowhere
     time, sample = accuracies.time_s, accuracies.column("SMS") * 1e-3
-    rows = plausible_rows(time, np.abs(time - sample) < 1.0)
+    rows = find_plausible_rows(time, np.abs(time - sample) < 1.0)
     if not len(rows):
         return nowhere
     nearest = rows[np.clip(np.searchsorted(time[rows], logged_s), 0, len(rows) - 1)]
@@ -294,7 +294,7 @@ def _shots(messages: BootMessages, name: str) -> tuple[Floats, Ints, tuple[str, 
         time = _by_gps_time(messages, topic)
         remark = "carries no boot time (firmware before 3.3): placed by GPS time, up to 0.2 s early"
         notes = (*notes, f"{name} {remark}")
-    rows = plausible_rows(time, np.ones(len(time), dtype=bool))
+    rows = find_plausible_rows(time, np.ones(len(time), dtype=bool))
     return time[rows], image_numbers(topic.column("Img", "Image"))[rows], notes
 
 
@@ -384,7 +384,7 @@ def read_dataflash(path: str | Path) -> FlightLog:
         vehicle=vehicle,
         firmware=firmware,
         messages=_counts(tables),
-        notes=(*tables.notes, *(note for fmt in formats for note in odd_names(fmt))),
+        notes=(*tables.notes, *(note for fmt in formats for note in check_field_names(fmt))),
     )
     return build_log(log, [BootMessages(part) for part in _parts(tables)], TABLE)
 
@@ -403,7 +403,7 @@ def _parts(tables: Tables) -> list[Tables]:
     guide = max(("ATT", "POS", "GPS"), key=tables.count)
     if tables.count(guide) == 0:
         return [tables]
-    starts = tables.places(guide)[restarts(_boot_time_s(tables.columns(guide)))]
+    starts = tables.places(guide)[find_restarts(_boot_time_s(tables.columns(guide)))]
     edges = [0, *starts.tolist(), sys.maxsize]
     return [tables.between(edges[i], edges[i + 1]) for i in range(len(edges) - 1)]
 

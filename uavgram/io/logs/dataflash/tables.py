@@ -21,7 +21,7 @@ _LONGEST_TEXT = 64  # bytes of format Z; a damaged line may be longer
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class FormatPiece:
     """Messages of one type under one format, which may change within a file.
 
     Attributes
@@ -48,7 +48,7 @@ class Tables(ABC):
         Irregularities of the file.
     """
 
-    pieces: dict[str, tuple[Piece, ...]]
+    pieces: dict[str, tuple[FormatPiece, ...]]
     notes: tuple[str, ...]
 
     @abstractmethod
@@ -93,9 +93,9 @@ class Tables(ABC):
 
     def between(self, start: int, end: int) -> Self:
         """Return the messages that begin in this range of bytes."""
-        found: dict[str, tuple[Piece, ...]] = {}
+        found: dict[str, tuple[FormatPiece, ...]] = {}
         for name, whole in self.pieces.items():
-            cut = [replace(p, starts=inside(p.starts, start, end)) for p in whole]
+            cut = [replace(p, starts=select_inside(p.starts, start, end)) for p in whole]
             if kept := tuple(piece for piece in cut if piece.starts):
                 found[name] = kept
         return replace(self, pieces=found)
@@ -108,7 +108,7 @@ class Tables(ABC):
         return {field: np.concatenate(_alike(decoded, field)) for field in fields}
 
 
-def inside(starts: list[int], start: int, end: int) -> list[int]:
+def select_inside(starts: list[int], start: int, end: int) -> list[int]:
     """Return the offsets in a range of the file.
 
     Parameters
@@ -191,7 +191,7 @@ def index_text(path: str, data: bytes) -> TextTables:
         There is no FMT line in the file.
     """
     formats: dict[str, Format] = {}
-    pieces: dict[str, list[Piece]] = {}
+    pieces: dict[str, list[FormatPiece]] = {}
     notes: list[str] = []
     skipped = at = 0
     while at < len(data):
@@ -204,7 +204,7 @@ def index_text(path: str, data: bytes) -> TextTables:
         elif key in formats and data.count(b",", at, end) >= len(formats[key].fields):
             parts = pieces.setdefault(key, [])
             if not parts or parts[-1].format is not formats[key]:
-                parts.append(Piece(formats[key], []))
+                parts.append(FormatPiece(formats[key], []))
             parts[-1].starts.append(at)
         elif data[at:end].strip():
             skipped += 1
@@ -217,7 +217,7 @@ def index_text(path: str, data: bytes) -> TextTables:
 
 
 def _add_format(
-    formats: dict[str, Format], pieces: dict[str, list[Piece]], line: bytes, at: int
+    formats: dict[str, Format], pieces: dict[str, list[FormatPiece]], line: bytes, at: int
 ) -> list[str]:
     """Record a FMT line, if it is valid; return remarks on irregularities."""
     _, *fields = (part.strip() for part in line.decode("latin-1").split(","))

@@ -15,7 +15,7 @@ import numpy as np
 
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import matrix_from_xyzw
-from uavgram.io.logs.quality.samples import rows_of, without_damaged_rows
+from uavgram.io.logs.quality.samples import remove_damaged_rows, select_rows
 from uavgram.io.logs.topics import Messages
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.log import (
@@ -64,7 +64,7 @@ class StatedResets:
     texts: tuple[tuple[str, str], ...] = ()
 
 
-def stated_resets(messages: Messages, stated: StatedResets) -> tuple[EstimatorReset, ...]:
+def find_stated_resets(messages: Messages, stated: StatedResets) -> tuple[EstimatorReset, ...]:
     """Return the resets of one boot, in the order of time, each once.
 
     Parameters
@@ -107,10 +107,10 @@ def _in_messages(messages: Messages, stated: StatedResets) -> Iterator[Estimator
     for name, field in stated.texts:
         topic = messages.topic(name)
         if topic is not None and (lines := topic.texts(field)):
-            yield from resets_in_texts(topic.time_s.tolist(), lines)
+            yield from find_resets_in_texts(topic.time_s.tolist(), lines)
 
 
-def resets_in_texts(time_s: Iterable[float], texts: Iterable[str]) -> Iterator[EstimatorReset]:
+def find_resets_in_texts(time_s: Iterable[float], texts: Iterable[str]) -> Iterator[EstimatorReset]:
     """Find resets in messages to the ground station, (N,) times since boot and (N,) texts."""
     for time, text in zip(time_s, texts, strict=True):
         small = text.lower()
@@ -135,9 +135,9 @@ _HOME_AWAY_M, _CARRIED_M_S = 200.0, 2.0
 _ORIGIN_OFF_M = 10.0
 
 
-def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
+def remove_inconsistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     """Remove rows off their neighbours, and impossible events and homes; return remarks too."""
-    boot, damaged = without_damaged_rows(boot)
+    boot, damaged = remove_damaged_rows(boot)
     dense = [t for t in (boot.positions, boot.attitudes) if t is not None]
     if not dense:
         return boot, damaged
@@ -148,10 +148,10 @@ def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
         inside = (events.time_boot_s >= first) & (events.time_boot_s <= last)
         if not inside.all():
             notes.append(f"{int((~inside).sum())} {events.source} events lie far outside the log")
-            events = rows_of(events, inside) if inside.any() else None
+            events = select_rows(events, inside) if inside.any() else None
     if home is not None and boot.positions is not None:
         doubted, remarks = _homes_in_doubt(home, boot.positions)
-        home = rows_of(home, ~doubted) if not doubted.all() else None
+        home = select_rows(home, ~doubted) if not doubted.all() else None
         notes += remarks
     if home is not None:
         inside = (home.time_boot_s >= first) & (home.time_boot_s <= last)
@@ -159,11 +159,11 @@ def consistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
             inside &= _away_m(home, boot.positions) < _FARTHEST_M
         if not inside.all():
             notes.append(f"{int((~inside).sum())} {home.source} homes lie far outside the flight")
-            home = rows_of(home, inside) if inside.any() else None
+            home = select_rows(home, inside) if inside.any() else None
     return replace(boot, events=events, home=home), tuple(notes)
 
 
-def disagreements(
+def find_disagreements(
     boot: Boot, other: AttitudeSamples | None, origin: HomeSamples | None
 ) -> tuple[str, ...]:
     """Return remarks on messages that contradict the used positions, attitudes and home.
@@ -178,7 +178,7 @@ def disagreements(
         Origin of the estimator's offsets; None where the log has none.
     """
     spare = replace(boot, positions=boot.receiver, attitudes=other, gimbal=None)
-    spare, _ = without_damaged_rows(spare)
+    spare, _ = remove_damaged_rows(spare)
     return (
         *_places(boot.positions, spare.positions),
         *_turns(boot.attitudes, spare.attitudes),

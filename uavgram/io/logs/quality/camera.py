@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 
 from uavgram.geometry.motion.rotation import matrix_from_xyzw, ypr_from_matrix
-from uavgram.io.logs.quality.rows import are_angles, left_out, plausible_rows
+from uavgram.io.logs.quality.rows import are_angles, describe_left_out, find_plausible_rows
 from uavgram.io.logs.quality.samples import unit_quaternions
-from uavgram.io.logs.topics import Found, Stated
+from uavgram.io.logs.topics import Found, StatedValues
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import CameraEvents, GimbalSamples
 from uavgram.model.naming import counted
@@ -20,14 +20,14 @@ _LARGEST_NUMBER = 1e6  # more exposures than in any flight: damaged bytes
 _MANY = 20
 
 
-def gimbal_samples(stated: Stated) -> Found[GimbalSamples]:
+def gimbal_samples(stated: StatedValues) -> Found[GimbalSamples]:
     """Return samples from quaternions (w first) and flags; or roll, pitch, relative yaw [deg]."""
     if len(stated.columns) == 5:
         return _from_device_status(stated)
     return gimbal_from_angles(stated.time_s, np.stack(stated.columns, axis=1), stated.source)
 
 
-def _from_device_status(stated: Stated) -> Found[GimbalSamples]:
+def _from_device_status(stated: StatedValues) -> Found[GimbalSamples]:
     """Return GIMBAL_DEVICE_ATTITUDE_STATUS: roll and pitch from the horizon, yaw by the flags.
 
     If rows differ in the frame of yaw, the more frequent one is kept.
@@ -41,7 +41,7 @@ def _from_device_status(stated: Stated) -> Found[GimbalSamples]:
         (flags & _YAW_IN_VEHICLE_FRAME == 0) & (flags & _YAW_LOCK > 0)
     )
     use_earth = bool(len(earth) and earth.mean() > 0.5)
-    rows = plausible_rows(stated.time_s, sane & (earth == use_earth))
+    rows = find_plausible_rows(stated.time_s, sane & (earth == use_earth))
     states = np.asarray(np.isfinite(wxyz).all(axis=1))
     turned = np.where(sane[:, None], xyzw, [0.0, 0.0, 0.0, 1.0])
     rpy = np.stack(ypr_from_matrix(matrix_from_xyzw(turned))[::-1], axis=1)
@@ -72,7 +72,7 @@ def gimbal_from_angles(
     stated
         (N,) rows with values; None for those with a number among the three angles.
     """
-    rows = plausible_rows(time_s, are_angles(rpy_deg))
+    rows = find_plausible_rows(time_s, are_angles(rpy_deg))
     if stated is None:
         stated = np.asarray(np.isfinite(rpy_deg).any(axis=1))
     return _gimbal(time_s, np.radians(rpy_deg), rows, stated, source, yaw_frame)
@@ -86,7 +86,7 @@ def _gimbal(
     source: str,
     yaw_frame: Literal["earth", "vehicle"],
 ) -> Found[GimbalSamples]:
-    notes = left_out(source, time_s, rows, stated)
+    notes = describe_left_out(source, time_s, rows, stated)
     if not len(rows):
         return None, notes
     roll, pitch, yaw = rpy_rad[rows].T
@@ -101,7 +101,7 @@ def _gimbal(
     return samples, notes
 
 
-def event_samples(stated: Stated) -> Found[CameraEvents]:
+def event_samples(stated: StatedValues) -> Found[CameraEvents]:
     """Return exposures from image numbers and flags of confirmation (1)."""
     number, confirmed = stated.columns
     exposures = stated.time_s, image_numbers(number), (confirmed == 1).astype(np.float64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.geometry.motion.interpolation import running_median
+from uavgram.geometry.motion.interpolation import compute_running_median
 from uavgram.model.arrays import Bools, Floats, Ints
 
 LONGEST_BOOT_S = 30 * 86400.0
@@ -30,11 +30,11 @@ def is_spike(time_s: Floats) -> Bools:
     spike = ~finite
     time = time_s[finite]
     if len(time) >= 3 and (time[1:] < time[:-1]).any():
-        spike[finite] = np.abs(time - running_median(time, _BESIDE)) > RESTART_S
+        spike[finite] = np.abs(time - compute_running_median(time, _BESIDE)) > RESTART_S
     return spike
 
 
-def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) -> Ints:
+def find_plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) -> Ints:
     """Return the rows to keep: plausible, of a possible time, no spike; sorted, without repeats.
 
     Parameters
@@ -61,7 +61,7 @@ def plausible_rows(time_s: Floats, believable: Bools, *, dense: bool = False) ->
     return rows[first_of_instant].astype(np.int64)
 
 
-def left_out(
+def describe_left_out(
     source: str, time_s: Floats, rows: Ints, stated: Bools | None = None
 ) -> tuple[str, ...]:
     """Return remarks on unused rows with a time of their own, and on rows out of order.
@@ -114,7 +114,7 @@ def _without_lone_ends(time_s: Floats, rows: Ints) -> Ints:
     return rows[first:last]
 
 
-def restarts(time_s: Floats) -> Ints:
+def find_restarts(time_s: Floats) -> Ints:
     """Return the (K,) rows at which the boot clock has restarted, ignoring spikes."""
     rows = np.flatnonzero(~is_spike(time_s))
     falls = np.flatnonzero(np.diff(time_s[rows]) < -RESTART_S)
@@ -133,7 +133,7 @@ def is_height(height_m: NDArray[np.floating]) -> Bools:
     return np.asarray(np.isfinite(height_m) & (np.abs(height_m) < 20000))
 
 
-def near_its_track(
+def is_near_track(
     time_s: Floats,
     latitude_deg: NDArray[np.floating],
     longitude_deg: NDArray[np.floating],
@@ -187,7 +187,7 @@ def _shifted(values: Floats, by: int) -> Floats:
 
 def _off_its_median(values: NDArray[np.floating]) -> Floats:
     """Return (N,) distances from the median of seven neighbours, or of the seven end rows."""
-    found = running_median(values, _BESIDE)
+    found = compute_running_median(values, _BESIDE)
     found[:3], found[-3:] = np.median(values[:7]), np.median(values[-7:])
     return np.asarray(np.abs(values - found))
 

@@ -13,17 +13,17 @@ from typing import Any, Literal, TypeVar, cast
 import numpy as np
 
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.geometry.motion.interpolation import running_median, windows
+from uavgram.geometry.motion.interpolation import compute_running_median, make_running_windows
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.io.logs.quality.rows import (
     are_body_angles,
+    describe_left_out,
+    find_plausible_rows,
     is_height,
+    is_near_track,
     is_place,
-    left_out,
-    near_its_track,
-    plausible_rows,
 )
-from uavgram.io.logs.topics import Found, Stated
+from uavgram.io.logs.topics import Found, StatedValues
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.log import (
     AttitudeSamples,
@@ -64,29 +64,29 @@ _CROWDED = 0.2  # of the usual step between rows
 _UNREST = 6.0  # times the median of the fifteen neighbouring rows
 
 
-def without_damaged_rows(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
+def remove_damaged_rows(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     """Remove positions, attitudes and gimbal rows off their neighbours; return remarks too."""
     notes: list[str] = []
     positions, attitudes, gimbal = boot.positions, boot.attitudes, boot.gimbal
     if positions is not None:
         off_m = _off(positions.time_boot_s, _place_m(positions), _PLACE)
         notes += _remark(positions.source, positions.time_boot_s, off_m, "m")
-        positions = rows_of(positions, off_m == 0)
+        positions = select_rows(positions, off_m == 0)
     if attitudes is not None:
         time_s = attitudes.time_boot_s
         slack = _uneven_turn(time_s, boot.turn_rates) / 2  # of quaternions: half the angle
         off = _off(time_s, _continuous(attitudes.ned_from_body_xyzw), _TURN, slack)
         notes += _remark(attitudes.source, attitudes.time_boot_s, _degrees(off), "degrees")
-        attitudes = rows_of(attitudes, off == 0)
+        attitudes = select_rows(attitudes, off == 0)
     if gimbal is not None:
         matrix = matrix_from_ypr(gimbal.yaw_rad, gimbal.pitch_rad, gimbal.roll_rad)
         off = _off(gimbal.time_boot_s, _continuous(xyzw_from_matrix(matrix)), _TURN)
         notes += _remark(gimbal.source, gimbal.time_boot_s, _degrees(off), "degrees")
-        gimbal = rows_of(gimbal, off == 0)
+        gimbal = select_rows(gimbal, off == 0)
     return replace(boot, positions=positions, attitudes=attitudes, gimbal=gimbal), tuple(notes)
 
 
-def off_neighbours(time_s: Floats, values: Floats) -> Floats:
+def compute_deviation(time_s: Floats, values: Floats) -> Floats:
     """Return the (N,) smallest deviation of each row from predictions by its neighbours.
 
     Predictions are the interpolation between its neighbours, the lines through the two rows before
@@ -121,7 +121,7 @@ def _uneven_turn(time_s: Floats, rates: TurnRateSamples | None) -> Floats:
     if rates is None or len(time_s) < _FEWEST_ROWS:
         return np.zeros(len(time_s))
     columns = [np.interp(time_s, rates.time_boot_s, c) for c in rates.body_rad_s.T]
-    span = [np.ptp(windows(c, 5), axis=1) for c in columns]
+    span = [np.ptp(make_running_windows(c, 5), axis=1) for c in columns]
     return np.asarray(np.linalg.norm(span, axis=0) * np.gradient(time_s))
 
 
@@ -141,13 +141,13 @@ def _off(time_s: Floats, values: Floats, usual: _Agility, slack: Floats | float 
     """
     if len(time_s) < _FEWEST_ROWS:
         return np.zeros(len(time_s))
-    off = off_neighbours(time_s, values)
+    off = compute_deviation(time_s, values)
     step_s = np.diff(time_s)
     widest_s = np.maximum(np.append(step_s[0], step_s), np.append(step_s, step_s[-1]))
     nearest_s = np.minimum(np.append(np.inf, step_s), np.append(step_s, np.inf))
     # two rows at almost the same time: their difference becomes an unlimited speed
     share = np.minimum(nearest_s / (_CROWDED * float(np.median(step_s))), 1.0)
-    unrest = running_median(off, 15)
+    unrest = compute_running_median(off, 15)
     allowed = (
         usual.floor * share + usual.acceleration * share * widest_s**2 + _UNREST * unrest + slack
     )
@@ -199,7 +199,7 @@ Samples = TypeVar(
 )
 
 
-def rows_of(samples: Samples, keep: Bools) -> Samples:
+def select_rows(samples: Samples, keep: Bools) -> Samples:
     """Select rows (N,) of a table."""
     if keep.all():
         return samples
@@ -208,15 +208,15 @@ def rows_of(samples: Samples, keep: Bools) -> Samples:
     return replace(samples, **kept)
 
 
-def position_samples(stated: Stated) -> Found[PositionSamples]:
+def position_samples(stated: StatedValues) -> Found[PositionSamples]:
     """Return valid positions that agree with their neighbours in time, with heights above home.
 
     Rows without a position are not reported as losses.
     """
     time_s, valid = stated.time_s, stated.valid
     place = [c if valid is None else np.where(valid, c, np.nan) for c in stated.columns[:3]]
-    rows = plausible_rows(time_s, near_its_track(time_s, *place), dense=True)
-    notes = left_out(stated.source, time_s, rows, valid)
+    rows = find_plausible_rows(time_s, is_near_track(time_s, *place), dense=True)
+    notes = describe_left_out(stated.source, time_s, rows, valid)
     if not len(rows):
         return None, notes
     home = stated.columns[3][rows] if len(stated.columns) > 3 else np.full(len(rows), np.nan)
@@ -232,7 +232,7 @@ def position_samples(stated: Stated) -> Found[PositionSamples]:
     return samples, notes
 
 
-def velocity_samples(stated: Stated) -> Found[VelocitySamples]:
+def velocity_samples(stated: StatedValues) -> Found[VelocitySamples]:
     """Return velocities north, east, down that are possible for an aircraft."""
     ned = np.stack(stated.columns, axis=1)
     if stated.valid is not None:
@@ -244,7 +244,7 @@ def velocity_samples(stated: Stated) -> Found[VelocitySamples]:
     return VelocitySamples(time_boot_s=time_s, ned_m_s=ned[rows], source=stated.source), ()
 
 
-def turn_rate_samples(stated: Stated) -> Found[TurnRateSamples]:
+def turn_rate_samples(stated: StatedValues) -> Found[TurnRateSamples]:
     """Return angular rates about forward, right, down that a gyroscope can measure."""
     body = np.stack(stated.columns, axis=1)
     rows = _below(_FASTEST_RAD_S, stated.time_s, body)
@@ -256,7 +256,7 @@ def turn_rate_samples(stated: Stated) -> Found[TurnRateSamples]:
 
 def _below(largest: float, time_s: Floats, rates: Floats) -> Ints:
     """Return rows in the order of time whose rates (N, 3) are possible."""
-    return plausible_rows(time_s, np.asarray((np.abs(rates) < largest).all(axis=1)))
+    return find_plausible_rows(time_s, np.asarray((np.abs(rates) < largest).all(axis=1)))
 
 
 def unit_quaternions(xyzw: Floats) -> Floats:
@@ -273,7 +273,7 @@ def quaternions_of_angles(rpy_rad: Floats, sane: Bools) -> Floats:
     return np.where(sane[:, None], xyzw, np.nan)
 
 
-def attitude_samples(stated: Stated) -> Found[AttitudeSamples]:
+def attitude_samples(stated: StatedValues) -> Found[AttitudeSamples]:
     """Return attitudes of the vehicle from quaternions x, y, z, w or roll, pitch, yaw [deg]."""
     columns = np.stack(stated.columns, axis=1)
     if len(stated.columns) == 4:
@@ -281,8 +281,8 @@ def attitude_samples(stated: Stated) -> Found[AttitudeSamples]:
     else:
         sane = are_body_angles(columns)
         xyzw = quaternions_of_angles(np.radians(np.where(sane[:, None], columns, 0.0)), sane)
-    rows = plausible_rows(stated.time_s, np.asarray(np.isfinite(xyzw).all(axis=1)), dense=True)
-    notes = left_out(stated.source, stated.time_s, rows)
+    rows = find_plausible_rows(stated.time_s, np.asarray(np.isfinite(xyzw).all(axis=1)), dense=True)
+    notes = describe_left_out(stated.source, stated.time_s, rows)
     if not len(rows):
         return None, notes
     samples = AttitudeSamples(
@@ -291,12 +291,12 @@ def attitude_samples(stated: Stated) -> Found[AttitudeSamples]:
     return samples, notes
 
 
-def home_samples(stated: Stated) -> Found[HomeSamples]:
+def home_samples(stated: StatedValues) -> Found[HomeSamples]:
     """Return the plausible home positions."""
     latitude, longitude, height = stated.columns
     sane = is_place(latitude, longitude) & is_height(height)
     sane = sane if stated.valid is None else np.asarray(sane & stated.valid)
-    rows = plausible_rows(stated.time_s, sane)
+    rows = find_plausible_rows(stated.time_s, sane)
     if not len(rows):
         return None, ()
     samples = HomeSamples(
@@ -310,12 +310,12 @@ def home_samples(stated: Stated) -> Found[HomeSamples]:
     return samples, ()
 
 
-def reception_samples(stated: Stated) -> Found[ReceptionSamples]:
+def reception_samples(stated: StatedValues) -> Found[ReceptionSamples]:
     """Return numbers of satellites and their geometry, where either is stated."""
     satellites, hdop = stated.columns
     satellites = np.where((satellites > 0) & (satellites < _MOST_SATELLITES), satellites, np.nan)
     hdop = np.where((hdop > 0) & (hdop < _LARGEST_HDOP), hdop, np.nan)
-    rows = plausible_rows(stated.time_s, np.isfinite(satellites) | np.isfinite(hdop))
+    rows = find_plausible_rows(stated.time_s, np.isfinite(satellites) | np.isfinite(hdop))
     if not len(rows):
         return None, ()
     samples = ReceptionSamples(
@@ -327,10 +327,10 @@ def reception_samples(stated: Stated) -> Found[ReceptionSamples]:
     return samples, ()
 
 
-def clock_samples(stated: Stated) -> ClockSamples | None:
+def clock_samples(stated: StatedValues) -> ClockSamples | None:
     """Return a clock, if any row states a UTC."""
     (utc_s,) = stated.columns
-    rows = plausible_rows(stated.time_s, utc_s > 0)  # NaN compares False
+    rows = find_plausible_rows(stated.time_s, utc_s > 0)  # NaN compares False
     if not len(rows):
         return None
     source = cast("Literal['gps', 'system_time', 'receive']", stated.source)
@@ -344,8 +344,8 @@ def median_undulation_m(ellipsoid_m: Floats, sea_level_m: Floats) -> float:
     return float(np.median(believable)) if len(believable) else float("nan")
 
 
-def merged_sigmas(
-    positions: list[Stated], tilts: list[Stated], fix: Stated | None = None
+def merge_sigmas(
+    positions: list[StatedValues], tilts: list[StatedValues], fix: StatedValues | None = None
 ) -> EstimatorSigmas | None:
     """Merge the accuracies stated by messages, at the times of the first that states any.
 
@@ -370,7 +370,7 @@ def merged_sigmas(
     parts += [(stated, "tilt", stated.columns[0], _LARGEST_SIGMA_RAD) for stated in tilts]
     # interpolate each at the times of the first; of two for the same quantity take the larger
     for stated, key, values, limit in parts:
-        rows = plausible_rows(stated.time_s, (values > 0) & (values < limit))
+        rows = find_plausible_rows(stated.time_s, (values > 0) & (values < limit))
         if not len(rows):
             continue
         time_s = stated.time_s[rows]
@@ -392,7 +392,7 @@ def merged_sigmas(
     )
 
 
-def _is_fixed(at_s: Floats, fix: Stated | None) -> Bools:
+def _is_fixed(at_s: Floats, fix: StatedValues | None) -> Bools:
     """Return (N,) whether the receiver's solutions before and after are fixed RTK ones."""
     if fix is None or not len(fix.time_s):
         return np.zeros(len(at_s), dtype=np.bool_)

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.io.logs.mavlink_dialect import checksum_extra, message_dtype, message_number
-from uavgram.io.logs.quality.rows import LONGEST_BOOT_S, restarts
+from uavgram.io.logs.quality.rows import LONGEST_BOOT_S, find_restarts
 from uavgram.io.logs.topics import Messages, Topic
 from uavgram.model.arrays import Bools, Floats, Ints
 
@@ -55,7 +55,7 @@ _BY_BYTE = _byte_table()
 _BY_WORD = _word_table(_BY_BYTE)
 
 
-def checksums(
+def compute_checksums(
     data: NDArray[np.uint8], start: Ints, length: NDArray[np.integer], extra: NDArray[np.integer]
 ) -> NDArray[np.uint16]:
     """Compute the MAVLink checksum of N byte ranges.
@@ -96,7 +96,7 @@ def checksums(
     return crc
 
 
-def items_at(data: NDArray[np.uint8], where: Ints, dtype: str) -> NDArray[Any]:
+def copy_items(data: NDArray[np.uint8], where: Ints, dtype: str) -> NDArray[Any]:
     """Return (N,) items that begin at any bytes, each copied at once.
 
     Parameters
@@ -117,7 +117,7 @@ def _words(
 ) -> NDArray[np.uint64]:
     """Return (2 count, N) words up to the ends of ranges, zero before their starts."""
     size = _PAIR * count
-    items = items_at(data, end - size, f"V{size}")
+    items = copy_items(data, end - size, f"V{size}")
     words = np.ascontiguousarray(items.view("<u8").reshape(-1, 2 * count).T)
     outside = 8 * (size - length.astype(np.uint64))  # bits; a shift by 64 or more clears the word
     beyond = np.maximum(outside, np.uint64(64)) - np.uint64(64)
@@ -340,16 +340,16 @@ def _candidates(data: NDArray[np.uint8], low: int) -> _Candidates:
     """Return every position in a chunk of the file that could be a frame."""
     chunk = data[low : low + _CHUNK]
     start = np.flatnonzero((chunk - np.uint8(_V2)) <= 1) + low  # 0xFD or 0xFE
-    start = start[items_at(data, start - 8, "<u2") & _NO_TIME == 0]
+    start = start[copy_items(data, start - 8, "<u2") & _NO_TIME == 0]
     start = start[start + 8 <= len(data)]
     start = start[(data[start] == _V1) | (start + 12 <= len(data))]
-    head = items_at(data, start, "<u4")  # mark, length of the payload, flags
+    head = copy_items(data, start, "<u4")  # mark, length of the payload, flags
     second = (head & 0xFF) == _V2
     length = (head >> 8).astype(np.uint8)
     signed = second & (head & 0x10000 > 0)
     end = start + length + np.where(second, 12, 8) + np.where(signed, 13, 0)
     number = np.zeros(len(start), dtype=np.int32)
-    number[second] = items_at(data, start[second] + 7, "<u4") & 0xFFFFFF
+    number[second] = copy_items(data, start[second] + 7, "<u4") & 0xFFFFFF
     number[~second] = data[start[~second] + 5]
     return _Candidates(start, end, second, length, number).only(end <= len(data))
 
@@ -359,8 +359,8 @@ def _has_right_checksum(
 ) -> Bools:
     """Return (N,) whether the checksum is correct; false where the message is unknown."""
     covered = found.length + np.where(found.second, 9, 5)
-    stated = items_at(data, found.start + 1 + covered, "<u2")
-    right = checksums(data, found.start + 1, covered, extra) == stated
+    stated = copy_items(data, found.start + 1 + covered, "<u2")
+    right = compute_checksums(data, found.start + 1, covered, extra) == stated
     return np.asarray(right & (extra >= 0))
 
 
@@ -466,7 +466,7 @@ class Stream(Messages):
         return np.interp(rows, self.clock_row, self.clock_boot_s)
 
 
-def vehicles(frames: FrameTable) -> list[int]:
+def find_vehicles(frames: FrameTable) -> list[int]:
     """Return the numbers of the autopilots in the log, the one with the most positions first."""
     beats = frames.rows("HEARTBEAT", frames.component == _AUTOPILOT_COMPONENT)
     kinds = frames.columns("HEARTBEAT", beats).get("autopilot", np.zeros(0))
@@ -476,7 +476,7 @@ def vehicles(frames: FrameTable) -> list[int]:
     return sorted(systems, key=lambda system: (-int((placed == system).sum()), system))
 
 
-def boots(frames: FrameTable, system: int) -> list[Stream]:
+def split_boots(frames: FrameTable, system: int) -> list[Stream]:
     """Return one stream for each start of the vehicle's boot clock."""
     # boot times of all periodic messages of this autopilot, in the order of the file
     mine = (frames.system == system) & (frames.component == _AUTOPILOT_COMPONENT)
@@ -495,7 +495,7 @@ def boots(frames: FrameTable, system: int) -> list[Stream]:
     if not len(row):
         return []
     # split where the clock restarts
-    edges = [0, *restarts(time).tolist(), len(row)]
+    edges = [0, *find_restarts(time).tolist(), len(row)]
     streams = []
     for k in range(len(edges) - 1):
         part = slice(edges[k], edges[k + 1])

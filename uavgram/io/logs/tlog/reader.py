@@ -16,13 +16,13 @@ from uavgram.errors import InputError
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import matrix_from_ypr, ypr_from_matrix
 from uavgram.input_files import read_bytes
-from uavgram.io.logs.build import Table, build_log, first_found
+from uavgram.io.logs.build import Table, build_log, read_first
 from uavgram.io.logs.mavlink_dialect import message_name, vehicle_kind
 from uavgram.io.logs.quality.boots import StatedResets
 from uavgram.io.logs.quality.camera import events_of, gimbal_from_angles, image_numbers
-from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.io.logs.quality.rows import find_plausible_rows
 from uavgram.io.logs.quality.samples import attitude_samples, quaternions_of_angles
-from uavgram.io.logs.tlog.frames import FrameTable, Stream, boots, scan_frames, vehicles
+from uavgram.io.logs.tlog.frames import FrameTable, Stream, find_vehicles, scan_frames, split_boots
 from uavgram.io.logs.topics import Found, Row, Topic
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
@@ -90,7 +90,7 @@ def _mount_status(stream: Stream) -> Found[GimbalSamples]:
     if not angles_deg.any():
         return None, ()  # no mount is configured
     samples, notes = gimbal_from_angles(topic.time_s, angles_deg, topic.name)
-    attitudes, _ = first_found(stream, _ATTITUDES, attitude_samples)
+    attitudes, _ = read_first(stream, _ATTITUDES, attitude_samples)
     if samples is None or attitudes is None or len(attitudes.time_boot_s) < 2:
         return samples, notes
     vehicle, _ = interpolate_rotation(
@@ -132,7 +132,7 @@ def _stamped(stream: Stream, name: str, count: str, *, fed_back: bool) -> Found[
     if topic is None:
         return None, ()
     time, is_utc, notes = _since_boot(stream, topic)
-    kept = plausible_rows(time, np.abs(time - topic.time_s) < _LONGEST_DELAY_S)
+    kept = find_plausible_rows(time, np.abs(time - topic.time_s) < _LONGEST_DELAY_S)
     if not len(kept):
         return None, notes
     pinned = fed_back and (~is_utc[kept]).mean() > 0.5
@@ -245,11 +245,11 @@ def read_tlog(path: str | Path) -> FlightLog:
         The file is missing, empty, not a telemetry log, or holds no message of an autopilot.
     """
     frames = _frames(str(path))
-    systems = vehicles(frames)
+    systems = find_vehicles(frames)
     notes = _scan_notes(frames)
     if len(systems) > 1:
         notes.append(f"autopilots {systems} are in the log; number {systems[0]} was used")
-    streams = boots(frames, systems[0]) if systems else []
+    streams = split_boots(frames, systems[0]) if systems else []
     if not streams:
         raise InputError(path, _no_autopilot(frames))
     vehicle, firmware = _vehicle(frames, systems[0])

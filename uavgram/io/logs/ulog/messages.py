@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from uavgram.model.arrays import Bools, Ints
 
 HEADER = 3
-LONGEST = HEADER + 65535
+MAX_MESSAGE_BYTES = HEADER + 65535
 DATA, SYNC, ADDED, FORMAT, DROPOUT = b"DSAFO"
 FLAGS, INFO, PARAMETER = b"BIP"
 _INFO_MULTIPLE, _PARAMETER_DEFAULT, _REMOVED, _LOGGED, _LOGGED_TAGGED = b"MQRLC"
@@ -31,7 +31,7 @@ Fits = Callable[[int, int], bool]
 """Function that returns whether a row of a topic's number can have so many bytes."""
 
 
-def chain(data: bytes, begin: int, stop: int) -> Ints:
+def follow_sizes(data: bytes, begin: int, stop: int) -> Ints:
     """Return the starts of messages that follow each other by their sizes, and the last's end.
 
     Each starts before `stop`, which leaves room for a header.
@@ -54,7 +54,7 @@ def chain(data: bytes, begin: int, stop: int) -> Ints:
     return np.array(starts, dtype=np.int64)
 
 
-def is_wild(data: NDArray[np.uint8], edges: Ints) -> Bools:
+def is_implausible(data: NDArray[np.uint8], edges: Ints) -> Bools:
     """Return (N,) of N + 1 edges of a chain: an unknown kind, no content, or no end in the data."""
     starts, ends = edges[:-1], edges[1:]
     unknown = ~_KNOWN[data[starts + 2]]
@@ -85,7 +85,7 @@ def is_sound(data: bytes, at: int, fits: Fits) -> bool:
     return check(data[body : body + size])
 
 
-def next_sound(data: bytes, begin: int, stop: int, fits: Fits) -> int:
+def find_next_sound(data: bytes, begin: int, stop: int, fits: Fits) -> int:
     """Return the first position with a sound message before another; else `stop`.
 
     Parameters

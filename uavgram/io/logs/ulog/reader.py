@@ -17,7 +17,7 @@ from uavgram.io.logs.build import Table, build_log
 from uavgram.io.logs.mavlink_dialect import vehicle_kind
 from uavgram.io.logs.quality.boots import StatedResets
 from uavgram.io.logs.quality.camera import events_of, image_numbers
-from uavgram.io.logs.quality.rows import plausible_rows
+from uavgram.io.logs.quality.rows import find_plausible_rows
 from uavgram.io.logs.topics import Found, Row, Topic
 from uavgram.io.logs.ulog.topics import UlogTables, read_tables
 from uavgram.model.arrays import Bools, Floats
@@ -82,11 +82,11 @@ def _from_local(tables: UlogTables) -> Topic | None:
     topic = tables.topic("vehicle_local_position")
     if topic is None:
         return None
-    latitude, longitude, height = reprojected(topic)
+    latitude, longitude, height = unproject_local(topic)
     return replace(topic, fields=topic.fields | {"lat": latitude, "lon": longitude, "alt": height})
 
 
-def reprojected(topic: Topic) -> tuple[Floats, Floats, Floats]:
+def unproject_local(topic: Topic) -> tuple[Floats, Floats, Floats]:
     """Compute latitude, longitude [deg] and altitude [m], each (N,), of local north, east, down.
 
     PX4's own projection, with which the local frame was made: azimuthal equidistant on a sphere
@@ -135,11 +135,11 @@ def _events(tables: UlogTables) -> Found[CameraEvents]:
     fed_back = np.zeros(0, dtype=bool) if trigger is None else trigger.column("feedback") > 0
     main, confirmed = _main(capture, trigger, fed_back)
     number = image_numbers(main.column("seq"))
-    rows = plausible_rows(main.time_s, np.ones(len(main.time_s), dtype=bool))
+    rows = find_plausible_rows(main.time_s, np.ones(len(main.time_s), dtype=bool))
     time, number, confirmed = main.time_s[rows], number[rows], confirmed[rows]
     missed, source = None, main.name
     if trigger is not None and fed_back.any():
-        commands = trigger.time_s[plausible_rows(trigger.time_s, ~fed_back)]
+        commands = trigger.time_s[find_plausible_rows(trigger.time_s, ~fed_back)]
         unanswered = commands[~_is_answered(commands, time)]
         missed = unanswered, np.full(len(unanswered), -1)
         source = "camera_capture+camera_trigger" if capture is not None else source

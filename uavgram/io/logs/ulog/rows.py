@@ -19,12 +19,12 @@ from uavgram.io.logs.ulog.messages import (
     PARAMETER,
     Field,
     RowType,
-    chain,
+    find_next_sound,
+    follow_sizes,
     format_of,
+    is_implausible,
     is_sound,
-    is_wild,
     key_and_value,
-    next_sound,
     row_type,
 )
 from uavgram.model.arrays import Ints
@@ -146,8 +146,8 @@ class Rows:
             self.damaged |= not may_be_cut
             return len(data), True
         array = np.frombuffer(data, dtype=np.uint8)
-        edges = chain(data, 0, min(stop, len(data) - HEADER + 1))
-        wild = np.flatnonzero(is_wild(array, edges))
+        edges = follow_sizes(data, 0, min(stop, len(data) - HEADER + 1))
+        wild = np.flatnonzero(is_implausible(array, edges))
         count = int(wild[0]) if len(wild) else len(edges) - 1
         self._gather(data, array, edges[: count + 1])
         if not len(wild):
@@ -156,7 +156,7 @@ class Rows:
         # the chain is wrong after the last message that is valid in every respect
         while count and not is_sound(data, int(edges[count - 1]), self._fits):
             count -= 1
-        return next_sound(data, int(edges[count]) + 1, stop, self._fits), False
+        return find_next_sound(data, int(edges[count]) + 1, stop, self._fits), False
 
     def _fits(self, number: int, size: int) -> bool:
         return bool(self._shortest[number] <= size <= self._longest[number])

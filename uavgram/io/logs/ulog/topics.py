@@ -20,7 +20,7 @@ from uavgram.errors import InputError
 from uavgram.input_files import opened
 from uavgram.io.logs.quality.rows import LONGEST_BOOT_S
 from uavgram.io.logs.topics import Messages, Topic
-from uavgram.io.logs.ulog.messages import FLAGS, HEADER, LONGEST
+from uavgram.io.logs.ulog.messages import FLAGS, HEADER, MAX_MESSAGE_BYTES
 from uavgram.io.logs.ulog.rows import Rows, Subscription
 
 ULOG_MAGIC = b"ULog\x01\x12\x35"
@@ -141,7 +141,7 @@ def _read_part(file: BinaryIO, begin: int, end: int, rows: Rows, *, may_be_cut: 
     size = _LEAST_BYTES
     while begin < end:
         file.seek(begin)
-        data = file.read(min(size + LONGEST, end - begin))
+        data = file.read(min(size + MAX_MESSAGE_BYTES, end - begin))
         if not data:
             return  # it became shorter meanwhile
         read, whole = rows.read(data, min(size, len(data)), may_be_cut=may_be_cut)

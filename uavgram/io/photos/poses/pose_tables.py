@@ -18,13 +18,18 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.geodesy import EXCHANGED, Origin, are_exchanged
+from uavgram.geometry.earth.geodesy import AXES_EXCHANGED, Origin, are_axes_exchanged
 from uavgram.geometry.earth.gps_time import utc_from_gps
 from uavgram.geometry.motion.camera_motion import gimbal_from_nadir
 from uavgram.input_files import read_bytes
 from uavgram.io.photos.poses.tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M
 from uavgram.io.tables.csv_tables import Columns, Table, parse_number, read_table
-from uavgram.io.tables.odm_coordinates import content_lines, crs_of_header, geodetic, height_datum
+from uavgram.io.tables.odm_coordinates import (
+    convert_to_geodetic,
+    height_datum,
+    parse_crs,
+    read_content_lines,
+)
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
@@ -65,12 +70,12 @@ def read_geo_txt(
         at the site only with x and y exchanged.
     """
     path = Path(path)
-    lines = content_lines(path, "a line for each photo")
-    crs = crs_of_header(path, *lines[0])
+    lines = read_content_lines(path, "a line for each photo")
+    crs = parse_crs(path, *lines[0])
     rows = _rows(path, lines[1:])
     datum, guess = height_datum(crs, heights)
     xyz = np.array([row.xyz for row in rows])
-    latitude, longitude = geodetic(path, crs, xyz, [row.line for row in rows], site)
+    latitude, longitude = convert_to_geodetic(path, crs, xyz, [row.line for row in rows], site)
     nadir = np.radians([row.angles for row in rows])
     messages: tuple[Message, ...] = ()
     if not nadir.any():  # the format's value for "not available"
@@ -339,11 +344,11 @@ def _check(table: Table, site: Origin | None) -> None:
         given = np.stack([np.isfinite(table.numbers[name]) for name in together], axis=1)
         for row in np.flatnonzero(given.any(axis=1) & ~given.all(axis=1)):
             names = f"{', '.join(together[:-1])} and {together[-1]}"
-            table.blame(int(row), f"{names}: give all three, or none")
+            table.add_fault(int(row), f"{names}: give all three, or none")
     if site is not None:
         place = table.numbers["latitude_deg"], table.numbers["longitude_deg"]
-        for exchanged in np.flatnonzero(are_exchanged(place, place[::-1], site)).tolist():
-            table.blame(exchanged, EXCHANGED)
+        for exchanged in np.flatnonzero(are_axes_exchanged(place, place[::-1], site)).tolist():
+            table.add_fault(exchanged, AXES_EXCHANGED)
     if not len(table.line):
         table.faults.append((None, "holds no photo: give a row for each, or leave `poses` out"))
     table.raise_faults()

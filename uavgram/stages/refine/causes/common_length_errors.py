@@ -21,7 +21,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import taped_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 
 MIN_LENGTHS = 2
@@ -115,7 +115,7 @@ def propose_taped_level(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     lines = frozenset(_lines(diagnosis, rows).tolist())
     yield Hypothesis(
         message=partial(_taped_level_message, diagnosis, _names(diagnosis, rows)),
-        mend=Mend(level=lines),
+        mend=SurveyCorrection(level=lines),
         moved=(moved,),
         amount=1.0,
         checked=MIN_SHARE_IN_RESIDUALS,
@@ -272,7 +272,7 @@ def _tapes(tape_of_line: tuple[str, ...]) -> list[_Tape]:
     return [one for one in found if len(one.rows) >= MIN_LENGTHS]
 
 
-def _mend(diagnosis: Diagnosis, common: _Common, found: Explained) -> Mend | None:
+def _mend(diagnosis: Diagnosis, common: _Common, found: Explained) -> SurveyCorrection | None:
     """Correct all readings by a common error, if it is significant and of an ordinary size."""
     value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     if abs(value) < CORRECTED_SIGMAS * sigma:
@@ -285,7 +285,7 @@ def _mend(diagnosis: Diagnosis, common: _Common, found: Explained) -> Mend | Non
         right = reading - value
     else:
         return None
-    return Mend(length_m=dict(zip(lines.tolist(), right.tolist(), strict=True)))
+    return SurveyCorrection(length_m=dict(zip(lines.tolist(), right.tolist(), strict=True)))
 
 
 def _lines(diagnosis: Diagnosis, rows: Ints) -> Ints:

@@ -20,7 +20,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
 from uavgram.stages.refine.minima import TRIAL_ITERATIONS, Participants, adjust_on_trial
@@ -83,7 +83,7 @@ def apply_corrections(survey: Survey, causes: Sequence[Cause], before: Refined) 
     return CorrectedSurvey(survey, without, tuple(removals))
 
 
-def _describe_values(survey: Survey, mend: Mend) -> str:
+def _describe_values(survey: Survey, mend: SurveyCorrection) -> str:
     """Describe a survey's values of all items that a correction changes."""
     label, frame = survey.label, survey.frame_id
     parts = [

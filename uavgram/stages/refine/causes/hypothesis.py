@@ -1,7 +1,8 @@
 """Hypotheses on mistakes in a survey, and the comparison of their costs.
 
-Each hypothesis is either a change of the input by people (a `Mend`, tested by a readjustment) or an
-error common to all observations of a kind (`Moved`, tested in the linear model).
+Each hypothesis is either a change of the input by people (a `SurveyCorrection`, tested by a
+readjustment) or an error common to all observations of a kind (`Moved`, tested in the linear
+model).
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refin
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.observations import Along
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.first_values import LOST_PICK_COST
@@ -125,8 +126,8 @@ class Hypothesis:
     """
 
     message: Callable[[Explained | None], Message] | None
-    mend: Mend | None = None
-    remedy: Mend | None = None
+    mend: SurveyCorrection | None = None
+    remedy: SurveyCorrection | None = None
     is_clear: bool = True
     back: frozenset[int] = frozenset()
     is_of_all: bool = False
@@ -143,7 +144,7 @@ class Hypothesis:
 
 def correct_participants(
     diagnosis: Diagnosis,
-    mend: Mend,
+    mend: SurveyCorrection,
     back: frozenset[int] = frozenset(),
     *,
     lines_back: bool = False,
@@ -183,7 +184,7 @@ def correct_participants(
     )
 
 
-def find_changed_lines(survey: Survey, mend: Mend) -> Bools:
+def find_changed_lines(survey: Survey, mend: SurveyCorrection) -> Bools:
     """Mark lengths (L,) that a correction changes, or that end at a fully relabelled point."""
     relabelled = np.zeros(len(survey.pick_label), dtype=np.bool_)
     relabelled[list(mend.label_of_pick)] = True
@@ -201,7 +202,7 @@ def find_usable_picks(taking: Participants) -> Bools:
     return may
 
 
-def correct_survey(survey: Survey, mend: Mend) -> Survey:
+def correct_survey(survey: Survey, mend: SurveyCorrection) -> Survey:
     """Apply a correction to the observations, without removing any.
 
     Parameters

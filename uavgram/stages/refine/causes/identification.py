@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.common_length_errors import (
     propose_common_errors,
@@ -216,11 +216,11 @@ def _with_remedies(
         message = _of_both(message, written, swapped)
     if not one.is_clear:
         lines = (k for k, name in enumerate(written.line_name) if name in one.settles)
-        mends.append(Mend(without_lines=frozenset(lines)))
+        mends.append(SurveyCorrection(without_lines=frozenset(lines)))
     return replace(cause, message=add_remedies(message, written, mends))
 
 
-def _of_both(message: Message, written: Survey, swapped: Mend) -> Message:
+def _of_both(message: Message, written: Survey, swapped: SurveyCorrection) -> Message:
     """Mention in the message on another end that two labels may be swapped instead.
 
     Then the measurements at either of them are in doubt, too.
@@ -281,7 +281,7 @@ def _drop_duplicates(
     """Drop hypotheses with the same relabelling as an earlier one: none is its own rival."""
     known: set[frozenset[tuple[int, int]]] = set()
     for one in proposed:
-        mend = one.hypothesis.mend or Mend()
+        mend = one.hypothesis.mend or SurveyCorrection()
         right = ((k, v) for k, v in mend.label_of_pick.items() if survey.pick_label[k] != v)
         if changed := frozenset(right):
             if changed in known and not mend.without_picks:

@@ -13,7 +13,7 @@ from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Ends, Mend
+from uavgram.model.survey.corrections import Ends, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.suspect_lengths import (
@@ -67,7 +67,7 @@ def propose_other_ends(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             ]
             yield Hypothesis(
                 message=partial(_other_ends_message, found, k, pair, rivals),
-                mend=Mend(ends={int(found.line[k]): pair.ends}),
+                mend=SurveyCorrection(ends={int(found.line[k]): pair.ends}),
                 promise=pair.fall,
                 price=price,
                 settles=found.settled([k]),
@@ -76,7 +76,7 @@ def propose_other_ends(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         yield from _propose_exchanged_ends(found, i, j)
 
 
-def find_label_exchange_instead(survey: Survey, mend: Mend) -> Mend | None:
+def find_label_exchange_instead(survey: Survey, mend: SurveyCorrection) -> SurveyCorrection | None:
     """Return an exchange of two labels in all photos that is as good as another end of a length.
 
     This is the case where no other length ends at either label: then it is undetermined which of
@@ -102,7 +102,7 @@ def find_label_exchange_instead(survey: Survey, mend: Mend) -> Mend | None:
     first, second = sorted(pair)
     right = {int(k): second for k in np.flatnonzero(survey.pick_label == first)}
     right |= {int(k): first for k in np.flatnonzero(survey.pick_label == second)}
-    return Mend(label_of_pick=right)
+    return SurveyCorrection(label_of_pick=right)
 
 
 def _ends(found: SuspectLengths, k: int) -> Ends:
@@ -163,7 +163,7 @@ def _propose_exchanged_ends(found: SuspectLengths, i: int, j: int) -> Iterator[H
         ends_of = {int(found.line[i]): Ends(*first), int(found.line[j]): Ends(*second)}
         yield Hypothesis(
             message=partial(_exchanged_ends_message, found, (i, j), (Ends(*first), Ends(*second))),
-            mend=Mend(ends=ends_of),
+            mend=SurveyCorrection(ends=ends_of),
             promise=alone - off,
             price=price,
             settles=found.settled([i, j]),

@@ -16,7 +16,7 @@ from uavgram.estimation.survey.observations.lengths import named_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.flight_log import scale_by_heights
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
@@ -69,7 +69,7 @@ def propose_wrong_lengths(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     for row in np.argsort(-fall, kind="stable")[:MAX_WRONG_LENGTHS].tolist():
         yield Hypothesis(
             message=None,
-            mend=Mend(without_lines=frozenset([int(lines[row])])),
+            mend=SurveyCorrection(without_lines=frozenset([int(lines[row])])),
             promise=float(fall[row]),
             price=PRICE + float(np.log(len(lines))),
         )
@@ -111,7 +111,7 @@ def _propose_unit_of_all(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             continue
         yield Hypothesis(
             message=partial(_unit_of_all_message, survey, unit),
-            mend=Mend(length_m=dict(enumerate(right_m.tolist()))),
+            mend=SurveyCorrection(length_m=dict(enumerate(right_m.tolist()))),
             is_of_all=True,
             promise=scale.gain - off**2,
             price=float(np.log(len(WRONG_UNITS))),
@@ -162,7 +162,7 @@ def _propose_slip(
         lines = found.line[list(rows)].tolist()
         yield Hypothesis(
             message=tell,
-            mend=Mend(length_m=dict(zip(lines, right_m.tolist(), strict=True))),
+            mend=SurveyCorrection(length_m=dict(zip(lines, right_m.tolist(), strict=True))),
             promise=found.fall(rows, error),
             price=price,
             settles=found.settled(rows),

@@ -19,7 +19,7 @@ from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
 from uavgram.stages.refine.minima import TRIAL_ITERATIONS
@@ -48,7 +48,9 @@ def propose_all_mirrored(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     pixel = _mirrored_message(survey)
     yield Hypothesis(
         message=_told,
-        mend=Mend(pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}),
+        mend=SurveyCorrection(
+            pixel_of_pick={k: (float(u), float(v)) for k, (u, v) in enumerate(pixel)}
+        ),
         begun=reflect,
         promise=strained,  # upper limit: all residuals of the log
         price=PRIOR_LOG_ODDS,

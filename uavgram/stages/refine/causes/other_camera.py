@@ -15,8 +15,8 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.message import Message, Several
-from uavgram.model.survey.mend import Mend
+from uavgram.model.message import Message, MessagePlural
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.label_assignment import MIN_PICKS, project_plane
@@ -51,8 +51,8 @@ def propose_other_zoom(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
         yield Hypothesis(
             message=partial(_told, survey.frame_id[frame], factor),
-            mend=Mend(pixel_of_pick=places),
-            remedy=Mend(without_picks=frozenset(picks.tolist())),
+            mend=SurveyCorrection(pixel_of_pick=places),
+            remedy=SurveyCorrection(without_picks=frozenset(picks.tolist())),
             promise=gain,
             price=PRICE + float(np.log(len(survey.frame_id))),
             settles=frozenset([survey.frame_id[frame]]),
@@ -154,7 +154,7 @@ def _told(frame: str, factor: float, _: Explained | None) -> Message:
         "other-camera",
         text,
         frames=(frame,),
-        several=Several(
+        several=MessagePlural(
             "{count} photos were taken at another zoom, or with another camera, than the others",
             f"{frame!r} ({factor:.2f} times the focal length)",
             ending="Take them out, or give photos of each camera a project of their own.",

@@ -15,7 +15,7 @@ from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import Taped, named_ends, taped_lines
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis
 from uavgram.stages.refine.left_out import predict_readings
 
@@ -236,7 +236,7 @@ class SuspectLengths:
             words.text,
             lengths=tuple(survey.line_name[i] for i in lines) if self._named else (),
             labels=tuple(dict.fromkeys(survey.label[k] for k in ends)),
-            several=Several(opening, item, ending=ending),
+            several=MessagePlural(opening, item, ending=ending),
             plain=words.plain,
         )
 

@@ -17,8 +17,8 @@ from uavgram.estimation.reliability.redundancy import core_fit
 from uavgram.estimation.reliability.test_statistics import falls_without
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.message import Message, Several
-from uavgram.model.survey.mend import Mend
+from uavgram.model.message import Message, MessagePlural
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis, find_usable_picks
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.causes.wrong_picks import swapped_message
@@ -61,7 +61,7 @@ def propose_swapped_everywhere(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         fall, cost = _fall(diagnosis, a, b), diagnosis.adjustment.minimum.cost
         yield Hypothesis(
             message=partial(_swapped_everywhere_message, diagnosis, (a, b), lines),
-            mend=Mend(label_of_pick=right),
+            mend=SurveyCorrection(label_of_pick=right),
             is_clear=not alone,
             back=spoilt,  # lengths between wrong labels distort everything, including whole photos
             promise=max(min(fall, cost), 0.0 if none_left_out else easier),
@@ -214,7 +214,7 @@ def _swapped_everywhere_message(
         frames=tuple(survey.frame_id[k] for k in frames),
         labels=(first, second),
         lengths=names,
-        several=Several(
+        several=MessagePlural(
             "{count} pairs of labels seem to be swapped in all photos",
             f"{first!r} and {second!r}",
             ending="Look which point is which, and swap the labels everywhere.",
@@ -255,7 +255,7 @@ def propose_swapped_by_two_views(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         yield Hypothesis(
             message=partial(swapped_message, diagnosis, right),
             # With it all picks of the photo take part again.
-            mend=Mend(label_of_pick={int(k): int(label[k]) for k in here} | right),
+            mend=SurveyCorrection(label_of_pick={int(k): int(label[k]) for k in here} | right),
             promise=diagnosis.cost,  # everything should fit then
             price=choices - PRICE * _count_regained(diagnosis, here),
             settles=frozenset([survey.frame_id[frame]]),

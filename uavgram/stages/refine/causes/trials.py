@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained, explained
 from uavgram.estimation.reliability.redundancy import core_fit
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
@@ -104,7 +104,7 @@ def _count_explained(diagnosis: Diagnosis, hypothesis: Hypothesis, gain: float) 
     if hypothesis.freed is not None and hypothesis.moved:
         shows = gain / 2.0 > hypothesis.price
         return diagnosis.left_out if shows or core_fit(diagnosis.adjustment).degrees < 1.0 else 0
-    mend = hypothesis.mend or Mend()
+    mend = hypothesis.mend or SurveyCorrection()
     back = mend.picks | mend.without_picks | hypothesis.back
     picks = int(diagnosis.spoilt[list(back)].sum())
     lines = int((diagnosis.refined.line_removed & find_changed_lines(diagnosis.survey, mend)).sum())
@@ -124,7 +124,7 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     hypothesis = judged.hypothesis
     if hypothesis.mend is None and hypothesis.freed is None:
         return screen_hypotheses(diagnosis, [hypothesis])[0]
-    mend = hypothesis.mend or Mend()
+    mend = hypothesis.mend or SurveyCorrection()
     # A freed unknown may account for all left-out observations.
     lines_back = hypothesis.freed is not None or hypothesis.is_of_all
     back = hypothesis.back | (_contradicting_picks(diagnosis) if lines_back else frozenset())
@@ -175,7 +175,9 @@ def adjust_without_lengths(diagnosis: Diagnosis) -> Diagnosis:
     of_use = minimum.converged and "lengths" in minimum.blocks and not is_bent
     if of_use or survey.telemetry is None or diagnosis.refined.line_removed.all():
         return diagnosis
-    everything = correct_participants(diagnosis, Mend(), _contradicting_picks(diagnosis))
+    everything = correct_participants(
+        diagnosis, SurveyCorrection(), _contradicting_picks(diagnosis)
+    )
     taking = everything.without_lines(range(len(survey.line_start)))
     refined = adjust_on_trial(taking)
     if refined is None or not refined.adjustment.minimum.converged:

@@ -14,9 +14,9 @@ from uavgram.estimation.survey.adjustment import LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import Calibration
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
-from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.label_assignment import (
     AGREEMENT_SIGMAS,
@@ -89,7 +89,7 @@ def propose_photos_in_order(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     for frame in find_misplaced_photos(diagnosis).tolist():
         yield Hypothesis(
             message=None,
-            mend=Mend(),
+            mend=SurveyCorrection(),
             back=frozenset(picks_of(diagnosis, frame).tolist()),
             price=TURNED_LOG_ODDS,
             settles=frozenset([diagnosis.survey.frame_id[frame]]),
@@ -110,7 +110,7 @@ def propose_turned_photos(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             places = {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
             yield Hypothesis(
                 message=partial(_turned_message, (survey.frame_id[frame],), how),
-                mend=Mend(pixel_of_pick=places),
+                mend=SurveyCorrection(pixel_of_pick=places),
                 promise=gain,
                 price=float(np.log(len(MIRRORED) + len(TURNED))),
                 settles=frozenset([survey.frame_id[frame]]),
@@ -136,7 +136,7 @@ def propose_photos_turned_together(diagnosis: Diagnosis) -> Iterator[Hypothesis]
             places |= {int(k): (float(u), float(v)) for k, (u, v) in zip(picks, pixel, strict=True)}
         yield Hypothesis(
             message=partial(_turned_message, names, how),
-            mend=Mend(pixel_of_pick=places),
+            mend=SurveyCorrection(pixel_of_pick=places),
             back=back,
             is_of_all=True,
             price=float(np.log(len(MIRRORED) + len(TURNED))) + len(frames) * TURNED_LOG_ODDS,
@@ -155,7 +155,7 @@ def propose_photos_in_disorder(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         # Where most picks fit under no label, other labels are not the remedy.
         if len(known) <= MIN_PICKS + 1 or 2 * len(known) <= len(picks) or not len(changed):
             continue
-        mend = Mend(
+        mend = SurveyCorrection(
             label_of_pick={int(picks[k]): int(label[k]) for k in known},
             without_picks=frozenset(picks[label < 0].tolist()),
         )
@@ -207,7 +207,7 @@ def propose_photos_elsewhere(
         if name in settled:
             continue
         picks = picks_of(diagnosis, frame)
-        mend = Mend(without_picks=frozenset(picks.tolist()))
+        mend = SurveyCorrection(without_picks=frozenset(picks.tolist()))
         found.append(
             Cause(
                 message=_elsewhere_message(name),  # no automatic correction
@@ -287,7 +287,7 @@ def _turned_message(frames: Sequence[str], how: str, _: Explained | None) -> Mes
         f"{what} to have been {how} when {they} picked: pick {'it' if one else 'them'} anew in the "
         f"original {file}. {'Its' if one else 'Their'} picks fit once they are put back.",
         frames=tuple(frames),
-        several=Several(
+        several=MessagePlural(
             "{count} photos seem to have been mirrored or turned when they were picked",
             f"{frames[0]!r} {how}",
             ending="Pick them anew in the original files, as the camera wrote them.",
@@ -309,7 +309,7 @@ def _disorder_message(diagnosis: Diagnosis, right: dict[int, int], _: Explained 
         f"photo. By their places {each}.",
         frames=(frame,),
         labels=tuple(names),
-        several=Several(
+        several=MessagePlural(
             "Labels seem to be swapped in {count} photos or groups of picks",
             f"{', '.join(map(repr, names))} in {frame!r}",
             ending="Each pick lies where another of them belongs: look, and change the labels "
@@ -326,7 +326,7 @@ def _elsewhere_message(frame: str) -> Message:
         "pick it anew or take it out. Its picks contradict all other photos in every order of "
         "their labels that was tried, mirrored and turned too.",
         frames=(frame,),
-        several=Several(
+        several=MessagePlural(
             "{count} photos show another place, or their labels are in disorder",
             repr(frame),
             ending="Look at them, and pick them anew or take them out.",

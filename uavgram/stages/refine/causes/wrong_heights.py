@@ -11,7 +11,7 @@ from uavgram.estimation.reliability.hypotheses import Explained, Moved, explaine
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
-from uavgram.model.survey.mend import Cause, Mend
+from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import STRAY_DECREASE, find_stray_picks, labels_of
@@ -53,7 +53,7 @@ def propose_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             continue
         yield Hypothesis(
             message=partial(_height_message, adjustment.survey.label[k], int(picks[k])),
-            mend=Mend(free={index[k]: True}),
+            mend=SurveyCorrection(free={index[k]: True}),
             moved=(one,),
             price=PRICE + float(np.log(len(adjustment.survey.label))),
         )

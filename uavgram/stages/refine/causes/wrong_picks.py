@@ -10,9 +10,9 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import Explained
 from uavgram.model.arrays import Ints
-from uavgram.model.message import Message, Several
+from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import photo_name
-from uavgram.model.survey.mend import Mend
+from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
 from uavgram.stages.refine.causes.stray_picks import (
     StrayPicks,
@@ -60,7 +60,7 @@ def propose_wrong_picks(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     for pick, fall in taking[:MAX_WRONG_PICKS]:
         yield Hypothesis(
             message=None,
-            mend=Mend(without_picks=frozenset([int(pick)])),
+            mend=SurveyCorrection(without_picks=frozenset([int(pick)])),
             promise=float(fall),
             price=2.0 * PRICE + float(np.log(number)),
         )
@@ -84,7 +84,7 @@ def propose_swapped_in_photo(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             choices -= known * np.log(number)
             yield Hypothesis(
                 message=partial(swapped_message, diagnosis, exchange.label),
-                mend=Mend(label_of_pick=exchange.label),
+                mend=SurveyCorrection(label_of_pick=exchange.label),
                 back=exchange.back,
                 promise=exchange.gain,
                 price=float(max(choices, 0.0)),
@@ -196,7 +196,7 @@ def swapped_message(diagnosis: Diagnosis, right: Mapping[int, int], _: Explained
         text,
         frames=(frame,),
         labels=labels,
-        several=Several(
+        several=MessagePlural(
             "Labels seem to be swapped in {count} photos or groups of picks",
             f"{what} in {frame!r}",
             ending="Each pick lies where another of them belongs: look, and change the labels "
@@ -225,7 +225,9 @@ def propose_other_places(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
             out, change = frozenset([pick]), {pick: other}
             yield Hypothesis(
                 message=partial(_other_place_message, diagnosis, pick, other),
-                mend=Mend(label_of_pick=change) if free else Mend(without_picks=out),
+                mend=SurveyCorrection(label_of_pick=change)
+                if free
+                else SurveyCorrection(without_picks=out),
                 promise=float(found.fall[row]),
                 # A removed pick still has to agree with the place of the other one.
                 price=float(np.log(labels) + of_which + (0.0 if free else sigmas**2 / 4.0)),
@@ -296,7 +298,7 @@ def _other_place_message(
         frames=(frame,),
         labels=(label, there),
         plain=f"{label} is picked where {there} belongs, in {photo_name(frame)}.",
-        several=Several(
+        several=MessagePlural(
             "{count} picks lie where another label belongs",
             f"{label!r} in {frame!r} where {there!r} belongs",
             ending="Look, and change their labels there, or pick them anew.",

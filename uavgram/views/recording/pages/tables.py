@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.model.naming import counted
 from uavgram.model.result.result import Result
-from uavgram.model.result.shared import learnt_camera
+from uavgram.model.result.shared import compare_cameras
 from uavgram.views.pages import page_environment, units_shown
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.world.points import has_outlines
@@ -117,7 +117,7 @@ def checks_page(result: Result) -> str:
         overall=overall_words(result),
         removals=removal_rows(result),
         priors=prior_rows(result),
-        camera=learnt_camera(result.camera, result.shared.intrinsics),
+        camera=compare_cameras(result.camera, result.shared.intrinsics),
     )
 
 

@@ -1,1 +1,0 @@
-"""Copies of photos with other tags; their pixels are copied byte by byte."""
