@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 
 JARGON = re.compile(
     r"residuals ×|worst w\b|\bw -?\d|seed σ|\bseed(ed)?\b|to first order|cannot be inverted|σ \d"
-    r"|Interior orientation",
+    r"|Interior orientation|\b[Ff]rames?\b|[Bb]rown lens|without feedback|\b[Uu]?n?matched\b",
 )
 NOTHING = re.compile(
     r"\b(null|undefined|NaN)\b|[–-] ?(mm?|s|px|°|in|ft|UTC)\b|[–-] ± [–-]|±\s*($|[a-z°])"

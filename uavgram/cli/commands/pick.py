@@ -72,10 +72,9 @@ def _has_none(folder: Path) -> bool:
 
 def _present() -> Path | None:
     """Return the present folder, if it holds a project or photos."""
-    from uavgram.io.browse import look_into
+    from uavgram.io.browse import home_and_drives, look_into
 
-    own = look_into(Path.cwd())
-    return Path() if own.has_project or own.photos else None
+    return Path() if look_into(Path.cwd()).is_flight(home_and_drives()) else None
 
 
 def _sample(folder: Path | None) -> Path:
