@@ -118,17 +118,18 @@ def _taped_text(survey: SimulatedSurvey) -> str:
         f"{start} to {end}   {length:.2f} m"
         for start, end, length in zip(lines.start, lines.end, truth.line_length_m, strict=True)
     )
+    values = dict(zip(truth.measurement_name, truth.measurement_value, strict=True))
     true = "\n".join(
-        f"{' to '.join(request.points)}   {value:.3f} m"
-        for request, value in zip(survey.measurements, truth.measurement_value, strict=True)
+        f"{' to '.join(request.points)}   {values[request.name]:.3f} m"
+        for request in survey.measurements
         if request.kind == "distance"
     )
     return (
         "Taped on the scene, to about 1 cm. Use two or more of them on the page as known lengths,\n"
         "and keep the others to compare with what the page measures.\n\n"
         f"{rows}\n\n"
-        "The scene is made by the program, so the truth is known. To see how well you measured, here\n"
-        "are distances that nobody taped; do not enter them as lengths. About two of three values\n"
-        "lie within one sigma of the truth, and 19 of 20 within two.\n\n"
+        "The scene is made by the program, so the truth is known. To see how well you measured,\n"
+        "here are distances that nobody taped; do not enter them as lengths. About two of three\n"
+        "values lie within one sigma of the truth, and 19 of 20 within two.\n\n"
         f"{true}\n"
     )

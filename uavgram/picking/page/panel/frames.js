@@ -24,7 +24,7 @@ function clockPart(now) {
   if (!clock) return titled("Clock", node("p", {}, "There is no flight log: no clock to match."));
   /** @param {ClockOffset} of */
   const offset = ({ offset_s, sigma_s }) => withSigma(offset_s, sigma_s, "s") || "not known";
-  const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": photos are matched by their times";
+  const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": each photo is found in it by its time";
   return titled("Clock", node("p", {}, `Log: ${clock.log}${events}.`),
     node("p", {}, `Camera clock minus UTC: ${offset(clock)} before the adjustment`, now?.clock ? `, ${offset(now.clock)} after it.` : "."));
 }
