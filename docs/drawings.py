@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +15,7 @@ import numpy as np
 
 mpl.rcParams.update({"svg.hashsalt": "uavgram", "font.size": 11, "svg.fonttype": "path"})
 
+ROOT = Path(__file__).parents[1]
 INK, RED, GREEN, BLUE = "#1b1b1b", "#b3261e", "#1a6b36", "#174ea6"
 
 
@@ -24,6 +27,7 @@ def draw(folder: Path) -> None:
         "pitch": _pitch,
         "slope": _slope,
         "likelihood": _likelihood,
+        "rooms": _rooms,
     }.items():
         figure = make()
         metadata = {"Date": None, "Creator": None}
@@ -137,4 +141,79 @@ def _likelihood() -> Any:  # noqa: ANN401
             arrowprops={"arrowstyle": "-|>", "color": INK, "lw": 1.8},
         )
     axes.set(xlim=(-0.4, 2.4), ylim=(0, 1.1))
+    return figure
+
+
+PURPOSES = {
+    "cli": "commands: arguments to one call, exit status",
+    "picking": "the local page: click, see values, write results",
+    "synthetic": "surveys of known truth: demo, plan, study",
+    "pipeline": "readers, stages and writers in their order",
+    "config": "YAML that people write, checked",
+    "io": "all other files, both directions",
+    "views": "report, drawings, recording",
+    "stages": "the steps of a run",
+    "imaging": "whatever looks at pixels",
+    "estimation": "likelihood, solver, clocks, reliability, propagation",
+    "geometry": "formulas on plain arrays, with derivatives",
+    "model": "frozen data, checked when it is made",
+}
+
+
+def floors() -> list[list[str]]:
+    """Return the rooms of the package, floor by floor from the top, as the contract has them."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    layers = project["tool"]["importlinter"]["contracts"][0]["layers"]
+    rooms = [layer.replace("uavgram.", "").split(" | ") for layer in layers]
+    return [floor for floor in rooms if (ROOT / "uavgram" / floor[0]).is_dir()]
+
+
+def imports_between_rooms() -> dict[str, set[str]]:
+    """Find which rooms each room imports, as its files say."""
+    rooms = {room for floor in floors() for room in floor}
+    found: dict[str, set[str]] = {}
+    for room in rooms:
+        files = (ROOT / "uavgram" / room).rglob("*.py")
+        text = "\n".join(file.read_text(encoding="utf-8") for file in files)
+        named = re.findall(r"^\s*(?:from|import) uavgram\.(\w+)", text, re.MULTILINE)
+        found[room] = (set(named) & rooms) - {room}
+    return found
+
+
+def direct_arrows() -> set[tuple[str, str]]:
+    """Find the imports between rooms to which no others lead as well."""
+    imports = imports_between_rooms()
+
+    def reached(room: str) -> set[str]:
+        return {far for near in imports[room] for far in (near, *reached(near))}
+
+    return {
+        (room, other)
+        for room, others in imports.items()
+        for other in others
+        if not any(other in reached(between) for between in others - {other})
+    }
+
+
+def _rooms() -> Any:  # noqa: ANN401
+    figure, axes = plt.subplots(figsize=(10, 9.5))
+    axes.axis("off")
+    places = {}
+    for row, floor in enumerate(floors()):
+        width = 3.7 if len(floor) > 1 else 5.6
+        for k, room in enumerate(floor):
+            x, y = (k - (len(floor) - 1) / 2) * 3.9, -1.15 * row
+            places[room] = x, y
+            shape = {"boxstyle": "round,pad=0,rounding_size=0.12", "fc": "#eef3fb", "ec": BLUE}
+            corner = x - width / 2, y - 0.35
+            axes.add_patch(mpl.patches.FancyBboxPatch(corner, width, 0.7, **shape))
+            axes.text(x, y + 0.12, room, ha="center", va="center", weight="bold", color=BLUE)
+            axes.text(x, y - 0.2, PURPOSES[room], ha="center", va="center", fontsize=9)
+    for start, end in sorted(direct_arrows()):
+        (x0, y0), (x1, y1) = places[start], places[end]
+        aside = 0.12 * (x1 - x0)  # arrows that meet in a room come side by side
+        arrow = {"arrowstyle": "-|>", "color": INK, "lw": 1.3, "shrinkA": 1, "shrinkB": 1}
+        ends = (x1 - aside, y1 + 0.36), (x0 + aside, y0 - 0.36)
+        axes.annotate("", xy=ends[0], xytext=ends[1], arrowprops=arrow)
+    axes.set(xlim=(-6, 6), ylim=(-1.15 * (len(floors()) - 1) - 0.6, 0.6))
     return figure

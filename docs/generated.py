@@ -131,16 +131,25 @@ def examples() -> str:
     return "\n".join(parts)
 
 
+Rows = dict[str, tuple[list[str], str]]
+"""Types and meaning of each key."""
+
+
 def result_keys() -> str:
     """Return the page of results.json, from its JSON Schema."""
     schema = json.loads((ROOT / "uavgram" / "results.schema.json").read_text(encoding="utf-8"))
-    rows: list[str] = []
-    _rows_of(schema, "", schema, rows)
+    found: Rows = {}
+    _rows_of(schema, "", schema, found)
+    rows = [
+        f"| `{key}` | {_cell(' or '.join(kinds))} | {_cell(' '.join(meaning.split()))} |"
+        for key, (kinds, meaning) in found.items()
+    ]
     head = [
         "# results.json: every key",
         "",
         'The JSON Schema is part of the package: `importlib.resources.files("uavgram") /',
-        '"results.schema.json"`. `[]` marks the items of a list. Units are in the names.',
+        '"results.schema.json"`. `[]` marks the items of a list, `.*` any name. Units are in',
+        "the names.",
         "",
         "| key | type | meaning |",
         "| --- | --- | --- |",
@@ -148,40 +157,41 @@ def result_keys() -> str:
     return "\n".join([*head, *rows, ""])
 
 
-def _rows_of(node: dict[str, Any], path: str, schema: dict[str, Any], rows: list[str]) -> None:
-    node = _followed(node, schema)
-    for name, child in node.get("properties", {}).items():
-        full = f"{path}.{name}" if path else name
-        inner = _followed(child, schema)
-        items = _followed(inner.get("items", {}), schema) if "items" in inner else {}
-        meaning = " ".join((child.get("description") or inner.get("description") or "").split())
-        rows.append(f"| `{full}` | {_cell(_type(inner))} | {_cell(meaning)} |")
-        _rows_of(inner, full, schema, rows)
-        if isinstance(items, dict) and items.get("properties"):
-            _rows_of(items, f"{full}[]", schema, rows)
+def _rows_of(node: dict[str, Any], path: str, schema: dict[str, Any], rows: Rows) -> None:
+    """Add the rows of what is inside a node, of all its alternatives; each key once."""
+    for one in _alternatives(node, schema):
+        for name, child in one.get("properties", {}).items():
+            full = f"{path}.{name}" if path else name
+            choices = _alternatives(child, schema)
+            said = [child, *choices]
+            meaning = next((text for some in said if (text := some.get("description"))), "")
+            kinds = list(dict.fromkeys(filter(None, map(_type, choices))))
+            before, said_before = rows.get(full, ([], ""))
+            rows[full] = (list(dict.fromkeys([*before, *kinds])), said_before or meaning)
+            _rows_of(child, full, schema, rows)
+        for items in (one.get("items"), *one.get("prefixItems", ())):
+            if isinstance(items, dict):
+                _rows_of(items, f"{path}[]", schema, rows)
+        if isinstance(named := one.get("additionalProperties"), dict):
+            _rows_of(named, f"{path}.*", schema, rows)
 
 
-def _followed(node: dict[str, Any], schema: dict[str, Any]) -> dict[str, Any]:
-    """Return what a reference means, or the alternative that is not null."""
-    while True:
-        if "$ref" in node:
-            target: Any = schema
-            for part in node["$ref"].removeprefix("#/").split("/"):
-                target = target[part]
-            node = {**target, **{k: v for k, v in node.items() if k != "$ref"}}
-        elif "anyOf" in node or "oneOf" in node:
-            choices = node.get("anyOf") or node["oneOf"]
-            real = [one for one in choices if one.get("type") != "null"]
-            rest = {k: v for k, v in node.items() if k not in ("anyOf", "oneOf")}
-            node = {**real[0], **rest}
-        else:
-            return node
+def _alternatives(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[str, Any]]:
+    """Return what a node may be: references and alternatives followed."""
+    if "$ref" in node:
+        target: Any = schema
+        for part in node["$ref"].removeprefix("#/").split("/"):
+            target = target[part]
+        return _alternatives({**target, **{k: v for k, v in node.items() if k != "$ref"}}, schema)
+    if choices := node.get("anyOf") or node.get("oneOf"):
+        return [inner for one in choices for inner in _alternatives(one, schema)]
+    return [node]
 
 
 def _type(node: dict[str, Any]) -> str:
     kind = node.get("type", "")
-    if "enum" in node:
-        return ", ".join(f"`{one}`" for one in node["enum"])
+    if "enum" in node or "const" in node:
+        return ", ".join(f"`{one}`" for one in node.get("enum", [node.get("const")]))
     return " or ".join(kind) if isinstance(kind, list) else str(kind)
 
 

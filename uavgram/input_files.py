@@ -15,6 +15,8 @@ from uavgram.errors import InputError, no_file
 
 _HEAD_BYTES = 4096
 _READ = (b"\xff\xd8\xff", b"\x89PNG")
+_TIFF = (b"II*\x00", b"MM\x00*")
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 class UnreadFormat(NamedTuple):
@@ -79,17 +81,32 @@ def unread_format(path: str | Path) -> UnreadFormat | None:
 
     None for any other format, or if the file cannot be read.
     """
-    if no_file(path):
-        return None
-    try:
-        with Path(path).open("rb") as file:
-            head = file.read(_HEAD_BYTES)
-    except OSError:
+    head = _head(path)
+    if not head:
         return None
     suffix = "" if head.startswith(_READ) else Path(path).suffix.lower()
     by_content = (known for known in _FORMATS if re.match(known.begins, head, re.DOTALL))
     by_suffix = (known for known in _FORMATS if suffix in known.suffixes.split())
     return next(by_content, None) or next(by_suffix, None)
+
+
+def _head(path: str | Path) -> bytes:
+    """Read how a file begins: nothing where it is none, or cannot be read."""
+    if no_file(path):
+        return b""
+    try:
+        with Path(path).open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except OSError:
+        return b""
+
+
+def binary_kind(path: str | Path) -> str:
+    """Name what a file is that a person named instead of a text file; empty: it may be text."""
+    head = _head(path)
+    if head.startswith((*_READ, *_TIFF)):
+        return "a photo"
+    return "no text file" if b"\x00" in head and not head.startswith(_UTF_16) else ""
 
 
 def refuse_unread(path: str | Path) -> None:

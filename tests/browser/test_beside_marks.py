@@ -13,7 +13,7 @@ from picking_server import Served, served
 from playwright.sync_api import Locator, Page, expect
 from textured_ground import NAMES, write_textured
 
-ASIDE_PX = 11
+ASIDE_PX = 15
 """On the screen: within the mark's ring, and at fit zoom many pixels of the photo."""
 
 both_windows = pytest.mark.parametrize(
@@ -136,12 +136,32 @@ def test_a_click_beside_a_hollow_mark_does_not_accept_it(
         expect(mark).to_have_count(1)
         at = textured.pixel_px[NAMES[1], "P1"].tolist()
         page.mouse.click(*beside(page, (at[0], at[1])))
-        expect(question(page)).to_contain_text("P1, where the program found it")
+        answers = question(page).locator(".answers button")
+        expect(answers).to_have_count(4)  # here, where it was found, a new point, nothing
+        expect(answers.nth(0)).to_contain_text("P1, where you clicked")
         expect(mark).to_have_count(1)
         assert server.picking.state.pick(NAMES[1], "P1") is None
-        page.keyboard.press("Enter")
-        eventually(page, lambda: server.picking.state.pick(NAMES[1], "P1") is not None)
+        answers.nth(1).click()  # where the program found it
+
+        def source() -> str | None:
+            pick = server.picking.state.pick(NAMES[1], "P1")
+            return None if pick is None else pick.source
+
+        eventually(page, lambda: source() == "match")
         pick = server.picking.state.pick(NAMES[1], "P1")
         assert pick is not None
         assert math.dist((pick.u_px, pick.v_px), at) < 0.5
+
+        # On the mark, a click is a person's own observation, until it is taken back.
+        page.keyboard.press("Control+z")
+        expect(mark).to_have_count(1)
+        x, y = to_page(page, at[0], at[1])
+        page.mouse.click(x + 3, y)
+        eventually(page, lambda: source() == "hand")
+        pick = server.picking.state.pick(NAMES[1], "P1")
+        assert pick is not None
+        scale = float(page.locator(".pane").get_attribute("data-scale") or "")
+        assert math.dist((pick.u_px, pick.v_px), at) * scale == pytest.approx(3.0, abs=0.7)
+        page.get_by_role("button", name="Take the program's place instead").click()
+        eventually(page, lambda: source() == "match")
         assert not open_page.errors

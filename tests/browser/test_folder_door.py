@@ -15,6 +15,7 @@ import pytest
 from axe_checks import keeps_out, with_axe
 from opened_pages import PageOpener
 from pick_pages import small_project
+from picking_pages import eventually
 from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
@@ -133,3 +134,56 @@ def test_what_is_in_the_way_is_said_in_plain_words(
     shutil.rmtree(home / "nothing")
     page.get_by_role("button", name="nothing").click()
     expect(page.locator("#trouble")).to_contain_text("not there any more")
+
+
+def test_what_was_set_outlives_a_reload_and_another_tab_closes_nothing_unasked(
+    home: Path, data_dir: Path, server: Served, page: Page
+) -> None:
+    log = "flight.tlog"  # it has no gimbal, nor do the photos say where they looked
+    shutil.copy(data_dir / "street_oblique" / log, home / "flight" / log)
+    small_project(home / "other")
+    expect(page.get_by_role("button", name="Use flight")).to_be_visible()
+
+    # Only a person knows how the camera hung: nothing is chosen before.
+    page.get_by_role("button", name="Use flight").click()
+    expect(page.get_by_role("heading", name="flight")).to_be_focused()
+    expect(page.locator(".mount input:checked")).to_have_count(0)
+    page.get_by_role("button", name="Begin").click()
+    expect(page.locator("#trouble")).to_contain_text("How did the camera hang?")
+    page.get_by_role("radio", name="Straight down").check()
+    page.get_by_label("flight log").select_option("none of these: work without a log")
+    page.get_by_label("Lengths are in").select_option("imperial")
+    page.get_by_label("A reading of the tape").fill("0,75")
+    page.get_by_text("Case, for the head").click()
+    page.get_by_label("Case number").fill("7/26")
+    page.reload()
+    expect(page.get_by_role("radio", name="Straight down")).to_be_checked()
+    expect(page.get_by_label("flight log")).to_have_value("none")
+    expect(page.get_by_label("A reading of the tape")).to_have_value("0,75")
+    expect(page.get_by_label("Case number")).to_have_value("7/26")
+
+    other = page.context.new_page()  # a second tab, at the door too
+    other.goto(server.guard.address())
+    expect(other.get_by_role("button", name="Open other")).to_be_visible()
+    page.get_by_role("button", name="Begin").click()
+    expect(page.locator(".pane").first).to_have_attribute("data-sharp", "true")
+    assert load_project(home / "flight", unfinished=True).log is None
+    other.get_by_role("button", name="Open other").click()
+    expect(other.locator("#trouble")).to_contain_text("flight is open already")
+    expect(page.locator("#project")).to_contain_text("flight")
+    other.get_by_role("button", name="Close flight and open this one").click()
+    expect(other.locator("#project")).to_have_text("small")  # its name
+    other.close()
+
+    # The log is taken after all, on the page.
+    page.get_by_role("button", name="Open another folder").click()
+    page.get_by_role("button", name="Open flight").first.click()
+    page.get_by_role("tab", name="Camera").click()
+    page.get_by_role("button", name="Change camera, mount").click()
+    page.get_by_label("flight log").select_option(log)
+    page.get_by_role("button", name="Open the project").click()
+
+    def named() -> str:
+        return Path(load_project(home / "flight", unfinished=True).log or "").name
+
+    eventually(page, lambda: named() == log)

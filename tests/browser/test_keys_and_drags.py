@@ -173,7 +173,7 @@ def test_everything_has_a_name_for_a_screen_reader_and_focus_is_seen(
     with served(copied_survey) as server:
         page = open_page(server)
         wait_until_adjusted(page)
-        for tab in ("Measure", "Frames", "Camera", "Results"):
+        for tab in ("Measure", "Photos", "Camera", "Results"):
             expect(page.get_by_role("tabpanel", name=tab)).to_be_visible()
             assert nameless(page) == []
             page.keyboard.press("x")
@@ -211,7 +211,7 @@ def test_the_arrows_go_through_tools_tabs_and_photos(
         for _ in range(2):
             page.keyboard.press("F6")
         page.keyboard.press("ArrowRight")
-        expect(page.get_by_role("tab", name="Frames")).to_have_attribute("aria-selected", "true")
+        expect(page.get_by_role("tab", name="Photos")).to_have_attribute("aria-selected", "true")
         page.keyboard.press("F6")
         page.keyboard.press("ArrowRight")
         page.keyboard.press("Enter")

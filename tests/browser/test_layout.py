@@ -56,7 +56,7 @@ def test_nothing_overlaps_and_nothing_is_cut_off(survey: Path, open_page: PageOp
         wait_until_adjusted(page)
         for width, height in SIZES:
             page.set_viewport_size({"width": width, "height": height})
-            for tab in ("Frames", "Camera", "Measure"):
+            for tab in ("Photos", "Camera", "Measure"):
                 page.get_by_role("tab", name=tab).click()
                 expect(page.get_by_role("tabpanel", name=tab)).to_be_visible()
                 assert page.evaluate(CUT_OFF) == [], (width, tab)

@@ -37,14 +37,14 @@ def test_a_click_is_proposed_accepted_refused_and_asked_for(
         mine = proposed.locator(f'tr[data-row^="found {NEW} "]')
         expect(mine).to_have_count(2)
 
-        # The list leads to the hollow mark, and a click there makes it a pick of the program.
+        # The list leads to the hollow mark, and the full stop makes it a pick of the program.
         mine.first.locator('[name="go"]').click()
         mark = page.locator(f'[data-proposal="{NEW}"]')
         expect(mark).to_have_count(1)
         expect(page.locator(".pane").first).to_have_attribute("data-image", NAMES[1])
         before = len(server.picking.state.picks)
         drawn(page)
-        mark.locator(".hit").click()
+        page.keyboard.press(".")
         expect(page.locator(f'.mark.match[data-label="{NEW}"]')).to_have_count(1)
         expect(mine).to_have_count(1)
         assert len(server.picking.state.picks) == before + 1  # and not one more under the pointer

@@ -62,7 +62,7 @@ def test_dark_photos_are_seen_and_the_map_leads_from_one_to_another(
     page.keyboard.press("Escape")
     expect(page.get_by_label("Brightness", exact=True)).to_be_hidden()
 
-    page.get_by_role("tab", name="Frames").click()
+    page.get_by_role("tab", name="Photos").click()
     dots = page.locator(".map button")
     expect(dots).to_have_count(len(photos))
     dots.nth(1).press("Enter")

@@ -118,7 +118,7 @@ def test_the_page_never_says_saved_while_it_has_no_connection(
     expect(page.locator("#mode")).to_have_text("no connection")
     expect(page.locator("#saved")).to_have_text("")
     page.keyboard.press("x")  # draws other parts of the page: nothing may call it saved
-    expect(page.get_by_role("tabpanel", name="Frames")).to_be_visible()
+    expect(page.get_by_role("tabpanel", name="Photos")).to_be_visible()
     seen = page.evaluate("window.seen")
     assert any("no connection" in words for words in seen)
     assert not [words for words in seen if "no connection" in words and "saved" in words]
@@ -163,10 +163,10 @@ def test_the_tab_of_frames_tells_matching_clock_and_seeds(
     (survey / "measure.csv").write_text("name,kind,points\n")
     with served(survey / "project.yaml") as server:
         page = open_page(server)
-        page.get_by_role("tab", name="Frames").click()
-        panel = page.get_by_role("tabpanel", name="Frames")
+        page.get_by_role("tab", name="Photos").click()
+        panel = page.get_by_role("tabpanel", name="Photos")
         expect(panel).to_contain_text("Camera clock minus UTC: 4.3")  # the twin's clock: 4.37 s
-        rows = panel.get_by_role("table", name="Frames").locator("tbody tr")
+        rows = panel.get_by_role("table", name="Photos").locator("tbody tr")
         expect(rows).to_have_count(11)
         expect(rows.nth(3)).to_contain_text("fitted")
         panel.get_by_role("button", name="Show IMG_0028.jpg").click()

@@ -7,6 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 from cyclopts import App
 from small_projects import Command, Project
@@ -171,7 +173,7 @@ def test_shell_completion_can_be_installed(
 
 
 def test_a_mistyped_command_is_suggested(command: Command) -> None:
-    assert '"run"' in command("rnu", "project.yaml").stderr
+    assert "Did you mean run?" in command("rnu", "project.yaml").stderr
 
 
 @pytest.mark.parametrize(
@@ -303,3 +305,37 @@ def test_a_command_wins_over_a_folder_of_its_name(
     done = command("check")
     assert done.status == 1
     assert "project.yaml: there is no such file" in done.stderr
+
+
+def test_a_mistyped_folder_is_answered_with_its_neighbours(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "Holiday").mkdir()
+    monkeypatch.chdir(tmp_path)
+    for typed in ("./holidy", "holidy"):
+        done = command(typed)
+        assert done.status == 2
+        first = done.stderr.splitlines()[0]
+        assert f"{typed!r} is neither a command nor a folder or file" in first
+        assert "Did you mean Holiday?" in first
+    assert "Did you mean" not in command("nothing/like/it").stderr
+
+
+@pytest.mark.parametrize("words", [[], ["run"], ["check"], ["pick"]])
+def test_a_photo_or_log_in_place_of_a_project_leads_to_its_folder(
+    command: Command, tmp_path: Path, repository: Path, words: list[str]
+) -> None:
+    photo = tmp_path / "photo.jpg"
+    photo.write_bytes(cv2.imencode(".jpg", np.zeros((30, 40, 3), np.uint8))[1].tobytes())
+    done = command(*words, photo)
+    assert done.status == 1
+    assert "photo.jpg: is a photo: name the project file, or the folder of the ph" in done.stderr
+    done = command(*words, repository / "logs" / "twin_short.BIN")
+    assert "is no text file: name the project file" in done.stderr
+
+
+def test_an_option_without_its_value_says_which_it_takes(command: Command) -> None:
+    for option in ("--pdf", "--plan"):
+        done = command("run", option)
+        assert done.status == 2
+        assert f"{option} takes a value after it: a4 or letter" in done.stderr

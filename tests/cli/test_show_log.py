@@ -21,7 +21,10 @@ TRUE_OF = {
     ),
     "wind_oblique/flight.BIN": (
         *("TRIG+CAM, 65,", "62 confirmed, at the camera's feedback"),
-        *("3 triggered without feedback (image 17, 34, 51)", "59107 messages of 27 types"),
+        *(
+            "3 triggered that the camera did not confirm (image 17, 34, 51)",
+            "59107 messages of 27 types",
+        ),
     ),
     "wind_oblique/flight.tlog": (
         *("CAMERA_FEEDBACK, 62,", "at the camera's feedback", "3 missing (image 17, 34, 51)"),

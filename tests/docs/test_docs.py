@@ -3,14 +3,19 @@
 import ast
 import importlib
 import re
+import sys
 import tomllib
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
-PAGES = ("architecture.md", "CONTRIBUTING.md", "CHANGELOG.md", "messages.md", "windows.md")
+PAGES = (
+    *("architecture.md", "CONTRIBUTING.md", "CHANGELOG.md", "messages.md", "windows.md"),
+    "background/choices.md",
+)
 SUFFIXES = "py|js|md|toml|yaml|html|css|jpg|typed"
 PATH = re.compile(rf"^\.?[\w\-]+(/[\w\-.]+)*(/|\.({SUFFIXES}))$")
 """`io/tables/` or `io/tables/picks.py`: with a slash, or with the suffix of a source file."""
@@ -139,17 +144,38 @@ def test_every_path_that_a_docstring_names_exists(repository: Path) -> None:
 
 def test_links_between_the_pages_lead_somewhere(page: str, repository: Path) -> None:
     for target in re.findall(r"\]\(([^)#]+)", page):
-        if "://" not in target:
+        if "://" not in target and "/made/" not in target:
             assert (repository / "docs" / target).exists(), target
 
 
-def test_every_room_stands_on_the_page(architecture: str, repository: Path) -> None:
-    rooms = {
-        f"{init.parent.relative_to(repository / 'uavgram')}/"
-        for init in (repository / "uavgram").rglob("__init__.py")
-    } - {"./"}
+@pytest.fixture(scope="module")
+def drawings(repository: Path) -> Iterator[ModuleType]:
+    """What draws the pictures of the manual."""
+    pytest.importorskip("matplotlib")
+    sys.path.insert(0, str(repository / "docs"))
+    yield importlib.import_module("drawings")
+    sys.path.remove(str(repository / "docs"))
 
-    assert rooms - set(quoted(architecture)) == set()
+
+def test_the_picture_has_every_room_and_its_arrows_point_down(
+    drawings: ModuleType, repository: Path, architecture: str, tmp_path: Path
+) -> None:
+    rooms = {init.parent.name for init in (repository / "uavgram").glob("*/__init__.py")}
+    floor = {room: k for k, floor in enumerate(drawings.floors()) for room in floor}
+    imports, arrows = drawings.imports_between_rooms(), drawings.direct_arrows()
+
+    assert set(floor) == rooms == set(drawings.PURPOSES)
+    assert all(floor[start] < floor[end] for start, end in arrows)
+    assert {"stages", "views", "io"} <= imports["pipeline"]
+    for start, others in imports.items():  # each import is an arrow, or a way along arrows
+        reached, new = set(), {start}
+        while new:
+            reached |= new
+            new = {end for begin, end in arrows if begin in new} - reached
+        assert others <= reached
+    drawings.draw(tmp_path)
+    assert (tmp_path / "rooms.svg").is_file()
+    assert "(background/made/rooms.svg)" in architecture
 
 
 def contracts_of(repository: Path) -> list[str]:

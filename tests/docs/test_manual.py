@@ -17,6 +17,7 @@ from manual_pages import Block, ManualPage, manual_pages
 from uavgram.cli.entry import app
 from uavgram.config.project import load_project
 from uavgram.io.photos.poses.pose_tables import read_pose_csv
+from uavgram.io.results.schema import results_schema
 from uavgram.io.tables.csv_tables import Columns
 from uavgram.io.tables.known import (
     CONTROL_LINES_COLUMNS,
@@ -186,11 +187,35 @@ def test_every_column_of_a_table_has_an_entry() -> None:
     assert set(POINT_COUNTS) <= kinds
 
 
-def test_every_key_of_the_results_and_every_command_has_an_entry(generated: ModuleType) -> None:
-    results, commands = generated.result_keys(), generated.commands()
+def keys_in(schema: Any, node: Any, path: str = "") -> Iterator[str]:  # noqa: ANN401  (JSON)
+    """Keys that a JSON Schema allows, in every alternative: `[]` for items, `.*` for any name."""
+    if "$ref" in node:
+        inner = schema
+        for part in node["$ref"].removeprefix("#/").split("/"):
+            inner = inner[part]
+        yield from keys_in(schema, inner, path)
+    for choice in (*node.get("anyOf", ()), *node.get("oneOf", ()), *node.get("allOf", ())):
+        yield from keys_in(schema, choice, path)
+    for name, child in node.get("properties", {}).items():
+        full = f"{path}.{name}".removeprefix(".")
+        yield full
+        yield from keys_in(schema, child, full)
+    for items in (node.get("items"), *node.get("prefixItems", ())):
+        yield from keys_in(schema, items, f"{path}[]") if isinstance(items, dict) else ()
+    named = node.get("additionalProperties")
+    yield from keys_in(schema, named, f"{path}.*") if isinstance(named, dict) else ()
 
-    for key in ("measurements[].sigma", "verdict.reasons[].plain", "provenance.inputs", "schema"):
-        assert f"| `{key}` |" in results, key
+
+def test_every_key_of_the_results_and_every_command_has_an_entry(generated: ModuleType) -> None:
+    commands = generated.commands()
+    rows = re.findall(r"^\| `(.+?)` \| (.*?) \|", generated.result_keys(), re.MULTILINE)
+    schema = results_schema()
+    keys = set(keys_in(schema, schema))
+
+    assert {"measurements[].sigma", "verdict.reasons[].plain", "checks[].label"} < keys
+    assert keys - {name for name, _ in rows} == set()
+    assert {name for name, _ in rows} - keys == set()
+    assert [name for name, kind in rows if not kind.strip()] == []
     for name in (name for name in app if not name.startswith("-")):
         assert f"\n## uavgram {name}\n" in commands
 

@@ -19,7 +19,7 @@ MOST_APART = 12.0
 """Mean difference of grey values after reduction: fonts and dates differ between machines."""
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / ".readme"
-DRAWINGS = {"image", "frames", "pitch", "slope", "likelihood"}
+DRAWINGS = {"image", "frames", "pitch", "slope", "likelihood", "rooms"}
 
 
 def reduced(path: Path) -> Floats:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
+from typing import Literal
 
 import pytest
 import yaml
@@ -66,6 +68,23 @@ def test_a_project_that_is_there_is_changed_only_in_what_differs(folder: Path) -
     assert path.read_text() == text
     set_up(folder, Wanted(choices=Choices(camera=Path("camera.yaml")), setup=wanted))
     assert path.read_text() == text.replace("camera: unknown", "camera: camera.yaml")
+
+
+def test_a_log_is_left_out_taken_and_taken_back(folder: Path, data_dir: Path) -> None:
+    shutil.copy(data_dir / "street_oblique" / "flight.tlog", folder)
+    found = look_through(folder)
+    assert (found.logs, found.log, found.has_gimbal) == (("flight.tlog",), None, False)
+    path = set_up(folder, Wanted(choices=Choices(log="none"), setup=Setup()))
+    assert load_project(path).log is None
+    chosen: tuple[tuple[Path | Literal["none"] | None, str | None], ...] = (
+        (Path("flight.tlog"), "flight.tlog"),
+        (None, "flight.tlog"),
+        ("none", None),
+    )
+    for choice, named in chosen:
+        set_up(folder, Wanted(choices=Choices(log=choice), setup=Setup()))
+        assert look_through(folder).log == named
+    assert load_project(path).log is None
 
 
 @pytest.mark.parametrize(

@@ -36,6 +36,7 @@ def test_the_sample_has_photos_log_and_camera_and_nothing_picked(tmp_path: Path)
     assert (inputs.picks.image, inputs.lines.name, inputs.requests) == ((), (), ())
     assert (folder / "picks.csv").read_text(encoding="utf-8").count("\n") == 1
     assert "R3 to R4   13.00 m" in (folder / TAPED).read_text(encoding="utf-8")
+    assert "P5 to P7   4.3" in (folder / TAPED).read_text(encoding="utf-8")
     assert sorted(p.name for p in folder.parent.iterdir()) == ["sample"]
 
 

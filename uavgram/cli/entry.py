@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
+from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 
 import cyclopts
@@ -79,12 +82,35 @@ def _with_command(typed: list[str]) -> list[str]:
 def _wrong_use(error: cyclopts.CycloptsError) -> str:
     """Describe the wrong use of a command, and the way to its help."""
     said = str(error)
-    if isinstance(error, cyclopts.UnusedCliTokensError):
+    if isinstance(error, cyclopts.UnknownCommandError) and not error.command_chain:
+        said = _neither((error.unused_tokens or [""])[0])
+    elif isinstance(error, cyclopts.UnusedCliTokensError):
         typed = ", ".join(map(repr, error.unused_tokens or ()))
         said = f"{typed}: this command does not take that; it may need its option before it"
     elif isinstance(error, cyclopts.MissingArgumentError) and error.argument is not None:
         said = f"{error.argument.name} is missing"
+        if error.argument.name.startswith("-"):
+            choices = " or ".join(error.argument.get_choices(force=True) or ())
+            said = f"{error.argument.name} takes a value after it{choices and f': {choices}'}"
     elif isinstance(error, cyclopts.CoercionError) and error.target_type is int and error.token:
         said = f"{error.token.keyword} takes a whole number, not {error.token.value!r}"
     command = " ".join(("uavgram", *(error.command_chain or ())))
     return f"{said}\nTry: {command} --help"
+
+
+def _neither(typed: str) -> str:
+    """Say that a word is neither a command nor there, with the names that are like it."""
+    commands = [one for one in app if not one.startswith("-")]
+    near = get_close_matches(typed, commands, cutoff=LIKE)
+    path = Path(typed)
+    with suppress(OSError, ValueError):
+        inside = {one.name.casefold(): one for one in islice(path.parent.iterdir(), MOST_ENTRIES)}
+        for name in get_close_matches(path.name.casefold(), inside, cutoff=LIKE):
+            near.append(str(path.parent / inside[name].name))
+    meant = f". Did you mean {' or '.join(near)}?" if near else ""
+    return f"{typed!r} is neither a command nor a folder or file{meant}"
+
+
+LIKE = 0.6
+"""How alike two names are, from 0 to 1, of which one may be meant by the other."""
+MOST_ENTRIES = 5000

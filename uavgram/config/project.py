@@ -12,6 +12,7 @@ from uavgram.config.strict_yaml import Document, Plain, read_yaml
 from uavgram.config.validation import Fault, format_value, validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
 from uavgram.geometry.earth.geodesy import normalise_crs
+from uavgram.input_files import binary_kind
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TIES_FOUND, Project
 from uavgram.model.target_families import BOARD_PLATE
@@ -94,10 +95,12 @@ def project_file(path: str | Path) -> Path:
     Raises
     ------
     InputError
-        The folder has none.
+        The folder has none, or the file is a photo, a flight log or the like.
     """
     path = Path(path)
     if not path.is_dir():
+        if kind := binary_kind(path):
+            raise InputError(path, f"is {kind}: name the project file, or the folder of the photos")
         return path
     file = path / PROJECT_FILE
     if not file.exists():

@@ -12,7 +12,7 @@ import yaml
 _PLAIN = re.compile(r"[A-Za-z][\w./-]*(?: [\w./-]+)*")
 _OTHER_MEANINGS = {"yes", "no", "on", "off", "true", "false", "null", "none", "y", "n"}
 
-Scalar = str | float
+Scalar = str | float | None
 Settings = Mapping[str, "Scalar | Mapping[str, Scalar]"]
 """New values by key, or for a section by the keys in it."""
 

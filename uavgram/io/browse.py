@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import string
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -33,13 +33,27 @@ class ListedFolder:
         Without links.
     photos
         Number of photos in it; if there are none, in its subfolders.
+    are_inner
+        Whether they are in its subfolders.
     has_project
         Whether it contains a project file.
     """
 
     path: Path
     photos: int
+    are_inner: bool
     has_project: bool
+
+    def is_flight(self, collections: Collection[Path]) -> bool:
+        """Tell whether it is likely one flight: it has a project, photos, or folders of photos.
+
+        Parameters
+        ----------
+        collections
+            Folders with any content, such as a home or a drive: photos in subfolders do not count.
+        """
+        inner = self.photos > 0 and self.path.resolve() not in collections
+        return self.has_project or (self.photos > 0 and not self.are_inner) or inner
 
 
 class Browsable:
@@ -48,7 +62,7 @@ class Browsable:
     Parameters
     ----------
     roots
-        Such as `home_and_drives()`; missing ones are left out.
+        Such as `find_home_and_drives()`; missing ones are left out.
     """
 
     def __init__(self, roots: Sequence[Path]) -> None:
@@ -100,14 +114,14 @@ class Browsable:
 def count_photos(folder: Path) -> ListedFolder:
     """Count the photos of a folder, or of its subfolders; unreadable ones count as empty."""
     names = _names(folder)
-    photos = _photos(names)
-    if not photos:
+    photos = own = _photos(names)
+    if not own:
         try:
             inner = [_names(one) for one in _folders(folder)[:MAX_SUBFOLDERS]]
         except OSError:
             inner = []
         photos = sum(_photos(one) for one in inner if RESULTS not in one)
-    return ListedFolder(path=folder, photos=photos, has_project=PROJECT in names)
+    return ListedFolder(path=folder, photos=photos, are_inner=not own, has_project=PROJECT in names)
 
 
 def _names(folder: Path) -> list[str]:

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 from uavgram.config.project_text import ProjectText, project_text
 from uavgram.errors import InputError, OutputError, UavgramError
@@ -53,11 +54,12 @@ _TABLES: tuple[TableRole, ...] = (
 class Choices:
     """Choices of a person where a folder holds several files; paths are relative to the folder.
 
-    A camera is a file, ``auto`` or ``unknown``, as in a project.
+    A camera is a file, ``auto`` or ``unknown``, as in a project. A log is a file or ``none``: the
+    project goes without one, though the folder may hold some.
     """
 
     images: tuple[str, ...] = ()
-    log: Path | None = None
+    log: Path | Literal["none"] | None = None
     camera: Path | None = None
     poses: Path | None = None
 
@@ -405,7 +407,9 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectTex
     what = "photo" if count == 1 else "photos"
     notes.found.append(f"{count} {what} of {width} x {height} px: {listed}")
     camera = choose_camera(folder, holdings.cameras, choices.camera, photos, notes)
-    log = only_one(folder, "flight log", "log", holdings.logs, choices.log)
+    log = None
+    if choices.log != "none":
+        log = only_one(folder, "flight log", "log", holdings.logs, choices.log)
     poses = None if log else only_one(folder, "poses", "poses", holdings.poses, choices.poses)
     for what, name in (("flight log", log), ("poses", poses)):
         if name is not None:

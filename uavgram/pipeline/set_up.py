@@ -19,6 +19,7 @@ from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import InputError, UavgramError
 from uavgram.io.discovery import FolderContents, PhotoGroup, search_folder
 from uavgram.io.imports import GcpSigmas
+from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.poses.sources import FROM_PHOTOS, read_photo_poses
@@ -30,6 +31,8 @@ from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.pipeline.import_picks import ControlFiles, import_picks
 from uavgram.pipeline.new import PROJECT, Choices, absolute, new_project, own_pattern, passed_over
 
+MOST_LOG_BYTES = 50_000_000
+"""A log that is read to see whether it has a gimbal: half a second at most."""
 MOST_NAMES = 30
 """Largest number of files of a kind that are offered to a person."""
 
@@ -105,8 +108,11 @@ class FoundInFolder:
         Description of unusable files; empty without any.
     setup
         Setup by the project, or the defaults.
-    camera
-        Camera by the project; None without one.
+    camera, log
+        Camera and log by the project; None without one.
+    has_gimbal
+        Whether the log in the folder has the attitude of a gimbal; None if unknown: several logs,
+        or one too large to be read for that.
     fault
         Reason why the existing project cannot be read; empty where it can.
     """
@@ -121,6 +127,8 @@ class FoundInFolder:
     passed_over: str
     setup: Setup
     camera: str | None
+    log: str | None
+    has_gimbal: bool | None
     fault: str
 
 
@@ -176,6 +184,8 @@ def look_through(folder: Path) -> FoundInFolder:
         passed_over=passed_over(replace(holdings, others=others)),
         setup=Setup() if project is None else setup_of(project),
         camera=None if project is None else _camera_of(folder, project),
+        log=None if project is None or project.log is None else _inside(folder, project.log),
+        has_gimbal=_has_gimbal(holdings.logs),
         fault=fault,
     )
 
@@ -230,9 +240,24 @@ def _cameras(folder: Path, holdings: FolderContents) -> list[FoundCamera]:
     return found
 
 
+def _has_gimbal(logs: tuple[Path, ...]) -> bool | None:
+    try:
+        if len(logs) != 1 or logs[0].stat().st_size > MOST_LOG_BYTES:
+            return None
+        log = read_flight_log(logs[0], positions_needed=False)
+    except (UavgramError, OSError):  # told of when it is used
+        return None
+    return any(boot.gimbal is not None for boot in log.boots)
+
+
 def _camera_of(folder: Path, project: Project) -> str:
-    path = Path(project.camera)
-    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else project.camera
+    return _inside(folder, project.camera)
+
+
+def _inside(folder: Path, file: str) -> str:
+    """Return the name of a file in a project of the folder."""
+    path = Path(file)
+    return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else file
 
 
 def setup_of(project: Project) -> Setup:
@@ -270,7 +295,7 @@ def set_up(folder: Path, wanted: Wanted) -> Path:
     try:
         change_setup(path, wanted.setup)
         if not is_new:
-            _change_camera(folder, path, wanted.choices.camera)
+            _change_files(folder, path, wanted.choices)
         if wanted.gcp_list is not None:
             _take_points(folder, path, wanted)
     except BaseException:
@@ -293,7 +318,7 @@ def change_setup(path: Path, setup: Setup) -> None:
 
 def _changes(before: Setup, after: Setup) -> Settings:
     """Return the changes by section and key."""
-    changes: dict[str, str | float | Mapping[str, str | float]] = {}
+    changes: dict[str, str | float | Mapping[str, str | float | None] | None] = {}
     if after.pitch_deg != before.pitch_deg:
         fixed = after.pitch_deg != "auto"
         changes["mount"] = {"gimbal": "none" if fixed else "auto", "pitch_deg": after.pitch_deg}
@@ -303,7 +328,9 @@ def _changes(before: Setup, after: Setup) -> Settings:
         words = {units: word for word, units in SHORT_FORMS.items()}
         changes["units"] = words.get(after.units) or {**asdict(after.units)}
     texts = {key: (getattr(before.case, key), getattr(after.case, key)) for key in CASE}
-    case: dict[str, str | float] = {k: now for k, (then, now) in texts.items() if then != now}
+    case: dict[str, str | float | None] = {
+        k: now for k, (then, now) in texts.items() if then != now
+    }
     if case:
         changes["case"] = case
     return changes
@@ -315,11 +342,18 @@ CASE: tuple[Literal["number", "title", "place", "date", "agency"], ...] = (
 """Fields of a case that are asked for."""
 
 
-def _change_camera(folder: Path, path: Path, camera: Path | None) -> None:
-    if camera is not None and str(camera) != _camera_of(
-        folder, load_project(path, unfinished=True)
-    ):
-        _write(path, {"camera": camera.as_posix()})
+def _change_files(folder: Path, path: Path, choices: Choices) -> None:
+    """Name another camera or flight log, where that was chosen."""
+    project = load_project(path, unfinished=True)
+    changes: dict[str, str | None] = {}
+    if choices.camera is not None and choices.camera.as_posix() != _camera_of(folder, project):
+        changes["camera"] = choices.camera.as_posix()
+    if choices.log is not None:
+        now = None if project.log is None else _inside(folder, project.log)
+        log = None if choices.log == "none" else choices.log.as_posix()
+        if log != now:
+            changes["log"] = log
+    _write(path, changes)
 
 
 def _write(path: Path, changes: Settings) -> None:

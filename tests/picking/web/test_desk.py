@@ -173,6 +173,7 @@ def test_one_project_after_another(
     assert found["has_project"]
     assert found["setup"]["pitch_deg"] == -45.0
     assert found["setup"]["case"]["number"] == '7/26: "A"'
+    assert found["has_gimbal"] is None
     again = {**found["setup"], "pitch_deg": "auto"}
     browser.post("/door/begin", json=wanted(known["first"], setup=again))
     changed = (home / "first" / "project.yaml").read_text(encoding="utf-8")
@@ -192,3 +193,37 @@ def test_a_full_disk_is_said_and_leaves_nothing(
     answer = browser.post("/door/begin", json=wanted(number, setup={"pitch_deg": -45}))
     assert (answer.status_code, "the disk is full" in answer.json()["why"]) == (409, True)
     assert sorted((home / "first").rglob("*")) == before
+
+
+def test_a_project_that_is_open_is_closed_only_where_that_is_asked_for(
+    browser: httpx.Client, home: Path
+) -> None:
+    known = numbers(browser)
+    for name in ("first", "second"):
+        browser.get("/door/look", params={"folder": known[name]})
+    assert browser.post("/door/begin", json=wanted(known["first"])).json() == {}
+    refused = browser.post("/door/begin", json=wanted(known["second"]))
+    assert (refused.status_code, refused.json()["open"]) == (409, "first")
+    assert not (home / "second" / "project.yaml").exists()
+    assert browser.post("/door/begin", json=wanted(known["first"])).json() == {}  # it is this one
+    asked = browser.post("/door/begin", params={"closes": "yes"}, json=wanted(known["second"]))
+    assert asked.json() == {}
+    assert (home / "second" / "project.yaml").exists()
+
+
+def test_a_home_is_no_flight_for_the_photos_in_its_folders(tmp_path: Path) -> None:
+    for name in ("home/Pictures", "home/case/photos"):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "a.jpg").write_bytes(b"x")
+    home = tmp_path / "home"
+    named = Door(home, roots=(home,))
+    assert named.beginning()["is_chosen"] is False
+    top = named.listed(str(named.beginning()["folder"]))
+    assert (top["photos"], top["is_flight"]) == (1, False)
+    assert [(one["name"], one["is_flight"]) for one in top["folders"]] == [
+        ("case", True),
+        ("Pictures", True),
+    ]
+    assert Door(home / "case", roots=(home,)).beginning()["is_chosen"] is True
+    (home / "own.jpg").write_bytes(b"x")
+    assert Door(home, roots=(home,)).beginning()["is_chosen"] is True

@@ -416,7 +416,7 @@ def test_two_lengths_without_log_say_how_many_are_needed(
 
 def test_two_control_points_alone_say_what_is_needed(scene_factory: Callable[..., Scene]) -> None:
     survey = scene_factory(4, telemetry=False, control=2, lines=0).survey
-    with pytest.raises(GeometryError, match="four control points in one frame"):
+    with pytest.raises(GeometryError, match="four control points in it"):
         refine(survey, REPORT)
 
 

@@ -17,10 +17,8 @@ def test_a_flight_is_summed_up_truly(data_dir: Path) -> None:
     assert "ArduCopter V4.7.0-dev" in text
     assert "2026-11-21 09:27:10 UTC to 2026-11-21 09:33:22 UTC" in text
     assert "gps, 1861 pairs, drift +0.0 ± 0.0 ppm" in text
-    assert (
-        "62 confirmed, at the camera's feedback, 3 triggered without feedback (image 17, 34, 51)"
-        in text
-    )
+    assert "62 confirmed, at the camera's feedback, 3 triggered that the camera did not" in text
+    assert "confirm (image 17, 34, 51)" in text
     assert "59107 messages of 27 types" in text
 
 

@@ -6,6 +6,7 @@ import os
 import re
 import signal
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -263,6 +264,21 @@ def test_no_answer_of_the_gate_is_taken_for_another_kind_of_file(recording: Path
     for headers in answers:
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["content-security-policy"] == viewer_gate.POLICY
+
+
+def test_a_reader_that_left_is_no_fault_of_the_program(
+    recording: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    gate = viewer_gate.ViewerGate(1, recording)
+    try:
+        for _ in range(20):  # refused, and reset before the answer is written
+            with socket.create_connection(("127.0.0.1", gate.server_port)) as call:
+                call.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                call.sendall(b"GET / HTTP/1.1\r\nHost: elsewhere\r\n\r\n")
+        time.sleep(0.5)
+    finally:
+        gate.close()
+    assert capsys.readouterr().err == ""
 
 
 def status_of(address: str, headers: dict[str, str]) -> int:

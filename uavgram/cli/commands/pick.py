@@ -72,10 +72,9 @@ def _has_none(folder: Path) -> bool:
 
 def _present() -> Path | None:
     """Return the present folder, if it holds a project or photos."""
-    from uavgram.io.browse import count_photos
+    from uavgram.io.browse import count_photos, find_home_and_drives
 
-    own = count_photos(Path.cwd())
-    return Path() if own.has_project or own.photos else None
+    return Path() if count_photos(Path.cwd()).is_flight(find_home_and_drives()) else None
 
 
 def _sample(folder: Path | None) -> Path:

@@ -46,7 +46,6 @@ class App {
         sharpened: () => this.filmstrip.loadThumbnails(),
         clicked: (pane, u, v) => this.tools.clicked(pane, u, v),
         clickedMark: (label) => this.tools.clickedMark(label),
-        accepted: (pane, label) => this.tools.proposals.acceptHere(pane, label),
         doubled: () => this.navigation.doubled(),
         selected: (label) => this.tools.select(label),
         dragged: (...move) => this.tools.drag(...move),

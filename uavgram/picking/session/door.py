@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 from uavgram.errors import InputError
 from uavgram.imaging.photos.preview import read_preview
@@ -26,6 +26,7 @@ from uavgram.pipeline.new import PROJECT, Choices
 from uavgram.pipeline.set_up import CASE, FoundInFolder, Setup, Wanted, look_through, set_up
 
 LONGEST_REQUEST = 100_000
+NO_LOG: Literal["none"] = "none"
 MOST_RECENT = 8
 PREVIEW_PX = 512
 
@@ -43,6 +44,7 @@ class Door:
 
     def __init__(self, named: Path | None = None, roots: Sequence[Path] | None = None) -> None:
         known = find_home_and_drives() if roots is None else roots
+        self._collections = Browsable(known).roots
         self._folders = Browsable(known if named is None else (*known, named))
         self._named = None if named is None else named.resolve()
         self._numbers: dict[Path, int] = {}
@@ -51,12 +53,17 @@ class Door:
 
     def beginning(self) -> Json:
         """Where a page begins: a folder that is set up at once, or where folders are chosen."""
-        chosen = self._named if self._named is not None else self._present()
+        named = self._named
+        chosen = named if named is not None else self._present()
         return {
             "folder": None if chosen is None else self._number(chosen),
-            "is_chosen": self._named is not None,
+            "is_chosen": named is not None and self._is_chosen(named),
             "recent": [self._listed(count_photos(path)) for path in self._recent if path.is_dir()],
         }
+
+    def _is_chosen(self, named: Path) -> bool:
+        """Tell whether a named folder is one flight, and not a home with any content."""
+        return named not in self._collections or count_photos(named).is_flight(self._collections)
 
     def _present(self) -> Path | None:
         """The folder in which the program was started, or the home; None where it is neither."""
@@ -92,6 +99,7 @@ class Door:
                 "number": None,
                 "way": [],
                 "photos": 0,
+                "is_flight": False,
                 "has_project": False,
                 "folders": [self._listed(count_photos(root)) for root in self._folders.roots],
             }
@@ -103,6 +111,7 @@ class Door:
             "number": self._number(folder),
             "way": [{"number": self._number(one), "name": self._name(one)} for one in way],
             "photos": own.photos,
+            "is_flight": own.is_flight(self._collections),
             "has_project": own.has_project,
             "folders": [self._listed(one) for one in self._folders.folders_in(folder)],
         }
@@ -145,6 +154,16 @@ class Door:
         check_inside(path, folder, str(path))
         return read_preview(str(path), PREVIEW_PX)[0].jpeg
 
+    def meant(self, request: bytes) -> Path:
+        """Return the project file that a request is about, without links; it may not exist yet.
+
+        Raises
+        ------
+        UavgramError
+            There is no such folder.
+        """
+        return (self._folder(str(_object(request).get("folder", ""))) / PROJECT).resolve()
+
     def begin(self, request: bytes) -> Path:
         """Set up a project as a page asks for it; return its file.
 
@@ -185,6 +204,7 @@ class Door:
             "number": self._number(one.path),
             "name": self._name(one.path),
             "photos": one.photos,
+            "is_flight": one.is_flight(self._collections),
             "has_project": one.has_project,
         }
 
@@ -210,7 +230,7 @@ def _wanted(fields: dict[str, Any], found: FoundInFolder) -> Wanted:
     if not isinstance(images, list) or not all(one in patterns for one in images):
         raise RefusedError("these photos were not found: choose the folder again")
     files = {
-        "log": found.logs,
+        "log": (*found.logs, NO_LOG, *((found.log,) if found.log else ())),
         "poses": found.poses,
         "camera": (
             *(camera.name for camera in found.cameras),
@@ -226,7 +246,10 @@ def _wanted(fields: dict[str, Any], found: FoundInFolder) -> Wanted:
     paths = {key: None if (name := named[key]) is None else Path(name) for key in named}
     return Wanted(
         choices=Choices(
-            images=tuple(images), log=paths["log"], camera=paths["camera"], poses=paths["poses"]
+            images=tuple(images),
+            log=NO_LOG if named["log"] == NO_LOG else paths["log"],
+            camera=paths["camera"],
+            poses=paths["poses"],
         ),
         setup=_setup(fields["setup"], found.setup),
         gcp_list=named["gcp_list"],

@@ -31,6 +31,7 @@ log = logging.getLogger(__name__)
 RunProject = Callable[[Path], object]
 
 TOO_LONG, CANNOT = 413, 409
+OPEN_ALREADY = "{} is open already, perhaps in another tab: one project is open at a time."
 
 
 class Desk:
@@ -144,14 +145,28 @@ class Desk:
         return Response(jpeg, media_type="image/jpeg", headers={"cache-control": "no-store"})
 
     async def _begin(self, request: Request) -> Response:
-        """Set a project up and open it; the one that is open is saved and closed before."""
+        """Set a project up and open it.
+
+        Another one that is open, as in another tab, is saved and closed only where that is asked
+        for: else a tab would change what others show.
+        """
         body = b""
         async for part in request.stream():
             body += part
             if len(body) > LONGEST_REQUEST:
                 return JSONResponse({"why": "the request is too long"}, TOO_LONG)
+        closes = request.query_params.get("closes") == "yes"
         async with self._changing:
             try:
+                meant = await to_thread.run_sync(self.door.meant, body)
+                if self.pick is not None and self.pick.path != meant:
+                    name = self.pick.path.parent.name
+                    if not closes:
+                        return JSONResponse(
+                            {"why": OPEN_ALREADY.format(name), "open": name}, CANNOT
+                        )
+                    if fault := self.pick.unsaved():
+                        raise RefusedError(f"{name} stays open: {fault}")
                 project = await to_thread.run_sync(self.door.begin, body)
                 if self.pick is not None and self.pick.path == project.resolve():
                     return JSONResponse({})

@@ -248,7 +248,7 @@ def _extend_choices(
         values.append(with_free_points(survey, ray, grown if control else _move_to_gauge(grown)))
     if all(np.isnan(each.center).all() for each in values):
         raise GeometryError(
-            "without a flight log a pose needs four control points in one frame, or two and three "
+            "without a flight log a photo is placed by four control points in it, or two and three "
             "known lengths, or six points on four lines of known position: pick more of them, or "
             "give the log"
         )

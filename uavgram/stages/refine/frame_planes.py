@@ -84,9 +84,9 @@ def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
     seen, counts = found.seen, found.counts
     if not seen:
         return (
-            "without a flight log a pose needs three known lengths that one frame sees whole "
+            "without a flight log a photo is placed by three known lengths that it shows whole "
             f"(most here: {counts.max()} in {survey.frame_id[int(counts.argmax())]!r}): pick both "
-            "ends of more lines in one frame, tape a fourth, or give the log"
+            "ends of more lines in one photo, tape a fourth, or give the log"
         )
     frame = max(seen, key=lambda f: (seen[f].scaled, seen[f].rows, -f))
     known, name = seen[frame], survey.frame_id[frame]
@@ -98,12 +98,12 @@ def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
         lack = f"{missing} missing there: {more}"
     else:
         lack = (
-            "but they leave the pose open: they say the same twice, contradict each other, or two "
-            "of the poses that they allow merge; check them, or give one more there, best in "
-            f"another direction: {more}"
+            "but they leave the camera's place open: they say the same twice, contradict each "
+            "other, or two of the places that they allow merge; check them, or give one more "
+            f"there, best in another direction: {more}"
         )
     return (
-        "without a flight log a pose needs three things known of points on the ground that one "
-        f"frame sees whole, a length among them; {name!r} sees {known.words()}: {lack}; or give "
-        "the log"
+        "without a flight log a photo is placed by three things known of points on the ground "
+        f"that it shows whole, a length among them; {name!r} shows {known.words()}: {lack}; or "
+        "give the log"
     )

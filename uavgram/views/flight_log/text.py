@@ -143,7 +143,9 @@ def _events_text(events: CameraEvents | None) -> str:
     text += f"; {int(confirmed.sum())} confirmed, {meaning[events.instant]}"
     missed = events.image_number[~confirmed].tolist()
     if missed:
-        text += f", {len(missed)} triggered without feedback (image {_listed(missed)})"
+        text += (
+            f", {len(missed)} triggered that the camera did not confirm (image {_listed(missed)})"
+        )
     if events.lost:
         text += f", {len(events.lost)} missing (image {_listed(events.lost)})"
     if events.repeated:

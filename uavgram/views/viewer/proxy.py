@@ -16,6 +16,7 @@ import re
 import secrets
 import shutil
 import socket
+import sys
 import threading
 import urllib.error
 import urllib.request
@@ -91,6 +92,11 @@ class ViewerGate(ThreadingHTTPServer):
             super().process_request_thread(request, client_address)
         finally:
             self._free.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ANN401
+        """Say nothing of a reader that has left."""
+        if not isinstance(sys.exception(), OSError):
+            super().handle_error(request, client_address)
 
     def page_file(self, name: str) -> tuple[dict[str, str], bytes]:
         """Headers and content of a file of the viewer's page, which is held once for all readers.

@@ -1,7 +1,8 @@
 // A place in a photo was clicked: it is of the point that is expected there, or of a new one; what is not clear
 // is asked.
 
-import { marksNear } from "../photos/near.js";
+import { proposalAt } from "../connection/store.js";
+import { markOn, marksNear } from "../photos/near.js";
 
 /** @import { Change } from "../connection/protocol.js" */
 /** @import { Pane } from "../photos/pane.js" */
@@ -23,7 +24,13 @@ export class Clicks {
       return;
     }
     const { image } = pane;
-    const found = names.beside(marksNear(pane, u, v, names.coming), { image, u, v, scale: pane.view.scale });
+    const near = marksNear(pane, u, v, names.coming);
+    const on = markOn(near);
+    if (on?.hollow && proposalAt(image, on.label)?.source === "target") { // an observation of its own, and more exact than a click
+      this.tools.proposals.acceptHere(pane, on.label);
+      return;
+    }
+    const found = names.beside(near, { image, u, v, scale: pane.view.scale });
     if (!found.choices) {
       this.tell(this.take(pane, found.label, u, v, sigma_px), image, found);
       return;
@@ -50,9 +57,10 @@ export class Clicks {
   }
 
   /** @param {Change} placed @param {number} image @param {Given} given */
-  tell(placed, image, { label, say, instead }) {
+  tell(placed, image, { label, say, instead, found }) {
     const { edits, notice, offers } = this.tools;
-    if (say && instead) offers.show(say, placed, { words: `No, a new point: ${instead}`, act: () => edits.another(label, instead, image) });
+    if (say && found) offers.show(say, placed, { words: "Take the program's place instead", act: () => this.tools.proposals.acceptInstead(image, label) });
+    else if (say && instead) offers.show(say, placed, { words: `No, a new point: ${instead}`, act: () => edits.another(label, instead, image) });
     else if (say) notice.show(say, true);
   }
 }

@@ -214,7 +214,7 @@ export const KEYS = [
   ["All", [
     { keys: "Ctrl+Z, Ctrl+Shift+Z", what: "undo, redo", does: { "Ctrl+z": ({ tools }) => void tools.send({ t: "undo" }), "Ctrl+Shift+z": ({ tools }) => void tools.send({ t: "redo" }), "Ctrl+y": ({ tools }) => void tools.send({ t: "redo" }) } },
     { keys: "F6, Shift+F6", what: "next, previous part of the page", does: { F6: ({ navigation }) => navigation.nextRegion(1), "Shift+F6": ({ navigation }) => navigation.nextRegion(-1) } },
-    { keys: "X, Shift+X", what: "next, previous tab: measure, frames, camera, results", does: { x: ({ navigation }) => navigation.nextTab(1), X: ({ navigation }) => navigation.nextTab(-1) } },
+    { keys: "X, Shift+X", what: "next, previous tab: measure, photos, camera, results", does: { x: ({ navigation }) => navigation.nextTab(1), X: ({ navigation }) => navigation.nextTab(-1) } },
     { keys: "up, down", what: "in a table: the same in the next row" },
     { keys: "W", what: "write the results, and show them", does: { w: ({ project }) => void project.exportAll() } },
     { keys: "?", what: "this help", does: { "?": ({ navigation }) => navigation.help() } },

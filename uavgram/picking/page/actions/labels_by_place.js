@@ -2,6 +2,7 @@
 // somebody typed is taken, and asked about where it does not fit.
 
 import { adjusted, freeName, labels, namedLabels, pickAt, predictedIn, proposalAt, stale, store } from "../connection/store.js";
+import { markOn } from "../photos/near.js";
 import { aside, isTelling, meant, nearness } from "../photos/regions.js";
 import { TOOLS } from "./keys.js";
 
@@ -13,8 +14,9 @@ import { TOOLS } from "./keys.js";
 /** @typedef {{ u: number, v: number, scale: number, image: number }} Click */
 /** @typedef {{ label: string, words: string, isNew?: boolean, mark?: "pick" | "hollow" }} Choice `mark`: it is one that is there */
 /**
- * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant.
- * @typedef {{ label: string, say?: string, instead?: string, choices?: undefined }} Given
+ * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant; `found`: its
+ * place as the program found it, which may have been meant.
+ * @typedef {{ label: string, say?: string, instead?: string, found?: boolean, choices?: undefined }} Given
  */
 /** @typedef {{ words: string, choices: Choice[], about?: string }} Unclear `about`: the label whose place is to be seen */
 
@@ -81,18 +83,24 @@ export class LabelsByPlace {
     return this.outside(click, name, here, say);
   }
 
-  // A click beside marks may mean one of them, or another point: the photo may show two in the room of one mark.
+  // A click beside marks may mean one of them, or another point: the photo may show two in the room of one mark. On a
+  // hollow one it is the point's: a person's own observation, which checks what the program found.
   /** @param {Near[]} near @param {Click} click @returns {Given | Unclear} */
   beside(near, click) {
     const found = this.at(click);
+    const on = markOn(near);
+    if (on?.hollow && !this.isApart && (!this.state.typed || this.inBox === on.label)) {
+      return { label: on.label, found: true, say: `${on.label} is where you clicked, and checks what the program found.` };
+    }
     const marks = near.filter(({ label }) => label !== this.state.draft.at(-1)); // no line leads from a point to itself
     if (!near.length) return found;
     /** @param {string | undefined} label @returns {Choice[]} */
     const choice = (label) => (!label ? [] : this.isThere(label) ? [{ label, words: `${label}, where you clicked` }] : [{ label, words: `A new point, ${label}`, isNew: true }]);
+    const others = (found.choices ?? [...choice(found.label), ...choice(found.instead ?? this.free())]).filter(({ label }) => !marks.some((one) => one.hollow && one.label === label));
     return {
       words: `${near[0].label} is very near. Which point is this? The wheel zooms in.`,
-      choices: [...marks.slice(0, MOST_CHOICES).map(({ label, hollow }) => ({ label, words: hollow ? `${label}, where the program found it` : label, mark: /** @type {Choice["mark"]} */ (hollow ? "hollow" : "pick") })),
-        ...(found.choices ?? [...choice(found.label), ...choice(found.instead)])],
+      choices: [...marks.slice(0, MOST_CHOICES).flatMap(({ label, hollow }) => (hollow ? hollowChoices(label) : [{ label, words: label, mark: /** @type {const} */ ("pick") }])),
+        ...others.filter(({ label }, k) => others.findIndex((one) => one.label === label) === k)],
     };
   }
 
@@ -141,6 +149,9 @@ export class LabelsByPlace {
     return predictedIn(image).filter(({ label }) => !this.taken(image, label));
   }
 }
+
+/** @param {string} label @returns {Choice[]} */
+const hollowChoices = (label) => [{ label, words: `${label}, where you clicked` }, { label, words: `${label}, where the program found it`, mark: "hollow" }];
 
 // Where a point is expected, in words; empty where nothing tells.
 /** @param {number} image @param {string} label @param {ReturnType<typeof nearness>[]} here */

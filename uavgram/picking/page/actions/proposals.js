@@ -60,6 +60,13 @@ export class Proposals {
     this.tools.clickedMark(label);
   }
 
+  // Instead of the pick that a click has just placed.
+  /** @param {number} image @param {string} label */
+  acceptInstead(image, label) {
+    this.link.change({ t: "undo" });
+    this.accept([{ image, label }]);
+  }
+
   // The mark that has the focus.
   acceptFocused() {
     const { activeElement: at } = document;
@@ -76,7 +83,7 @@ export class Proposals {
     const here = proposals().filter(({ image }) => image === active.image);
     const one = proposalAt(active.image, this.state.selected ?? this.tools.label) ?? (here.length === 1 ? here[0] : undefined);
     if (one) this.acceptHere(active, one.label);
-    else this.notice.show(here.length ? "Choose which: click its mark, or N and B." : "Nothing was found in this photo that is not accepted.", true);
+    else this.notice.show(here.length ? "Choose which, by N and B or in the table." : "Nothing was found in this photo that is not accepted.", true);
   }
 
   /** All of the selected point, or all in this photo. @param {boolean} inPhoto */

@@ -1,8 +1,9 @@
 // The door: a folder of this computer becomes a project, and its page opens.
 
-import { byId } from "../elements/dom.js";
+import { byId, node } from "../elements/dom.js";
+import { begunFolder, forget } from "./begun.js";
 import { showFolders } from "./folders.js";
-import { find, goOn, send } from "./server.js";
+import { find, goOn, OpenAlready, send } from "./server.js";
 import { showSetup } from "./setup.js";
 
 /** @import { Beginning, Folders, Found, Listed, Wanted } from "./protocol.js" */
@@ -23,7 +24,9 @@ class Door {
       const { folder, is_chosen, recent } = /** @type {Beginning} */ (await find("/door/beginning"));
       this.recent = recent;
       this.at = folder;
+      const begun = begunFolder(); // before the page was loaded again
       if (is_chosen && folder !== null) await this.look(folder);
+      else if (begun !== null) await this.look(begun).catch(() => this.list(folder));
       else await this.list(folder);
     });
   }
@@ -35,7 +38,7 @@ class Door {
     showFolders(byId("folders"), shown, this.recent, {
       list: (inner) => void this.doing("Looking\u2026", () => this.list(inner)),
       use: (inner) => void this.doing("Looking through the folder\u2026", () => this.look(inner)),
-      open: (inner) => void this.doing("Reading photos and log\u2026", async () => { await send("/door/begin", { folder: inner }); goOn(); }),
+      open: (inner) => void this.open({ folder: inner }),
     });
     this.show("folders");
   }
@@ -44,12 +47,27 @@ class Door {
   async look(number) {
     const found = /** @type {Found} */ (await find(`/door/look?folder=${number}`));
     showSetup(byId("setup"), found, {
-      begin: (/** @type {Wanted} */ wanted) => void this.doing("Reading photos and log\u2026", async () => { await send("/door/begin", wanted); goOn(); }),
-      back: () => void this.doing("Looking\u2026", () => this.list(this.at)),
+      begin: (/** @type {Wanted} */ wanted) => void this.open(wanted),
+      back: () => { forget(); void this.doing("Looking\u2026", () => this.list(this.at)); },
       wrong: (why) => this.trouble(why),
     });
     this.show("setup");
     document.getElementById("setup-title")?.focus();
+  }
+
+  /** @param {Wanted | { folder: number }} wanted @param {boolean} closes whether another project that is open is closed */
+  async open(wanted, closes = false) {
+    await this.doing("Reading photos and log\u2026", async () => {
+      try {
+        await send(`/door/begin?closes=${closes ? "yes" : "no"}`, wanted);
+      } catch (fault) {
+        if (!(fault instanceof OpenAlready)) throw fault;
+        this.trouble(fault.message, [["Go to it", goOn], [`Close ${fault.open} and open this one`, () => void this.open(wanted, true)]]);
+        return;
+      }
+      forget();
+      goOn();
+    });
   }
 
   /** @param {typeof SECTIONS[number]} name */
@@ -77,10 +95,10 @@ class Door {
     document.body.ariaBusy = "false";
   }
 
-  /** @param {string} why */
-  trouble(why) {
+  /** @param {string} why @param {[string, () => void][]} ways out, as buttons */
+  trouble(why, ways = []) {
     const box = byId("trouble");
-    box.textContent = why;
+    box.replaceChildren(why, ...ways.map(([words, act]) => node("button", { type: "button", onclick: act }, words)));
     box.hidden = !why;
     if (why) box.scrollIntoView({ block: "nearest" });
   }

@@ -15,7 +15,7 @@ const photosText = (count) => `${count} photo${count === 1 ? "" : "s"}`;
  * @param {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} act
  */
 export function showFolders(section, shown, recent, act) {
-  const { number, way, photos, folders } = shown;
+  const { number, way, photos, is_flight, folders } = shown;
   section.replaceChildren(
     node("h2", { id: "folders-title" }, "Which folder holds the photos?"),
     node("p", { class: "dim" }, "Copy the photos from the drone's memory card to this computer first, with the flight log if there is one. Nothing here leaves the computer."),
@@ -23,8 +23,8 @@ export function showFolders(section, shown, recent, act) {
     node("nav", { class: "crumbs", "aria-label": "Where you are" }, crumb("This computer", number === null, () => act.list(null)),
       ...way.map((one, k) => crumb(one.name, k === way.length - 1, () => act.list(one.number)))),
     number === null ? "" : node("div", { class: "here" },
-      node("span", {}, photos ? `${photosText(photos)} here` : "No photos seen here"),
-      node("button", { name: "use", class: photos || shown.has_project ? "main" : "", onclick: () => act.use(number) }, photos || shown.has_project ? "Use this folder" : "Look through all its folders")),
+      node("span", {}, photos ? `${photosText(photos)} ${is_flight ? "here" : "in folders of this one"}` : "No photos seen here"),
+      node("button", { name: "use", class: is_flight ? "main" : "", onclick: () => act.use(number) }, is_flight ? "Use this folder" : "Look through all its folders")),
     folders.length ? node("ul", { class: "folders", "aria-label": "Folders" }, ...folders.map((one) => row(one, act))) : node("p", { class: "dim" }, "No folders in it."));
 }
 
@@ -32,8 +32,8 @@ export function showFolders(section, shown, recent, act) {
 const crumb = (words, isHere, go) => node("button", { class: "link", ...(isHere ? { "aria-current": "location" } : {}), onclick: go }, words);
 
 /** @param {Listed} one @param {{ list: (number: number | null) => void, use: (number: number) => void, open: (number: number) => void }} act */
-function row({ number, name, photos, has_project }, act) {
+function row({ number, name, photos, is_flight, has_project }, act) {
   const holds = [photos ? photosText(photos) : "", has_project ? "project" : ""].filter(Boolean).join(", ");
   return node("li", {}, node("button", { class: "into", name: "into", title: name, onclick: () => act.list(number) }, folderIcon(), node("span", {}, name), node("span", { class: "dim" }, holds)),
-    has_project ? node("button", { name: "open", "aria-label": `Open ${name}`, onclick: () => act.open(number) }, "Open") : photos ? node("button", { name: "use", "aria-label": `Use ${name}`, onclick: () => act.use(number) }, "Use") : null);
+    has_project ? node("button", { name: "open", "aria-label": `Open ${name}`, onclick: () => act.open(number) }, "Open") : is_flight ? node("button", { name: "use", "aria-label": `Use ${name}`, onclick: () => act.use(number) }, "Use") : null);
 }

@@ -37,9 +37,10 @@ function drawing(way) {
 
 // What is recorded, as far as the files say before they are read.
 /** @param {Found} found @param {number | null} looks */
-function recorded({ logs }, looks) {
+function recorded({ logs, has_gimbal }, looks) {
   if (looks !== null) return `the photos say ${Math.round(looks)}\u00b0 below the horizon`;
-  return logs.length ? "by a gimbal, in the log; straight down where it says nothing" : "in log or photos: nothing is";
+  if (has_gimbal) return "by the gimbal, in the log";
+  return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "neither log nor photos say it: 90\u00b0 down would be assumed, and not be trusted";
 }
 
 /** @param {Found} found @param {number | null} looks how far below the horizon, as the photos say */
@@ -48,10 +49,12 @@ export function mountPart(found, looks) {
   const chosen = WAYS.some(([value]) => value === set) ? set : OTHER;
   const deg = node("input", { name: "pitch_below", inputmode: "decimal", autocomplete: "off", value: chosen === OTHER ? -Number(set) : "", "aria-label": "Degrees below the horizon", size: 4 });
   const isPlaced = found.logs.length + found.poses.length > 0 || looks !== null || found.has_project;
+  const isAsked = set === "auto" && !found.has_project && isPlaced && looks === null && !found.has_gimbal; // only a person knows
   const part = node("fieldset", { class: "mount" }, node("legend", {}, "How did the camera hang?"),
     isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos do not say how they were taken: the lengths on the ground place them, and this makes no difference."),
+    isAsked ? node("p", { class: "dim" }, `${found.has_gimbal === null ? "What is recorded is not known yet" : "Neither the log nor the photos say it"}: choose.`) : null,
     node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
-      node("input", { type: "radio", name: "pitch", value, checked: value === chosen }), drawing(value), node("b", {}, words),
+      node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, words),
       value === OTHER ? node("span", { class: "dim" }, deg, "\u00b0 below the horizon") : node("span", { class: "dim" }, value === "auto" ? recorded(found, looks) : meant)))));
   deg.addEventListener("input", () => { for (const one of part.querySelectorAll("input")) if (one.value === OTHER) one.checked = true; });
   return part;
@@ -60,6 +63,7 @@ export function mountPart(found, looks) {
 /** The angle that a form holds: degrees above the horizon. @param {FormData} form @returns {number | "auto"} */
 export function pitchIn(form) {
   const way = textIn(form, "pitch");
+  if (!way) throw new Error("How did the camera hang? Choose one of the drawings.");
   if (way !== OTHER) return way === "auto" ? "auto" : Number(way);
   const written = textIn(form, "pitch_below");
   const deg = Number(written.replace(",", "."));

@@ -2,6 +2,16 @@
 
 import { keyed, leaveIfRefused } from "../connection/key.js";
 
+/** Another project is open: its name. */
+export class OpenAlready extends Error {
+  /** @param {string} why @param {string} name */
+  constructor(why, name) {
+    super(why);
+    this.name = "OpenAlready";
+    this.open = name;
+  }
+}
+
 const GONE = "The program does not answer. Start uavgram again, and open the address that it prints.";
 
 /** Where no project is open this page is the door, else the project's: the server knows. */
@@ -19,6 +29,9 @@ async function answered(asked) {
   if (answer.status === 403) await leaveIfRefused();
   /** @type {unknown} */
   const said = await answer.json().catch(() => ({}));
-  if (!answer.ok) throw new Error(/** @type {{ why?: string }} */ (said).why ?? "The program failed; its window says where.");
+  if (!answer.ok) {
+    const { why = "The program failed; its window says where.", open } = /** @type {{ why?: string, open?: string }} */ (said);
+    throw open === undefined ? new Error(why) : new OpenAlready(why, open);
+  }
   return /** @type {T} */ (said);
 }

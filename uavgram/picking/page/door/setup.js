@@ -2,6 +2,7 @@
 
 import { keyed } from "../connection/key.js";
 import { as, node, textIn } from "../elements/dom.js";
+import { keepSet } from "./begun.js";
 import { mountPart, pitchIn } from "./mount.js";
 
 /** @import { Child } from "../elements/dom.js" */
@@ -59,6 +60,7 @@ export function showSetup(section, found, act) {
       node("div", { class: "asked-for" }, mount, tapePart(found), casePart(found))),
     bar(found, act, true));
   section.replaceChildren(heading, node("p", { class: "dim path" }, found.path), form);
+  keepSet(form, found);
 }
 
 /** @param {Found} found @returns {Node[]} */
@@ -88,16 +90,18 @@ function photosPart({ number, has_project }, kinds, choose) {
 /** @param {string | number} value @param {string} words @param {boolean} [selected] */
 const option = (value, words, selected = false) => node("option", { value, selected }, words);
 
-// One file of a kind is taken; of several a person says which.
-/** @param {string} name @param {string[]} all @param {string} what */
-const oneOf = (name, all, what) => (all.length === 1 ? node("p", {}, all[0], node("input", { type: "hidden", name, value: all[0] }))
-  : node("label", { class: "wide" }, `There are ${all.length}: choose the ${what} of these photos`, node("select", { name }, option("", "choose\u2026"), ...all.map((one) => option(one, one)))));
+// One file of a kind is chosen already; of several a person says which.
+/** @param {string} name @param {string[]} all @param {string} what @param {string} chosen empty: to be chosen @param {[string, string] | null} none how to choose none of them */
+const oneOf = (name, all, what, chosen, none = null) => node("label", { class: "wide" }, chosen || all.length < 2 ? node("span", { class: "unseen" }, what) : `There are ${all.length}: choose the ${what} of these photos`,
+  node("select", { name }, chosen ? null : option("", "choose\u2026", true), ...all.map((one) => option(one, one, one === chosen)), none ? option(...none, none[0] === chosen) : null));
+
+const NO_LOG = "none";
 
 /** @param {Found} found */
-function filesPart({ logs, poses, has_project }) {
-  if (has_project) return box("Flight log", node("p", { class: "dim" }, logs.join(", ") || "none was found: the project says what it uses"));
-  if (logs.length) return box("Flight log", oneOf("log", logs, "flight log"));
-  if (poses.length) return box("Places of the photos", oneOf("poses", poses, "file"));
+function filesPart({ logs, log, poses, has_project }) {
+  const all = [...new Set([...(log ? [log] : []), ...logs])];
+  if (all.length) return box("Flight log", oneOf("log", all, "flight log", log ?? (has_project ? NO_LOG : all.length === 1 ? all[0] : ""), [NO_LOG, "none of these: work without a log"]));
+  if (poses.length && !has_project) return box("Places of the photos", oneOf("poses", poses, "file", poses.length === 1 ? poses[0] : ""));
   return box("Flight log", node("p", { class: "dim" }, "None: the photos' own positions are used if they have some, else taped lengths alone."));
 }
 

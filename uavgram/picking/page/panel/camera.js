@@ -9,6 +9,8 @@ import { about, fill, keep, list, table, titled } from "../elements/table.js";
 /** @import { ProjectActions } from "../actions/project_actions.js" */
 /** @import { Calibration, Camera, Folder } from "../connection/protocol.js" */
 
+/** @type {Record<string, string | undefined>} */
+const LENSES = { brown: "ordinary", fisheye: "fisheye" };
 const DICTIONARIES = [4, 5, 6, 7].flatMap((bits) => [50, 100, 250, 1000].map((size) => `DICT_${bits}X${bits}_${size}`));
 
 /** @param {Element} section @param {Folder[]} folders @param {ProjectActions} project */
@@ -25,7 +27,7 @@ function knownPart(camera, project) {
     const rows = camera.parameters.map((cells) => node("tr", {}, ...cells.map((cell) => node("td", { title: meaning(cell) }, cell === "\u2013" ? "" : cell))));
     const [warnings, others] = [all.filter(({ level }) => level !== "info"), all.filter(({ level }) => level === "info")];
     return node("div", {}, warnings.length ? titled(`Warnings (${warnings.length})`, list(warnings)) : null,
-      titled("Camera", node("p", {}, `${camera.name}: ${camera.width_px} \u00d7 ${camera.height_px} px, `, about(`${camera.model} lens`, meaning(camera.model) ?? ""), camera.file && ` (${camera.file})`),
+      titled("Camera", node("p", {}, `${camera.name}: ${camera.width_px} \u00d7 ${camera.height_px} px, `, about(`${LENSES[camera.model] ?? camera.model} lens`, meaning(camera.model) ?? ""), camera.file && ` (${camera.file})`),
         ...camera.source.map((line) => node("p", { class: "dim" }, line)),
         node("p", {}, node("button", { name: "setup", onclick: () => void project.leave("setup") }, "Change camera, mount, tape or case")),
         table("What the lens does", ["parameter", "value", about("\u03c3", SIGMA), about("\u03c3/value", "\u03c3 as a share of the value")], rows)),
@@ -51,7 +53,7 @@ function formPart(folders, project) {
     node("label", { class: "both" }, "Folder with photos of a board", node("select", { name: "folder", required: true },
       ...folders.map((one) => option(one.id, `${one.name}: ${one.photos} photos, ${one.width_px} \u00d7 ${one.height_px} px`)))),
     node("label", {}, "Board", node("select", { name: "kind", onchange: (event) => { form.dataset.kind = as(HTMLSelectElement, event.target).value; } }, option("chessboard", "Chessboard"), option("charuco", "ChArUco"))),
-    node("label", {}, "Lens", node("select", { name: "model" }, option("brown", "ordinary"), option("fisheye", "fisheye"))),
+    node("label", {}, "Lens", node("select", { name: "model" }, ...Object.entries(LENSES).map(([model, words]) => option(model, words ?? model)))),
     field("columns", "Inner corners across", "9", "chess"), field("rows", "Inner corners down", "6", "chess"),
     field("across", "Squares across", "8", "charuco"), field("down", "Squares down", "6", "charuco"),
     field("square", "Side of a square, mm", "25"), field("marker", "Side of a marker, mm", "18", "charuco"),

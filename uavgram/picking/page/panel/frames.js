@@ -24,7 +24,7 @@ function clockPart(now) {
   if (!clock) return titled("Clock", node("p", {}, "There is no flight log: no clock to match."));
   /** @param {ClockOffset} of */
   const offset = ({ offset_s, sigma_s }) => withSigma(offset_s, sigma_s, "s") || "not known";
-  const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": photos are matched by their times";
+  const events = clock.events ? `: ${clock.events} camera events, ${clock.unused.length ? `${clock.unused.length} without a photo` : "each with its photo"}` : ": each photo is found in it by its time";
   return titled("Clock", node("p", {}, `Log: ${clock.log}${events}.`),
     node("p", {}, `Camera clock minus UTC: ${offset(clock)} before the adjustment`, now?.clock ? `, ${offset(now.clock)} after it.` : "."));
 }
@@ -42,7 +42,7 @@ const wordsOf = ({ reason, event, seed }) => [
 ];
 
 /** @type {Record<string, string | undefined>} */
-const STATUS = { refined: "fitted", seeded: "flight only", rejected: "left out" };
+const STATUS = { refined: "fitted", seeded: "flight only", rejected: "left out", matched: "placed", unmatched: "not placed" };
 
 /** @param {Facts[]} facts @param {(image: number) => void} show */
 function framesPart(facts, show) {
@@ -57,8 +57,8 @@ function framesPart(facts, show) {
       node("td", { class: "wide-only" }, utc));
   });
   const matched = facts.filter(({ photo }) => photo.matched).length;
-  return titled(`Frames (${matched} of ${facts.length} matched)`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now.`),
-    table("Frames", ["photo", "picks", "status", about("flight", "\u03c3 before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
+  return titled(`Photos (${matched} of ${facts.length} placed in the flight)`, node("p", { class: "dim" }, `How well the camera's place is known, \u03c3 in ${lengthUnit() === "m" ? "metres" : "feet"}: from the flight alone, and now.`),
+    table("Photos", ["photo", "picks", "status", about("flight", "\u03c3 before any pick, from the flight log or the given poses"), about("now", "\u03c3 with all picks and lengths"), node("span", { class: "wide-only" }, "UTC")], rows));
 }
 
 /** @param {Facts[]} facts */
@@ -71,7 +71,7 @@ function unmatchedPart(facts) {
   /** @type {Pick<Remark, "level" | "text">[]} */
   const events = [...count].map(([where, many]) => ({ level: "info", text: `${many} camera event${many > 1 ? "s" : ""} ${where}` }));
   const all = [...photos, ...events];
-  return all.length ? titled("Unmatched", list(all)) : null;
+  return all.length ? titled("Not placed in the flight", list(all)) : null;
 }
 
 const foundPart = () => (store.opening.length ? node("details", { class: "part", "aria-label": "What was found out" }, node("summary", {}, `What was found out (${store.opening.length})`), list(store.opening)) : null);

@@ -15,7 +15,7 @@ import { showVerdict } from "./verdict.js";
 /** @import { SideView } from "./side_view.js" */
 
 /** @type {[Tab, string][]} */
-export const TABS = [["measure", "Measure"], ["frames", "Frames"], ["camera", "Camera"], ["results", "Results"]];
+export const TABS = [["measure", "Measure"], ["frames", "Photos"], ["camera", "Camera"], ["results", "Results"]];
 
 export class Panel {
   /** @param {{ state: PageState, panes: Panes, side: SideView, tools: Tools, project: ProjectActions }} needs */

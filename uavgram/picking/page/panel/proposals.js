@@ -59,7 +59,7 @@ function foundRow(one, tools) {
   return node("tr", { "data-row": `found ${label} ${image}` },
     node("td", {}, label), node("td", { class: "named ended", title: name }, goButton(one, name, tools)),
     node("td", {}, source), node("td", {}, sigma_px.toFixed(2)), node("td", {}, score.toFixed(2)),
-    node("td", {}, node("button", { class: "small", name: "accept", "aria-label": `Accept ${label} in ${name}`, title: "Accept (click its mark, or the full stop)", onclick: () => tools.proposals.accept([one]) }, "\u2713"),
+    node("td", {}, node("button", { class: "small", name: "accept", "aria-label": `Accept ${label} in ${name}`, title: "Accept (full stop)", onclick: () => tools.proposals.accept([one]) }, "\u2713"),
       node("button", { class: "small", name: "remove", "aria-label": `Refuse ${label} in ${name}`, title: "Refuse", onclick: () => tools.proposals.refuse([[image, label]]) }, "\u00d7")));
 }
 

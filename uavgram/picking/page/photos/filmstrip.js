@@ -13,7 +13,7 @@ const SIGNS = { doubtful: " ?", contradicted: " \u2260", "": "" };
 const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
 
 /** @param {Photo} photo */
-const matchOf = ({ matched, reason }) => (matched ? "matched" : `not matched: ${reason}`);
+const matchOf = ({ matched, reason }) => (matched ? "placed in the flight" : `not placed in the flight: ${reason}`);
 
 // What the verdict says of a photo: nothing where it is in order.
 /** @param {number} image */

@@ -178,7 +178,7 @@ function proposalPart(one, selected, shown) {
     sign: JSON.stringify([words, selected === label, shown.labels]),
     make: () => {
       const group = shape("g", { class: `mark proposed${selected === label ? " selected" : ""}`, tabindex: 0, role: "button", "data-proposal": label, "aria-label": `Accept ${words}` },
-        titleShape(`${words}. Click accepts it, Delete refuses it`),
+        titleShape(`${words}. A click here is a pick of your own, the full stop accepts what was found, Delete refuses it`),
         ...stroke(HOLLOW), shape("circle", { class: "ring", r: 15, fill: "none" }), shape("circle", { class: "hit", r: ON_PX }));
       if (shown.labels) group.append(textShape(`${label}?`, "tag"));
       return group;

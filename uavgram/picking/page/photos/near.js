@@ -12,7 +12,7 @@ import { picksIn, proposals } from "../connection/store.js";
  */
 
 export const ON_PX = 7; // a click so close means the mark, if no other is as close
-export const NEAR_PX = 12; // a click so close may mean the mark, or another point beside it
+export const NEAR_PX = 16; // a click so close, within the ring that is drawn round it, may mean the mark, or another point beside it
 
 /** The marks near a place of the photo, the nearest first, none where they are hidden; `coming`: picks that are not confirmed yet.
  * @param {{ image: number, view: View, state: PageState }} pane @param {number} u @param {number} v @param {Place[]} coming @returns {Near[]} */

@@ -25,7 +25,6 @@ import { View } from "./view.js";
  * @property {(pane: Pane) => void} viewed the view has changed
  * @property {(pane: Pane, u: number, v: number) => void} clicked
  * @property {(label: string) => void} clickedMark
- * @property {(pane: Pane, label: string) => void} accepted what the program found there
  * @property {(label: string) => void} doubled
  * @property {(label: string) => void} selected
  * @property {(image: number, label: string, at: [number, number], step: number, final: boolean) => void} dragged

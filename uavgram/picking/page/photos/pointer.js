@@ -174,7 +174,6 @@ export class Pointer {
     if (!press || several || press.far || press.pans) return;
     const { on } = press;
     if (on && !on.hollow) pane.events.clickedMark(on.label);
-    else if (on && !press.rests) pane.events.accepted(pane, on.label);
     else {
       const [u, v] = pane.view.toPhoto(...this.local(event));
       if (pane.contains(u, v)) pane.events.clicked(pane, u, v);
