@@ -1,4 +1,4 @@
-"""The measurements: values, sampled intervals, second order, and other solutions."""
+"""Measurements: values, sampled intervals, second order, and other solutions."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from uavgram.views.units import units_of
 from uavgram.views.wording import computed_first, number, relief_text, shift_text
 
 MOST_RELIEF = 10
-"""Measurements in single photos that have a sentence of their own: those that are least certain."""
+"""Largest number of single-photo measurements with a sentence of their own, the least certain."""
 
 MOST_DIFFERENT = 10
-"""Measurements that are shown under another solution: those that it changes most."""
+"""Number of measurements shown for another solution: those that it changes most."""
 
 LITTLE = 0.05
-"""Relative change of a sigma, or of an error's size, that is not worth a word."""
+"""Relative change of a sigma, or of an error's size, that is not mentioned."""
 
 
 def sampled_words(result: Result) -> str:
-    """What the sampled columns are; empty where nothing was sampled."""
+    """Explain the sampled columns; empty if nothing was sampled."""
     sampled = result.monte_carlo
     if sampled is None:
         return ""
@@ -38,14 +38,14 @@ def sampled_words(result: Result) -> str:
 
 
 class ReliefNotes(NamedTuple):
-    """How far single photos hang on the ground's shape: sentences, and how many more there are."""
+    """Dependence of single photos on the ground's shape: sentences, and number of the others."""
 
     sentences: tuple[str, ...]
     more: int
 
 
 def relief_notes(result: Result) -> ReliefNotes:
-    """A sentence on each measurement whose points are seen in one photo only, the worst first."""
+    """Describe each measurement whose points are seen in one photo only, the worst first."""
     rows, points = result.measurements, result.points
     photos = dict(zip(points.label, points.frames, strict=True))
     alone = [
@@ -65,7 +65,7 @@ def relief_notes(result: Result) -> ReliefNotes:
 
 
 def learnt_words(result: Result) -> str:
-    """How much larger uncertainties are than with errors as stated; empty where they are not."""
+    """Compare the uncertainties with those for errors as stated; empty if they are alike."""
     rows, noise = result.measurements, result.noise
     known = np.isfinite(rows.sigma) & (rows.sigma_stated > 0)
     ratio = rows.sigma[known] / rows.sigma_stated[known]
@@ -97,11 +97,11 @@ class SecondOrderNote(NamedTuple):
     Attributes
     ----------
     sentence
-        If it is for all measurements.
+        Result for all measurements.
     doubtful
         A sentence for each measurement for which it is not.
     advice
-        What to do about these.
+        How to treat these.
     """
 
     sentence: str
@@ -110,7 +110,7 @@ class SecondOrderNote(NamedTuple):
 
 
 def second_order_note(result: Result) -> SecondOrderNote | None:
-    """The second-order check in words; None where there was none."""
+    """Describe the second-order check; return None if there was none."""
     second, rows = result.second_order, result.measurements
     if second is None or not np.isfinite(rows.value).any():
         return None
@@ -133,7 +133,7 @@ def second_order_note(result: Result) -> SecondOrderNote | None:
 
 
 class AlternativeTable(NamedTuple):
-    """Another solution and what it would do to the measurements.
+    """Another solution and its effect on the measurements.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class AlternativeTable(NamedTuple):
     rows
         Row, value there and difference in sigmas of the measurements that it changes most.
     others
-        A sentence on those that it changes less; empty where there are none.
+        A sentence on those that it changes less; empty if there are none.
     """
 
     solution: Alternative
@@ -151,7 +151,7 @@ class AlternativeTable(NamedTuple):
 
 
 def alternative_tables(result: Result) -> list[AlternativeTable]:
-    """The other solutions, each with what it would do to the measurements."""
+    """Return the other solutions, each with its effect on the measurements."""
     return [_alternative(result, one) for one in result.solution.alternatives]
 
 
