@@ -1,4 +1,4 @@
-"""How well places are known, told so that nobody takes the receiver's metres for the lengths'."""
+"""Accuracy of positions, with that of distances kept apart from the receiver's metres."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from uavgram.views.units import spread_text, units_of
 
 
 def accuracy_words(result: Result) -> str:
-    """``Distances between neighbouring points are known to about 1 cm ...``: both accuracies."""
+    """State both accuracies: ``Distances between neighbouring points are known to about 1 cm``."""
     points, units = result.points, units_of(result)
     near = points.neighbour_sigma_m
     told = []
