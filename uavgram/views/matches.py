@@ -1,4 +1,4 @@
-"""What a search for picks in the other photos came to, as lines for a terminal."""
+"""Result of a search for picks in the other photos, as lines for a terminal."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from uavgram.model.naming import counted, listed
 from uavgram.stages.match import Matches, Pair
 
 MOST_NAMED = 8
-"""Names in a line; of the others, only the number is told."""
+"""Largest number of names in a line; the others are counted only."""
 
 ENOUGH = 3
-"""Points in a photo from which on its pose rests on them and not on the log alone."""
+"""Number of points in a photo from which its pose depends on them and not on the log alone."""
 
 
 def match_lines(done: Matches) -> list[str]:
-    """Found by photo, what was not found and why, and what is better asked from a person."""
+    """List the matches of each photo, failed searches with reasons, and picks to make by hand."""
     found, missed = done.record.found, done.record.in_vain
     looked = len(found) + len(missed)
     lines = [f"found:     {_found(len(found), looked, done)}"]
@@ -53,7 +53,7 @@ def _found(found: int, looked: int, done: Matches) -> str:
 
 
 def written_line(done: Matches) -> str:
-    """The table, how many matches are new in it, and what became of those that there were."""
+    """Describe the written table: new matches, and earlier matches that were kept or removed."""
     line = f"written:   {done.path}, new matches: {len(done.record.found)}"
     if done.kept:
         line += f", earlier ones kept: {done.kept}"
@@ -81,7 +81,7 @@ def _reasons(missed: dict[Pair, str]) -> list[str]:
 
 
 def _to_ask(done: Matches) -> list[str]:
-    """Labels and photos for which a person's click would say most."""
+    """List the labels and photos for which a pick by hand would add most information."""
     alone = [label for label, count in done.sightings.items() if count < 2]
     looked = {image for image, _ in (*done.record.found, *done.record.missed)}
     there = Counter(done.picks.image)

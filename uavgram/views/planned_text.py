@@ -1,4 +1,4 @@
-"""A plan for the terminal."""
+"""Plan of a flight for the terminal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VALUES = ("measurement", "about", "± to expect", "± wanted", "")
 
 
 def plan_lines(planned: FlightPlanned) -> list[str]:
-    """What to do, what comes of it, and what else could be done.
+    """List the planned work, the expected result and other choices.
 
     Parameters
     ----------
@@ -97,13 +97,13 @@ def _gain(planned: FlightPlanned, gain: Gain) -> str:
 
 
 def _sigma(planned: FlightPlanned, sigma: float) -> str:
-    """A mean sigma: of lengths, where there are any among what is wanted."""
+    """Format a mean sigma: of lengths if any are wanted, else in the unit of the first value."""
     unit = planned.measurements.unit
     return _of_unit(sigma, "m" if not unit or "m" in unit else unit[0])
 
 
 def next_line_lines(found: NextLines) -> list[str]:
-    """What one more line would have brought to a survey, and one less taken, for the terminal.
+    """List the gain of one more line and the loss without each taken line, for the terminal.
 
     Parameters
     ----------

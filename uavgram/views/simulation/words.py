@@ -1,4 +1,4 @@
-"""A simulation in words and cells: the same on the terminal and on the page."""
+"""Simulation in words and cells: the same on the terminal and on the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uavgram.views.units import decimals, shown
 from uavgram.views.wording import number
 
 MUCH = 1.5
-"""Errors over stated sigmas from which on a survey is called wrong rather than a little bold."""
+"""Errors over stated sigmas above which a survey is called wrong instead of optimistic."""
 
 WORDS = {
     "slope_deg": "the ground slopes along the road",
@@ -39,7 +39,7 @@ WORDS = {
     "swapped": "labels are swapped in one photo",
     "wrong_lengths": "a length was misread",
 }
-"""By the scenario's key, without its section."""
+"""Words for errors of a scenario, by key without its section."""
 
 
 PRIORS = {
@@ -51,11 +51,11 @@ PRIORS = {
     "height_sigma_m": ("the height of the ground", " m"),
     "slope_sigma_deg": ("the slope of the ground", "°"),
 }
-"""What a scenario draws and its project states, and its unit, by the key without its section."""
+"""Words and unit of the priors that a scenario draws, by key without its section."""
 
 
 class Cells(NamedTuple):
-    """One measurement's row."""
+    """Row of one measurement."""
 
     name: str
     unit: str
@@ -78,12 +78,12 @@ HEADER = (
 
 
 def rows_of(found: Repetitions, accuracy: Accuracy) -> list[Cells]:
-    """All measurements in the order of the scenario.
+    """Return the rows of all measurements in the order of the scenario.
 
     Parameters
     ----------
     found, accuracy
-        Of the same repetitions.
+        Results of the same repetitions.
     """
     return [_row(found, accuracy, i) for i in range(len(found.name))]
 
@@ -123,7 +123,10 @@ def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
 
 
 def level_of(simulation: Simulation) -> VerdictLevel:
-    """Green: sigmas hold what they say; amber: errors are larger; red: much larger, or no runs."""
+    """Rate the sigmas: green if they hold; amber if errors are larger; red if much larger.
+
+    It is also red if too many repetitions gave no result.
+    """
     accuracy = simulation.accuracy
     known = np.isfinite(accuracy.z)
     lost = simulation.repetitions.failed + simulation.repetitions.unsettled
@@ -136,7 +139,7 @@ def level_of(simulation: Simulation) -> VerdictLevel:
 
 
 def headline(simulation: Simulation) -> str:
-    """What came out, in a sentence that everybody understands."""
+    """Describe the result in a sentence for everyone."""
     if not np.isfinite(simulation.accuracy.z).any():
         return "None of the repetitions gave a result."
     level = level_of(simulation)
@@ -155,7 +158,7 @@ def headline(simulation: Simulation) -> str:
 
 
 def counts(found: Repetitions) -> str:
-    """How many repetitions gave a result, and of which colour."""
+    """Count the repetitions that gave a result, by colour."""
     colours = Counter(level for level in found.level if level is not None)
     told = ", ".join(f"{colours[one]} {one}" for one in ("green", "amber", "red") if colours[one])
     total = len(found.number)
@@ -168,7 +171,7 @@ def counts(found: Repetitions) -> str:
 
 
 def reasons(found: Repetitions, most: int = 5) -> list[tuple[int, str]]:
-    """Why repetitions gave no result: how often, and in the words of the first of its kind."""
+    """Count the reasons of failed repetitions, in the words of the first of each kind."""
     told = [text for text in found.failure if text]
     kinds = Counter(_kind(text) for text in told)
     first = {_kind(text): text for text in reversed(told)}
@@ -176,17 +179,17 @@ def reasons(found: Repetitions, most: int = 5) -> list[tuple[int, str]]:
 
 
 def _kind(text: str) -> str:
-    """A message without its numbers."""
+    """Remove the digits from a message."""
     return "".join(letter for letter in text if not letter.isdigit())
 
 
 def warned(found: Repetitions, most: int = 8) -> list[tuple[str, int]]:
-    """The warnings that were given most often, and in how many repetitions."""
+    """Return the most frequent warnings, and the number of repetitions with each."""
     return Counter(code for codes in found.codes for code in codes).most_common(most)
 
 
 def unlike(simulation: Simulation) -> str:
-    """What is drawn otherwise than stated, in a sentence; empty: nothing."""
+    """Describe the values drawn otherwise than stated, in a sentence; empty if there are none."""
     told = []
     for one in simulation.unlike:
         what, unit = PRIORS[one.key.rpartition(".")[2]]
@@ -201,7 +204,7 @@ def unlike(simulation: Simulation) -> str:
 
 
 def amiss(simulation: Simulation) -> str:
-    """What the scenario has amiss of which its project knows nothing; empty: nothing."""
+    """Describe the errors of the scenario that its project does not state; empty if none."""
     named = [_named(key) for key in simulation.deviations]
     if not named:
         return ""
@@ -218,7 +221,7 @@ def _named(key: str) -> str:
 
 
 class Cost(NamedTuple):
-    """What something that is amiss costs."""
+    """Effect of one error of the scenario."""
 
     what: str
     error: str
@@ -228,7 +231,7 @@ class Cost(NamedTuple):
 
 
 def costs(simulation: Simulation) -> list[Cost]:
-    """All variants of a simulation, and itself last; nothing where none was asked for."""
+    """Return all variants of a simulation, and itself last; empty if none were requested."""
     if not simulation.variants:
         return []
     clean = simulation.variants[0]
@@ -256,8 +259,9 @@ def _cost(one: Variant, clean: Variant) -> Cost:
 
 
 def _rms_error(one: Variant) -> Floats:
-    """(M,) root mean square errors."""
+    """Compute the (M,) root mean square errors."""
     n = one.accuracy.count
     with np.errstate(invalid="ignore", divide="ignore"):
+        # mean square error = bias^2 + variance with n instead of n - 1
         spread = one.accuracy.spread**2 * (n - 1) / n
         return np.asarray(np.sqrt(one.accuracy.bias**2 + spread))
