@@ -37,7 +37,7 @@ def headline(batch: Batch) -> Headline:
     failed, waiting = batch.count("failed"), batch.count("waiting")
     if failed:
         names = ", ".join(told_name(row) for row in batch.rows if row.status == "failed")
-        reasons.insert(0, f"not measured: {names}; the table says why")
+        reasons.insert(0, f"not measured: {names}; the table gives the reasons")
     level: VerdictLevel = "red" if failed else "amber" if reasons or waiting else "green"
     return Headline(level, counts(batch), reasons)
 
@@ -73,7 +73,7 @@ def pooled_words(one: PooledRatio) -> str:
     if one.is_large:
         return f"the stated ± are too large: errors are only {one.ratio:.2g} of them"
     if one.surveys < FEW_SURVEYS:
-        return "nothing speaks against the stated ±, but few surveys tell"
+        return "no sign that the stated ± are wrong, but there are few surveys"
     return "the stated ± are right"
 
 
@@ -88,7 +88,7 @@ def drift_words(one: Drift) -> str:
         said.append(
             f"{one.parameter} drifts by {one.per_year:+.3g} ± {one.per_year_sigma:.2g} a year"
         )
-    return " and ".join(said) + ": calibrate the camera again" if said else "as its file says"
+    return " and ".join(said) + ": calibrate the camera again" if said else "agrees with its file"
 
 
 def told_name(row: SurveyRow) -> str:

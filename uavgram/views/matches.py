@@ -25,21 +25,21 @@ def match_lines(done: Matches) -> list[str]:
     lines += _reasons(missed)
     if done.not_sought:
         lines.append(
-            f"not looked for: {listed(done.not_sought, MOST_NAMED)}: what is picked of them takes "
-            "no part in the adjustment; `uavgram run` says why"
+            f"not looked for: {listed(done.not_sought, MOST_NAMED)}: their picks are not used in "
+            "the adjustment; `uavgram run` gives the reason"
         )
     if done.turned_rad:
         lines.append(
-            f"the camera looked some {math.degrees(done.turned_rad):.0f} degrees away from where "
-            "the flight log and `mount` in the project have it, so points may have been looked for "
-            "in wrong places: if few were found, take them out (`uavgram picks match --undo`), "
-            "write `ties: auto` into the project, by which the photos say how they lie to each "
+            f"the camera pointed some {math.degrees(done.turned_rad):.0f} degrees away from its "
+            "direction by the flight log and `mount` in the project, so points may have been "
+            "looked for in wrong places: if few were found, remove them (`uavgram picks match "
+            "--undo`), write `ties: auto` into the project, which orients the photos to each "
             "other, and run this again"
         )
     if done.unplaced:
         lines.append(
-            f"not looked in: {listed(done.unplaced, MOST_NAMED)}: nobody knows from where it shows "
-            "the scene; pick three points or more there"
+            f"not looked in: {listed(done.unplaced, MOST_NAMED)}: its pose is unknown; "
+            "pick three points or more there"
         )
     return lines + _to_ask(done)
 
@@ -48,7 +48,7 @@ def _found(found: int, looked: int, done: Matches) -> str:
     if looked:
         return f"{found} of {looked} places, of {counted(len(done.labels), 'label')}"
     if done.kept:
-        return "nothing else was looked for: what was found earlier stays as it is"
+        return "no further search: earlier matches are kept"
     return "nothing was looked for: no other photo should show these labels"
 
 

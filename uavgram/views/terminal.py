@@ -41,7 +41,7 @@ def measurement_table(result: Result, most: int = 0) -> str:
     """
     rows = result.measurements
     if not rows.name:
-        return "No measurements were asked for (measure: in the project file)."
+        return "No measurements were requested (measure: in the project file)."
     shown = result_table("measured", result, worst_first(rows)[: most or None].tolist(), "terminal")
     cells = [shown.titles, *(tuple(cell.text for cell in row) for row in shown.rows)]
     right = tuple(

@@ -19,8 +19,8 @@ from uavgram.views import units as shown_units
 NOT_COMPUTED = "not computed"
 
 NOT_UNIQUE = (
-    'Values with "or" are not sure: other solutions explain what was observed as well, and give '
-    "the others. Sigma and interval hold only if the first one is right."
+    'Values with "or" are not unique: other solutions fit the observations as well and give '
+    "the other values. Sigma and interval hold only if the first one is right."
 )
 
 LEVEL_RANK = {"error": 0, "warning": 1, "info": 2}
@@ -61,7 +61,7 @@ LINE_STATUS_WORDS = {
     "checked": "withheld, judged",
     "unseen": "not seen",
 }
-KNOWN_STATUS_WORDS = LINE_STATUS_WORDS | {"idle": "says nothing"}
+KNOWN_STATUS_WORDS = LINE_STATUS_WORDS | {"idle": "no effect"}
 
 FRAME_STATUS_WORDS = {
     "refined": "refined",
@@ -79,7 +79,7 @@ BRIGHTENED = "brightened for display"
 """Note for a picture that is shown brighter than its file, which is not changed."""
 
 WHY_TO_NEIGHBOURS = (
-    "How well a point is known is told by the distances to the points next to it: ± is the "
+    "The accuracy of a point is that of its distances to the points next to it: ± is the "
     "standard deviation of such a distance, the middle one of up to five. Points far away do not "
     "change it."
 )
@@ -344,13 +344,13 @@ def place(result: Result) -> str:
     world = result.world
     if world.origin is None and world.gauge == "world":
         return (
-            "Coordinates are those in which the control points and lines were given; nothing says "
-            "where these lie on the earth, so there is no map."
+            "Coordinates are those of the control points and lines. Their position on the earth "
+            "is unknown, so there is no map."
         )
     if world.origin is None:
         return (
-            "No telemetry ties this survey to the earth: shapes, lengths and angles hold; "
-            "position and north are a free choice, so there is no map."
+            "No telemetry ties this survey to the earth. Shapes, lengths and angles are valid; "
+            "position and north are arbitrary, so there is no map."
         )
     datum = {"msl": "mean sea level", "ellipsoid": "the WGS 84 ellipsoid"}[world.height_datum]
     latitude, longitude, height = world.origin

@@ -156,12 +156,12 @@ def difference_lines(
 def _significance(difference: CameraDifference) -> list[str]:
     expected = difference.expected_rms_px
     if expected == 0:
-        return ["neither file states errors, so nothing can be said of its significance"]
+        return ["neither file states errors, so the significance of the difference is unknown"]
     far = float(np.mean(difference.z > NINETY_FIVE))
     return [
         f"expected from both files' errors: rms {expected:.3f} px, so the difference is "
         f"{difference.rms_px / expected:.2f} sigmas (rms), {difference.z.max():.2f} at most",
-        f"{far:.1%} of the image lies outside its own 95 % ellipse (if the files are independent)",
+        f"{far:.1%} of the image is outside its own 95 % ellipse (if the files are independent)",
     ]
 
 

@@ -74,7 +74,7 @@ def judge_calibration(account: CalibrationAccount) -> Verdict:
     if reasons:
         sentence = f"Usable where the board was seen: {known}. Look at this:"
         return Verdict("look", sentence, reasons, counts)
-    return Verdict("good", f"Good: {known}, and nothing speaks against it.", (), counts)
+    return Verdict("good", f"Good: {known}, and there are no warnings.", (), counts)
 
 
 def length_share(effects: tuple[LensEffect, ...]) -> float:
@@ -89,7 +89,7 @@ def length_share(effects: tuple[LensEffect, ...]) -> float:
 
 def _cost(share: float) -> str:
     if np.isnan(share):
-        return "hardly a pixel of the lens has a direction"
+        return "the lens model gives hardly any pixel a direction"
     return f"the lens alone costs a length {percent(share)}"
 
 
@@ -117,7 +117,7 @@ def calibration_facts(account: CalibrationAccount) -> tuple[Fact, ...]:
     return (
         ("focal length", f"{fx:.1f} ± {sigma[0]:.1f} and {fy:.1f} ± {sigma[1]:.1f} px"),
         ("principal point", f"{cx:.1f} ± {sigma[2]:.1f}, {cy:.1f} ± {sigma[3]:.1f} px"),
-        ("what the lens model misses in a photo left out", f"{held} px per coordinate"),
+        ("error of the lens model in a photo left out", f"{held} px per coordinate"),
         ("a corner is measured to", f"{pixels_text(quality.sigma_px)} px per coordinate"),
         ("a direction is known to", _direction(result)),
         *_length_facts(account.effects),

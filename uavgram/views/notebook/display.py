@@ -50,7 +50,7 @@ def result_html(result: Result) -> str:
 def _table(result: Result) -> str:
     rows, units = result.measurements, units_of(result)
     if not rows.name:
-        return "<p>Nothing was measured: no measurements were asked for.</p>"
+        return "<p>Nothing was measured: no measurements were requested.</p>"
     head = "".join(f"<th>{escape(column)}</th>" for column in COLUMNS)
     body = []
     for i in worst_first(rows):

@@ -22,11 +22,11 @@ _LINE_MM, _GAP = 0.43, 0.35
 """Line spacing [mm] per point of font size, and gap between paragraphs as a share of that."""
 
 LEANS = (
-    "Picture: the photos, laid onto the plane of the ground. Objects above the ground lean "
-    "away from the camera and are not where they seem: only surveyed points are in their place."
+    "Picture: the photos, projected onto the plane of the ground. Objects above the ground "
+    "appear displaced away from the camera: only surveyed points are at their true place."
 )
 ACTUAL_SIZE = (
-    'Print at "actual size" (100 %) and hold a ruler to the scale bar: it says how long it must be.'
+    'Print at "actual size" (100 %) and check the scale bar with a ruler: its length is stated.'
 )
 JOIN = (
     "To join the sheets: cut along the dashed lines, right and below, and lay each cut edge onto "
@@ -64,7 +64,7 @@ def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
     verdict = in_units(headline(result), units_of(result), names_like_lengths(result))
     told = [case, verdict, accuracy_words(result), LEANS, _grid_note(result)]
     if is_doubtful(result).any():
-        told.append(f"{DOUBT.strip()} after a value: it is in doubt, the report says why.")
+        told.append(f"{DOUBT.strip()} after a value: it is doubtful. The report gives the reason.")
     told.append(ACTUAL_SIZE)
     if len(sheet.plan.sheets) > 1:
         told.append(JOIN)

@@ -117,10 +117,10 @@ def chosen(planned: FlightPlanned) -> str:
         over = "" if planned.measurements.name else " of lengths all over the area"
         return f"{lie} the average ±{over} is smallest."
     wished = np.isfinite(planned.measurements.wanted_sigma).any()
-    against = "what you wish" if wished else "what is usual for it"
+    against = "the ± you wish" if wished else "its usual ±"
     return (
         f"{lie} the ± are smallest on average when each is compared with {against}, so other "
-        f"places may have a smaller plain average. An average ± told here is the plain one"
+        f"places may have a smaller plain average. Each average ± here is the plain one"
         f"{of_lengths(planned)}."
     )
 
@@ -145,8 +145,8 @@ def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
         return ()
     without = lines.mean_sigma_without
     told = [
-        "Lay it as near to its place as you can, flat and wholly in view: where it lies is found "
-        "from the photos, only its number and its size must be right."
+        "Lay it as near to its place as you can, flat and completely in view. Its position is "
+        "found from the photos; only its number and its size must be right."
         if planned.plates.name
         else "Lay another one of about the same length and direction, as near to it as you can. "
         "Mark and tape it, and draw it into the sheet with its length. Never guess a length.",
@@ -154,7 +154,7 @@ def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
     fatal = [name for name, sigma in zip(lines.name, without, strict=True) if math.isnan(sigma)]
     if fatal:
         told.append(
-            f"Without {listed(fatal, None)} nothing holds the survey to its true size: if it "
+            f"Without {listed(fatal, None)} the survey has no scale: if it "
             "cannot be laid, and nothing in its place, do not fly."
         )
     worst = int(np.nanargmax(without)) if np.isfinite(without).any() else 0
@@ -190,13 +190,13 @@ def assumed(planned: FlightPlanned) -> str:
     log = LOGS.get(rests.telemetry, f"a log of the class {rests.telemetry}")
     pixel = centimetres(planned.flight.ground_sample_m)
     tape = f"tape readings to ± {centimetres(rests.tape_sigma_m)}, "
-    tape = "plates as exact as the scenario says, " if planned.plates.name else tape
+    tape = "plates as exact as the scenario states, " if planned.plates.name else tape
     return (
         f"All ± hold with {log}, {tape if planned.laid.name else ''}points "
         f"clicked to ± {rests.pick_sigma_px:g} pixels (each is {pixel} on the ground), ground that "
         f"departs from a plane by ± {centimetres(rests.roughness_m)}, and a drone within "
         f"± {metres(rests.deviation_m)} and ± {rests.deviation_deg:g}° of the plan. Rougher ground "
-        "or worse readings make them larger: the report after the flight says what was reached."
+        "or worse readings make them larger: the report after the flight states what was reached."
     )
 
 

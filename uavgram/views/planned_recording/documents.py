@@ -66,7 +66,7 @@ def summary_page(planned: FlightPlanned, units: Units) -> str:
     parts += ["## The flight", table(("", ""), facts), plain(take_off_words(planned))]
     if planned.gains:
         more = [(plain(gain.what), f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
-        parts += ["## What something else would bring", table(("with", "on average"), more)]
+        parts += ["## Other choices", table(("with", "on average"), more)]
     parts += [plain(text) for text in (chosen(planned), assumed(planned)) if text]
     parts += [f"{plain(m.text)} `{m.code}`" for m in planned.messages if m.level == "info"]
     return "\n\n".join(parts)

@@ -76,7 +76,7 @@ def _entries(planned: FlightPlanned) -> list[tuple[str, Rgb]]:
         entries.append(("line to lay and tape", REFERENCE))
     if planned.plates.name:
         entries.append(("plate to lay", REFERENCE))
-    entries += [("photo to take", REFINED), ("this photo, and what it shows", OBSERVED)]
+    entries += [("photo to take", REFINED), ("this photo and its footprint", OBSERVED)]
     if planned.measurements.name:
         entries.append(("will be measured", MEASURED))
     if planned.no_go_world_m:

@@ -128,7 +128,7 @@ def _photo(result: Result, scene: Scene) -> rrb.Spatial2DView:
     alone = ", flight log alone orange" if result.has_seed.any() else ""
     return rrb.Spatial2DView(
         origin=PHOTO,
-        name=f"Photo: picks white, what they miss by (drawn ×{scene.residual_factor}) blue{alone}",
+        name=f"Photo: picks white, residuals (drawn ×{scene.residual_factor}) blue{alone}",
         background=BACKGROUND,
         visual_bounds=_whole_photo(result),
     )

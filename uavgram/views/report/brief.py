@@ -112,12 +112,12 @@ def _limits(result: Result) -> list[str]:
     known = np.isfinite(rows.value)
     named = list(zip(rows.name, rows.status, known.tolist(), strict=True))
     several = {
-        "Nothing would show an error in": [n for n, s, ok in named if ok and s == "not-checked"],
-        "Doubtful, as something that they rest on does not fit": [
+        "No check would detect an error in": [n for n, s, ok in named if ok and s == "not-checked"],
+        "Doubtful, as an observation on which they depend does not fit": [
             n for n, s, ok in named if ok and s == "doubtful"
         ],
         "Contradicted, and not to be used": [n for n, s, ok in named if ok and s == "contradicted"],
-        "Asked for, but not computed": [n for n, _, ok in named if not ok],
+        "Requested, but not computed": [n for n, _, ok in named if not ok],
         "No person picked the points of": [
             name for name, alone in zip(rows.name, measured_alone(result), strict=True) if alone
         ],
@@ -125,7 +125,7 @@ def _limits(result: Result) -> list[str]:
     told = [f"{words}: {listed(names, MOST_NAMES)}." for words, names in several.items() if names]
     checks = checks_summary(result)
     if checks is None:
-        none = "No length and no point was withheld, with which to compare the result"
-        alone = ": what is checked is checked by whether the observations agree with one another"
+        none = "No length and no point was withheld for a comparison with the result"
+        alone = ": the only check is the agreement of the observations with one another"
         return [*told, f"{none}{alone if 'ok' in rows.status else ''}."]
     return [*told, f"Of the lengths and points that were withheld as checks, {checks.inside}"]

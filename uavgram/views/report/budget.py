@@ -36,15 +36,15 @@ WORDS = {
         "Picking them in more photos, or with more care, would help there.",
     ),
     "identification": (
-        "how well the points that were picked are the ones that were meant, alike in all photos",
+        "how far the picked points are from the intended ones, the same in all photos",
         "Sharp marks or targets would help there; more photos do not.",
     ),
     "matches": (
         "how exactly picked points were found in other photos",
-        "Sharper photos, or picks on things that stand out, would help there.",
+        "Sharper photos, or picks on distinct objects, would help there.",
     ),
     "tie points": (
-        "how exactly points that nobody picked were found in the photos",
+        "how exactly the program measured tie points in the photos",
         "Photos that overlap more would help there.",
     ),
     "lens": (

@@ -28,7 +28,7 @@ def sampled_words(result: Result) -> str:
     sampled = result.monte_carlo
     if sampled is None:
         return ""
-    left_out = f"; {sampled.failed} more did not come to rest and are left out"
+    left_out = f"; {sampled.failed} more did not converge and are left out"
     return (
         f"Sampled: all observations and everything known beforehand were drawn anew "
         f"{sampled.samples} times (seed {sampled.seed}), and everything adjusted and measured "
@@ -56,8 +56,8 @@ def relief_notes(result: Result) -> ReliefNotes:
     ]
     relief = relief_text(units_of(result))
     sentences = tuple(
-        f"{rows.name[i]}: each of its points is seen in one photo only, so nothing shows how high "
-        f"the ground is there. If the ground at its points is {relief} higher or lower than taken, "
+        f"{rows.name[i]}: each of its points is seen in one photo only, so no observation "
+        f"checks the height of the ground there. If that is {relief} higher or lower than assumed, "
         f"this value shifts by up to {shift_text(rows.shift_relief_10cm[i], rows.unit[i])}."
         for i in alone[:MOST_RELIEF]
     )
@@ -75,7 +75,7 @@ def learnt_words(result: Result) -> str:
     times = high if low == high else f"{low} to {high}"
     causes = _causes(noise)
     because = f", because {' and '.join(causes)}" if causes else ""
-    return f"The uncertainties are {times} times what they would be with errors as stated{because}."
+    return f"The uncertainties are {times} times as large as with errors as stated{because}."
 
 
 def _causes(noise: Noise) -> list[str]:

@@ -74,7 +74,7 @@ def report_pdf(
     attached = weasyprint_for(_NAME).Attachment(
         string=results,
         name="results.json",
-        description="Everything that the report tells, as numbers",
+        description="All results of the report, as numbers",
         created=made,
         modified=made,
         relationship="Data",

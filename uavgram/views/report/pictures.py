@@ -257,7 +257,7 @@ def _origin(result: Result, picture: Picture, digest: str) -> str:
 def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) -> tuple[str, str]:
     if region.subject == "overview":
         is_measured = any(look == ON_MEASURED for _, look in drawn.lines[region])
-        most = "shows most of what was measured" if is_measured else "has most of the points"
+        most = "shows most of the measurements" if is_measured else "has most of the points"
         return "Overview", f"The photo that {most}."
     if region.subject == "point":
         label = result.points.label[region.row]

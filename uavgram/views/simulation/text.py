@@ -15,7 +15,7 @@ from uavgram.views.simulation.words import (
 )
 from uavgram.views.terminal import aligned
 
-COST_HEADER = ("what is amiss", "error, times", "error/stated", "in 95 %", "green")
+COST_HEADER = ("disturbance", "error, times", "error/stated", "in 95 %", "green")
 
 
 def simulation_lines(simulation: Simulation) -> list[str]:

@@ -35,7 +35,7 @@ WORDS = {
     "gps_jump_m": "the receiver jumps during the flight",
     "heavy_tails": "some picks are careless",
     "pick_factor": "picks are worse than stated",
-    "raised": "points stand off the ground and nobody says so",
+    "raised": "points are off the ground without being marked so",
     "swapped": "labels are swapped in one photo",
     "wrong_lengths": "a length was misread",
 }
@@ -145,15 +145,17 @@ def headline(simulation: Simulation) -> str:
     level = level_of(simulation)
     bad = [row.name for row in rows_of(simulation.repetitions, simulation.accuracy) if row.is_bad]
     if level == "green":
-        return "The program's ± can be believed here: the errors were no larger than it said."
+        return "The program's ± are reliable here: the errors were no larger than stated."
     if not bad:
-        return "Too many repetitions gave no result: this survey is too weak, or too much is amiss."
+        return (
+            "Too many repetitions gave no result: the survey is too weak, or its errors too large."
+        )
     which = f"{len(bad)} of {len(simulation.repetitions.name)} measurements"
     z, low = simulation.accuracy.z, simulation.accuracy.z_range[:, 0]
     factor = float(np.median(z[low > 1.0]))
     return (
-        f"The program's ± is too small here: of {which} the errors were larger than it said "
-        f"(typically {factor:.1f} times what they should be)."
+        f"The program's ± are too small here: the errors of {which} were larger than stated "
+        f"(typically {factor:.1f} times as large)."
     )
 
 
@@ -166,7 +168,7 @@ def counts(found: Repetitions) -> str:
     if found.failed:
         parts.append(f"{found.failed} gave none")
     if found.unsettled:
-        parts.append(f"{found.unsettled} did not come to rest and are not counted")
+        parts.append(f"{found.unsettled} did not converge and are not counted")
     return "; ".join(parts) + "."
 
 
@@ -198,8 +200,8 @@ def unlike(simulation: Simulation) -> str:
     if not told:
         return ""
     return (
-        f"Drawn otherwise than the project states it: {', '.join(told)}. The errors need not be as "
-        "large as predicted then; --as-stated draws each of these as it is stated."
+        f"Drawn with other sigmas than the project states: {', '.join(told)}. The errors may then "
+        "differ from the prediction; --as-stated draws each of these as stated."
     )
 
 
@@ -209,10 +211,10 @@ def amiss(simulation: Simulation) -> str:
     if not named:
         return ""
     told = (
-        f"The scenario has amiss, and its project does not know: {'; '.join(named)}. The ± need "
-        "not hold then"
+        f"The scenario has errors that its project does not state: {'; '.join(named)}. The ± may "
+        "then be wrong"
     )
-    return f"{told}." if simulation.variants else f"{told}; --compare says what each costs."
+    return f"{told}." if simulation.variants else f"{told}; --compare shows the effect of each."
 
 
 def _named(key: str) -> str:

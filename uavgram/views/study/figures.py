@@ -114,7 +114,7 @@ def _ratios(axis: Axes, study: Study) -> None:
     _dress(
         axis,
         study,
-        "Errors over what is predicted\ncolours as on the left; bars: 95 %; grey: 0.95 to 1.05",
+        "Errors over predicted errors\ncolours as on the left; bars: 95 %; grey: 0.95 to 1.05",
     )
 
 

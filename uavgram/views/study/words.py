@@ -60,7 +60,7 @@ def agreement(studies: tuple[Study, ...]) -> str:
     apart = [c for c in cells if c.ratio_range[0] > high or c.ratio_range[1] < low]
     text = (
         f"The errors were {min(ratios):.2f} to {max(ratios):.2f} times the predicted ones; "
-        f"{inside} of {len(cells)} cells lie between {low:.2f} and {high:.2f}"
+        f"{inside} of {len(cells)} cells are between {low:.2f} and {high:.2f}"
     )
     if inside < len(cells):
         text += (
@@ -178,13 +178,13 @@ def _of_methods(study: Study) -> Iterator[str]:
         if row.failed > 0:
             yield (
                 f'"{row.method}" gives useless distances in {_percent(row.failed)} of the photos, '
-                f"in {_percent(row.failed_silently)} without saying so."
+                f"in {_percent(row.failed_silently)} without a warning."
             )
     for row in rows:
         if np.isfinite(row.coverage) and not 0.93 <= row.coverage <= 0.97:
             yield (
-                f'"{row.method}" states sigmas that hold {_percent(row.coverage)} of the errors '
-                "where 95 % should lie."
+                f'"{row.method}" states sigmas whose 95 % intervals contain '
+                f"{_percent(row.coverage)} of the errors."
             )
     for ending in limits:
         # Poses from a log alone are no better in any of them.
@@ -205,13 +205,13 @@ def _endings(rows: list[MethodRow]) -> Iterator[str]:
     if useless:
         parts = (
             f"{_quoted(row)} ({_percent(row.failed)}, {_percent(row.failed_silently)} without a "
-            "word)"
+            "warning)"
             for row in useless
         )
         yield f"useless distances by {', '.join(parts)}"
     if bold:
         parts = (f"{_quoted(row)} {_percent(row.coverage)}" for row in bold)
-        yield f"of the errors lie within what should hold 95 %: {', '.join(parts)}"
+        yield f"of the errors are within the 95 % intervals: {', '.join(parts)}"
 
 
 def _quoted(row: MethodRow) -> str:

@@ -41,7 +41,7 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
         if not np.isfinite(rows.value[i]):
             continue
         unit = UNIT_WORDS.get(rows.unit[i], rows.unit[i])
-        weakest = "nothing that is checked moves it"
+        weakest = "no checked observation moves it"
         if links.what[i]:
             weakest = (
                 f"an undetected error of {_amount(links.bias[i], links.unit[i])} in the "
@@ -99,14 +99,14 @@ def removal_rows(result: Result) -> list[str]:
     for step, one in enumerate(result.removals, start=1):
         what = f"The {one.what}"
         if one.cause:
-            what = f"{one.what} It was mended: {one.mended[0]}; now {one.mended[1]}"
+            what = f"{one.what} It was corrected: {one.mended[0]}; now {one.mended[1]}"
         text = (
             f"{step}. {what} (w = {number(one.w, 1, signed=True)}); variance factor "
             f"{number(one.variance_factor_before, 2)} before, "
             f"{number(one.variance_factor_after, 2)} after."
         )
         if one.group:
-            text += f" No test can part it from: {', '.join(one.group)}."
+            text += f" No test can distinguish it from: {', '.join(one.group)}."
         if one.rivals:
             text += f" It could also have been: {', '.join(one.rivals)}."
         moved = _moved(result, one)

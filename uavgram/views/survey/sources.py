@@ -75,7 +75,7 @@ def ties_text(result: Result) -> str:
     if ties is None:
         return ""
     return (
-        f"{ties.points} tie points, which nobody picked, hold the photos together: seen "
+        f"{ties.points} tie points found by the program connect the photos: seen "
         f"{ties.sightings} times, residuals {number(ties.rms_px, 2)} px (root mean square of one "
         "coordinate)."
     )

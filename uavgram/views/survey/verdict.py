@@ -92,7 +92,7 @@ def reason_sentence(reason: Reason) -> str:
     if not reason.plain or not remedies:
         return reason.text
     todo = ", or ".join(f"{words[0].lower()}{words[1:]}" for words in remedies)
-    return f"{reason.plain} What would put it right: {todo}."
+    return f"{reason.plain} To correct it: {todo}."
 
 
 def headline(result: Result) -> str:

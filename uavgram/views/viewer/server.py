@@ -101,8 +101,8 @@ class RecordingServer:
     def _await(self, *ports: int) -> None:
         if not all(_is_up(self._process, port) for port in ports):
             raise UavgramError(
-                "the Rerun viewer's server did not start: see what it said above, and check "
-                "that rerun-sdk is installed whole"
+                "the Rerun viewer's server did not start: see its messages above, and "
+                "check that rerun-sdk is installed completely"
             )
 
     def wait(self) -> int:

@@ -124,7 +124,12 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
     seeded = one.factor * curves.seed_rms_m
     for path, values, name, colour in (
         (f"{MISS_REFINED}/refined", misses[0], f"after the adjustment [{one.symbol}]", REFINED),
-        (f"{MISS_REFINED}/sigma_of_picks", misses[1], f"as the picks say [{one.symbol}]", OBSERVED),
+        (
+            f"{MISS_REFINED}/sigma_of_picks",
+            misses[1],
+            f"stated sigma of the picks [{one.symbol}]",
+            OBSERVED,
+        ),
         (MISS_SEED, seeded, f"flight log alone [{one.symbol}]", SEED),
         (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
         (f"{RESIDUAL_REFINED}/sigma_of_picks", curves.sigma_px, "σ of the picks [px]", OBSERVED),
