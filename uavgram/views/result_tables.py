@@ -89,7 +89,7 @@ class Source:
 
     @cached_property
     def alone(self) -> Sequence[str]:
-        """(M,) note on the only observation that a measurement depends on."""
+        """(M,) note on measurements that depend on no pick of a person."""
         return measured_alone(self.result)
 
     @cached_property

@@ -18,7 +18,7 @@ from uavgram.views.survey.drawing import largest_known
 from uavgram.views.wording import LEVEL_RANK
 
 GOOD_FOCAL = 0.005
-"""Largest relative error of lengths due to the lens, or of the focal length, of a good one."""
+"""Limit of a good calibration: relative error of the focal length, or of lengths by the lens."""
 WORST_SHARE = 0.05
 """Share of a length: a lens that costs more is no better than one guessed from EXIF (3 to 8 %)."""
 

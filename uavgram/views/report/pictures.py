@@ -74,7 +74,7 @@ class Shown(NamedTuple):
     marks, tags, bar
         Picks, names, and a scale bar along the photo's rows, valid in the middle.
     name, told
-        Subject, and remark on it.
+        Subject of the picture, and remark on it.
     photo, origin
         Name of the photo, and description of the part of its file.
     """

@@ -27,7 +27,7 @@ LENGTHS = ("lengths", "tape")
 MOST_NAMED = 6
 
 MANY, TOO_FEW = 0.05, 0.9
-"""Share of failed photos from which a method fails, and least share of errors within 95 %."""
+"""Share of useless photos of a failing method, and least share of errors within 95 %."""
 
 
 def said(study: Study) -> list[str]:
