@@ -78,7 +78,7 @@ def test_every_status_comes_back_from_results_json(
     assert "The right angle 'ghost' ('R1', 'R2', 'X9') is not used: no usable pick" in done.stdout
     assert "The plane 'flat' ('R1', 'R2', 'R3', 'R4') is not used" in done.stdout
     report = "".join((project.out / f"report{part}.html").read_text() for part in ("", "-annex"))
-    assert "What else was known, and how well it fits" in report
+    assert "Other known values, and how well they fit" in report
     assert "The known distance &#39;wrong&#39; (" in report.split("</header>")[0]
 
 

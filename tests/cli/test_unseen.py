@@ -121,7 +121,7 @@ def test_without_measurements_the_table_says_so(project: Project, command: Comma
     project.set(measure=None)
     done = command("run", project.path)
     assert done.status == 0
-    assert "No measurements were asked for" in done.stdout
+    assert "No measurements were requested" in done.stdout
 
 
 def test_measurements_of_nothing_but_labels_never_picked_are_all_null(

@@ -26,7 +26,7 @@ def nothing(turned_rad: float) -> Matches:
 
 def test_a_log_that_contradicts_the_photos_is_told_and_what_to_do() -> None:
     told = " ".join(match_lines(nothing(float(np.deg2rad(14.2)))))
-    assert "some 14 degrees away from where the flight log and `mount`" in told
+    assert "some 14 degrees away from its direction by the flight log and `mount`" in told
     assert "`ties: auto`" in told
     assert "--undo" in told
 

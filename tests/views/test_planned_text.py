@@ -27,7 +27,7 @@ def test_a_layout_that_bears_a_loss_tells_what_it_bears() -> None:
         "lost ± 3.0 cm, where in this plan ± 4.3 cm"
     ) in told(gain, 0.043)
     held = [line for line in told(gain, np.nan) if "bear a loss" in line]
-    assert held[0].endswith("± 3.0 cm, where in this plan nothing would hold it")
+    assert held[0].endswith("± 3.0 cm, where in this plan there would be no scale")
 
 
 def test_the_mean_says_what_it_is_of() -> None:
@@ -47,7 +47,7 @@ def test_what_the_lines_were_chosen_for_is_told() -> None:
         return "\n".join(plan_lines(replace(PLAN, chosen_by=by, measurements=measured)))
 
     assert "The lines lie where the average ± is smallest." in shown("mean")
-    assert "each is compared with what you wish" in shown("shares")
+    assert "each is compared with the ± you wish" in shown("shares")
     assert "plain one of the lengths" in shown("shares")
-    assert "each is compared with what is usual for it" in shown("shares", wished=False)
+    assert "each is compared with its usual ±" in shown("shares", wished=False)
     assert "lie where" not in "\n".join(plan_lines(bare_plan()))

@@ -21,7 +21,7 @@ def test_the_table_lists_every_measurement_worst_first_in_straight_columns() -> 
 
 
 def test_without_measurements_the_table_says_so() -> None:
-    assert measurement_table(survey.build(measures=())).startswith("No measurements were asked for")
+    assert measurement_table(survey.build(measures=())).startswith("No measurements were requested")
 
 
 def test_errors_come_before_warnings_before_choices() -> None:

@@ -1,1 +1,1 @@
-"""Model types turned into something to look at; computes nothing."""
+"""Views of the model types; nothing is computed here."""

@@ -1,4 +1,4 @@
-"""The map of a batch: where each survey was, in the colour of its verdict."""
+"""Map of a batch: each survey at its place, in the colour of its verdict."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from uavgram.views.batch_words import told_name
 
 WIDTH, HIGHEST, MARGIN = 1000.0, 620.0, 46.0
 _LEAST_SPAN_DEG = 0.002
-"""About 200 m: a batch of one place is no point."""
+"""Least span of the map, about 200 m, so that a batch at one place has an area."""
 _STEPS = (1.0, 2.0, 5.0)
 
 
 class Place(NamedTuple):
-    """A survey on the map: place in the drawing, class of its colour, what it is, its report."""
+    """Survey on the map: place in the drawing, class of its colour, text, link to its report."""
 
     x: float
     y: float
@@ -26,7 +26,7 @@ class Place(NamedTuple):
 
 
 class BatchMap(NamedTuple):
-    """A drawing: size, grid lines with their texts, a bar of so many km, places."""
+    """Drawing: height, grid lines with their texts, scale bar in kilometres or metres, places."""
 
     height: float
     meridians: list[tuple[float, str]]
@@ -37,7 +37,7 @@ class BatchMap(NamedTuple):
 
 
 def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
-    """Places of the surveys, in an equirectangular map true to scale in its middle.
+    """Lay out the surveys in an equirectangular map that is true to scale in its middle.
 
     Parameters
     ----------
@@ -49,13 +49,14 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
     Returns
     -------
     BatchMap
-        None where no survey has a place on the earth.
+        None if no survey has a place on the earth.
     """
     rows = [row for row in batch.rows if math.isfinite(row.latitude_deg + row.longitude_deg)]
     if not rows:
         return None
     south, north = _widened([row.latitude_deg for row in rows])
     west, east = _widened([row.longitude_deg for row in rows])
+    # equirectangular: degrees of longitude shrink with the cosine of the latitude
     squeeze = max(math.cos(math.radians((south + north) / 2.0)), 0.05)
     room = WIDTH - 2.0 * MARGIN
     scale = min(room / ((east - west) * squeeze), (HIGHEST - 2.0 * MARGIN) / (north - south))
@@ -68,7 +69,7 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
     def y(latitude: float) -> float:
         return MARGIN + scale * (north - latitude)
 
-    metres = math.radians(1.0) * EARTH_RADIUS_M / scale  # of one unit of the drawing
+    metres = math.radians(1.0) * EARTH_RADIUS_M / scale  # metres per unit of the drawing
     long = _round_down(metres * WIDTH / 4.0)
     places = [
         Place(
@@ -97,13 +98,13 @@ def _widened(values: list[float]) -> tuple[float, float]:
 
 
 def _round_down(value: float) -> float:
-    """The largest of 1, 2 and 5 times a power of ten below a value."""
+    """Return the largest of 1, 2 and 5 times a power of ten that does not exceed a value."""
     power = 10.0 ** math.floor(math.log10(value))
     return max(step * power for step in _STEPS if step * power <= value)
 
 
 def _ticks(low: float, high: float, above: str, below: str) -> list[tuple[float, str]]:
-    """Round degrees between two, with their texts."""
+    """Return the round degrees within a range, with their texts."""
     step = _round_down((high - low) / 2.0)
     digits = max(0, -math.floor(math.log10(step)))
     first, last = math.ceil(low / step), math.floor(high / step)

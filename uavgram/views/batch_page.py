@@ -20,7 +20,7 @@ _LEVELS = {"red": 1, "amber": 2, "green": 4}
 
 
 class Line(NamedTuple):
-    """A survey's row on the page; `why` is its problem, or the first reason of its verdict."""
+    """Row of a survey on the page; `why` is its problem or the first reason of its verdict."""
 
     row: SurveyRow
     name: str
@@ -32,7 +32,7 @@ class Line(NamedTuple):
 
 
 class Judged(NamedTuple):
-    """A row of pooled statistics, or of a camera's drift, with what it means."""
+    """Row of pooled statistics, or of a camera's drift, with its interpretation."""
 
     found: PooledRatio | Drift
     words: str
@@ -40,7 +40,7 @@ class Judged(NamedTuple):
 
 
 def render_batch_page(batch: Batch, folder: Path) -> str:
-    """The page as text; nothing is loaded from elsewhere."""
+    """Render the page as text; it loads nothing from elsewhere."""
     links = {row.project: _link(row, folder) for row in batch.rows if row.output}
     return page(
         "batch.html",
@@ -72,7 +72,7 @@ def _worst_first(row: SurveyRow) -> tuple[int, float]:
 
 
 def _link(row: SurveyRow, folder: Path) -> str:
-    """Address of a survey's report from the page: relative where one disk holds both."""
+    """Return the address of a survey's report: relative if both are on one disk."""
     report = Path(row.output) / REPORT
     try:
         return quote(Path(os.path.relpath(report, folder.absolute())).as_posix())

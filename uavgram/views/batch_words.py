@@ -1,4 +1,4 @@
-"""What many surveys together say, in words: the same on the terminal and on the page."""
+"""Results of a batch of surveys in words, the same on the terminal and on the page."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ KINDS = {
     "telemetry": "the flight log",
 }
 FEW_SURVEYS = 3
-"""Below this, honest sigmas and dishonest ones look alike."""
+"""Number of surveys below which correct and wrong sigmas cannot be distinguished."""
 
 
 class Headline(NamedTuple):
-    """For who has ten seconds: colour, a sentence, and what else."""
+    """Summary of a batch: colour, sentence and reasons."""
 
     level: VerdictLevel
     sentence: str
@@ -27,7 +27,7 @@ class Headline(NamedTuple):
 
 
 def headline(batch: Batch) -> Headline:
-    """Whether all surveys are measured, whether their ± are right, which cameras are not."""
+    """Summarise a batch: surveys not measured, stated sigmas that are wrong, cameras that drift."""
     reasons = [f"{kind_words(one)}: {pooled_words(one)}" for one in batch.pooled if _is_bad(one)]
     reasons += [
         f"camera {one.camera}: {drift_words(one)}"
@@ -37,13 +37,13 @@ def headline(batch: Batch) -> Headline:
     failed, waiting = batch.count("failed"), batch.count("waiting")
     if failed:
         names = ", ".join(told_name(row) for row in batch.rows if row.status == "failed")
-        reasons.insert(0, f"not measured: {names}; the table says why")
+        reasons.insert(0, f"not measured: {names}; the table gives the reasons")
     level: VerdictLevel = "red" if failed else "amber" if reasons or waiting else "green"
     return Headline(level, counts(batch), reasons)
 
 
 def counts(batch: Batch) -> str:
-    """``12 surveys: 9 measured, 2 unchanged, 1 failed; 5 green, 6 amber, 0 red``."""
+    """Count the surveys: ``12 surveys: 9 measured, 2 unchanged, 1 failed; 5 green, 6 amber...``."""
     parts = [f"{batch.count('done')} measured", f"{batch.count('unchanged')} unchanged"]
     parts += [f"{count} failed" for count in [batch.count("failed")] if count]
     parts += [f"{count} not begun" for count in [batch.count("waiting")] if count]
@@ -54,28 +54,31 @@ def counts(batch: Batch) -> str:
 
 
 def _is_bad(one: PooledRatio) -> bool:
-    """Of all surveys, what a reader must know; cameras and drones are in their table."""
+    """Return whether pooled statistics of all surveys belong into the summary.
+
+    Those of single cameras and drones are in their table.
+    """
     return one.of == "all" and (one.is_small or (one.is_large and one.kind == "checks"))
 
 
 def kind_words(one: PooledRatio) -> str:
-    """``withheld lengths``: of what kind the observations are."""
+    """Return the words for the kind of the observations, such as ``withheld lengths``."""
     return KINDS.get(one.kind, one.kind)
 
 
 def pooled_words(one: PooledRatio) -> str:
-    """``the stated ± are too small: errors are 1.4 times as large``."""
+    """Judge the stated sigmas: ``the stated ± are too small: errors are 1.4 times as large``."""
     if one.is_small:
         return f"the stated ± are too small: errors are {one.ratio:.2g} times as large"
     if one.is_large:
         return f"the stated ± are too large: errors are only {one.ratio:.2g} of them"
     if one.surveys < FEW_SURVEYS:
-        return "nothing speaks against the stated ±, but few surveys tell"
+        return "no sign that the stated ± are wrong, but there are few surveys"
     return "the stated ± are right"
 
 
 def drift_words(one: Drift) -> str:
-    """``fx drifts by 3.2 ± 0.4 a year``: calibrate again, or nothing."""
+    """Describe a camera's drift (``fx drifts by 3.2 ± 0.4 a year``) and whether to recalibrate."""
     said = []
     if one.is_off:
         said.append(
@@ -85,18 +88,18 @@ def drift_words(one: Drift) -> str:
         said.append(
             f"{one.parameter} drifts by {one.per_year:+.3g} ± {one.per_year_sigma:.2g} a year"
         )
-    return " and ".join(said) + ": calibrate the camera again" if said else "as its file says"
+    return " and ".join(said) + ": calibrate the camera again" if said else "agrees with its file"
 
 
 def told_name(row: SurveyRow) -> str:
-    """A survey's name, and its folder where that is another: names are often all alike."""
+    """Return a survey's name, followed by its folder if that differs: names are often all alike."""
     path = Path(row.project)
     folder = path.parent.name if path.stem == "project" else path.stem
     return row.name if folder in {"", row.name} else f"{row.name} ({folder})"
 
 
 def survey_line(row: SurveyRow) -> str:
-    """One line when a survey ends: its name, and its verdict or its problem."""
+    """Return the line for a survey that has ended: its name, and its verdict or its problem."""
     if row.status == "failed":
         return f"{told_name(row)}: failed. {row.message}"
     again = " (unchanged, not measured again)" if row.status == "unchanged" else ""
@@ -104,7 +107,7 @@ def survey_line(row: SurveyRow) -> str:
 
 
 def time_left(seconds: float) -> str:
-    """``about 3 min left``."""
+    """Format the remaining time: ``about 3 min left``."""
     if seconds < 60.0:
         return f"about {seconds:.0f} s left"
     if seconds < 5400.0:

@@ -1,6 +1,6 @@
-"""Templates stay compiled, where Python keeps its own modules compiled.
+"""Cache of compiled templates, in the folder where Python keeps its compiled modules.
 
-To compile the templates of a report takes as long as to fill it in.
+Compiling the templates of a report takes as long as filling them in.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 
 class CompiledTemplates(jinja2.FileSystemBytecodeCache):
-    """Jinja's bytecode in this package's ``__pycache__``, or wherever Python is told to have that.
+    """Cache of Jinja's bytecode in ``__pycache__`` of this package or below Python's cache prefix.
 
-    Where it cannot be written, templates are compiled each time, as modules are. Whoever can write
-    there can change the modules as well, so what is read is trusted no more than they are.
+    If the folder cannot be written, templates are compiled each time, as modules are. A user who
+    can write there can also change the modules, so the cached templates are as trustworthy as they.
     """
 
     def __init__(self) -> None:
@@ -28,12 +28,12 @@ class CompiledTemplates(jinja2.FileSystemBytecodeCache):
         super().__init__(str(folder), f"%s.jinja-{jinja2.__version__}")
 
     def load_bytecode(self, bucket: Bucket) -> None:
-        """Take one compiled template from there, if it is there."""
+        """Load a compiled template if the cache has it."""
         with contextlib.suppress(OSError):
             super().load_bytecode(bucket)
 
     def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keep one compiled template, complete or not at all."""
+        """Store a compiled template, complete or not at all."""
         if sys.dont_write_bytecode:
             return
         with contextlib.suppress(OSError):  # such as a folder that only root can write to

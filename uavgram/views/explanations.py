@@ -1,4 +1,4 @@
-"""The catalogue of messages as text: one entry, a list of all, and docs/messages.md."""
+"""Catalogue of messages as text: one entry, a list of all, and docs/messages.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a search for picks in the other photos came to, as lines for a terminal."""
+"""Result of a search for picks in the other photos, as lines for a terminal."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from uavgram.model.naming import counted, listed
 from uavgram.stages.match import Matches, Pair
 
 MOST_NAMED = 8
-"""Names in a line; of the others, only the number is told."""
+"""Largest number of names in a line; the others are counted only."""
 
 ENOUGH = 3
-"""Points in a photo from which on its pose rests on them and not on the log alone."""
+"""Number of points in a photo from which its pose depends on them and not on the log alone."""
 
 
 def match_lines(done: Matches) -> list[str]:
-    """Found by photo, what was not found and why, and what is better asked from a person."""
+    """List the matches of each photo, failed searches with reasons, and picks to make by hand."""
     found, missed = done.record.found, done.record.in_vain
     looked = len(found) + len(missed)
     lines = [f"found:     {_found(len(found), looked, done)}"]
@@ -25,21 +25,21 @@ def match_lines(done: Matches) -> list[str]:
     lines += _reasons(missed)
     if done.not_sought:
         lines.append(
-            f"not looked for: {listed(done.not_sought, MOST_NAMED)}: what is picked of them takes "
-            "no part in the adjustment; `uavgram run` says why"
+            f"not looked for: {listed(done.not_sought, MOST_NAMED)}: their picks are not used in "
+            "the adjustment; `uavgram run` gives the reason"
         )
     if done.turned_rad:
         lines.append(
-            f"the camera looked some {math.degrees(done.turned_rad):.0f} degrees away from where "
-            "the flight log and `mount` in the project have it, so points may have been looked for "
-            "in wrong places: if few were found, take them out (`uavgram picks match --undo`), "
-            "write `ties: auto` into the project, by which the photos say how they lie to each "
+            f"the camera pointed some {math.degrees(done.turned_rad):.0f} degrees away from its "
+            "direction by the flight log and `mount` in the project, so points may have been "
+            "looked for in wrong places: if few were found, remove them (`uavgram picks match "
+            "--undo`), write `ties: auto` into the project, which orients the photos to each "
             "other, and run this again"
         )
     if done.unplaced:
         lines.append(
-            f"not looked in: {listed(done.unplaced, MOST_NAMED)}: nobody knows from where it shows "
-            "the scene; pick three points or more there"
+            f"not looked in: {listed(done.unplaced, MOST_NAMED)}: its pose is unknown; "
+            "pick three points or more there"
         )
     return lines + _to_ask(done)
 
@@ -48,12 +48,12 @@ def _found(found: int, looked: int, done: Matches) -> str:
     if looked:
         return f"{found} of {looked} places, of {counted(len(done.labels), 'label')}"
     if done.kept:
-        return "nothing else was looked for: what was found earlier stays as it is"
+        return "no further search: earlier matches are kept"
     return "nothing was looked for: no other photo should show these labels"
 
 
 def written_line(done: Matches) -> str:
-    """The table, how many matches are new in it, and what became of those that there were."""
+    """Describe the written table: new matches, and earlier matches that were kept or removed."""
     line = f"written:   {done.path}, new matches: {len(done.record.found)}"
     if done.kept:
         line += f", earlier ones kept: {done.kept}"
@@ -81,7 +81,7 @@ def _reasons(missed: dict[Pair, str]) -> list[str]:
 
 
 def _to_ask(done: Matches) -> list[str]:
-    """Labels and photos for which a person's click would say most."""
+    """List the labels and photos for which a pick by hand would add most information."""
     alone = [label for label, count in done.sightings.items() if count < 2]
     looked = {image for image, _ in (*done.record.found, *done.record.missed)}
     there = Counter(done.picks.image)

@@ -1,7 +1,7 @@
-"""The page taken apart for paper: its drawings and photos as files of their own.
+"""Page split for paper: its drawings and photos become separate files.
 
-A layout program styles each element of a page, those inside of drawings too, and reads addresses
-letter by letter: what stands in a file of its own costs it nothing of that.
+A layout program styles each element of a page, including those inside drawings, and reads
+addresses letter by letter. Content in separate files avoids this cost.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 DRAWING, PHOTO = "image/svg+xml", "image/jpeg"
 SCHEME = "part"
-"""Of the addresses of parts."""
+"""Scheme of the addresses of parts."""
 
 _DRAWING = re.compile(r"<svg\b([^>]*)>(.*?)</svg>", re.DOTALL)
 _PHOTO = re.compile(r"data:image/jpeg;base64,([A-Za-z0-9+/=]+)")
@@ -23,26 +23,26 @@ _SPACE = 'xmlns="http://www.w3.org/2000/svg"'
 
 
 class Part(NamedTuple):
-    """A file of the page: its type and content."""
+    """File of the page: its type and content."""
 
     kind: str
     content: bytes
 
 
 class TakenApart(NamedTuple):
-    """A page whose drawings and photos are elsewhere, and these by their addresses."""
+    """Page without its drawings and photos, and these parts by their addresses."""
 
     html: str
     parts: dict[str, Part]
 
 
 def take_apart(html: str) -> TakenApart:
-    """Put each drawing, and each photo, into a file of its own; what styled drawings styles these.
+    """Move each drawing and photo to a file of its own; styles of drawings then apply to images.
 
     Parameters
     ----------
     html
-        A page with drawings in it, and photos as addresses that hold them.
+        A page with inline drawings, and photos as data URLs.
     """
     parts: dict[str, Part] = {}
 

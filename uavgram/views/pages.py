@@ -1,4 +1,4 @@
-"""How every page is made from a template: self-contained HTML, and Markdown for the recording."""
+"""Rendering of every page from a template: self-contained HTML, and Markdown for the recording."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ WORDS = (
     wording.utc,
     plain,
 )
-"""What templates call by name, as filters: numbers and texts as everywhere else."""
+"""Filters of the templates, by their names: numbers and texts are formatted as everywhere else."""
 
 
 def units_shown(result: Result) -> dict[str, object]:
-    """What a template of a survey must be given: the units in which it is shown.
+    """Return the variables of a survey's template that define its units.
 
-    Tables have the `length_unit` in their heads, and numbers by the filter `in_length_unit`. What
-    says its unit itself, such as ``1.40 m``, is converted when it is written: see `_told`.
+    Tables have the `length_unit` in their heads, and numbers by the filter `in_length_unit`. Texts
+    that contain their unit, such as ``1.40 m``, are converted when they are written: see `_told`.
     """
     units = units_of(result)
     return {
@@ -53,7 +53,7 @@ def units_shown(result: Result) -> dict[str, object]:
 
 @pass_context
 def in_length_unit(context: Context, length_m: Any) -> Any:  # noqa: ANN401 (a number or an array)
-    """A length, or an array of them, in the unit of the tables' heads."""
+    """Convert a length, or an array of lengths, to the unit of the table heads."""
     return length_m * column(context.get("units", METRIC)).factor
 
 
@@ -62,10 +62,10 @@ _PICTURE = "data:image/"
 
 @pass_context
 def _told(context: Context, value: object) -> object:
-    """What a template writes: of sentences the lengths in the units of the survey."""
-    if not isinstance(value, str) or _PICTURE in value:  # long; what is said in it is told already
+    """Convert the lengths in a sentence of a template to the units of the survey."""
+    if not isinstance(value, str) or _PICTURE in value:  # long; its texts are converted already
         return value
-    if " " not in value and "\u00a0" not in value:  # most of what is written: it states no unit
+    if " " not in value and "\u00a0" not in value:  # most values: no unit in them
         return value
     kept, exact = context.get("kept_names", ()), context.get("exact_lengths", ())
     text = in_units(value, context.get("units", METRIC), kept, exact)
@@ -80,16 +80,16 @@ def page(template: str, **facts: Any) -> str:  # noqa: ANN401 (whatever a templa
     template
         Its file below ``views/templates``.
     **facts
-        What it names.
+        Its variables.
     """
     return page_environment().get_template(template).render(facts)
 
 
 @cache
 def page_environment() -> Environment:
-    """Jinja over this package's templates; an unknown name in one is an error.
+    """Return Jinja's environment for this package's templates; an unknown name is an error.
 
-    What people wrote is escaped: in HTML always, in Markdown where a template says `plain`.
+    Text written by people is escaped: in HTML always, in Markdown where a template uses `plain`.
     """
     environment = Environment(
         loader=PackageLoader("uavgram.views"),
@@ -98,7 +98,7 @@ def page_environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
         finalize=_told,
-        # what is kept compiled must not hold what a filter made of a constant
+        # a cached template must not contain the result of a filter for a constant
         optimized=False,
         bytecode_cache=CompiledTemplates(),
     )

@@ -1,6 +1,6 @@
 """Pages on paper: PDF of self-contained HTML.
 
-WeasyPrint lays it out. It is an extra (``uavgram[pdf]``), as it needs libraries of the system.
+WeasyPrint lays them out. It is an extra (``uavgram[pdf]``), as it needs libraries of the system.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from uavgram.views.page_parts import Part, take_apart
 from uavgram.views.text_tables import SHEET, with_text_tables
 
 PAPER_SIZES: dict[Paper, str] = {"a4": "A4", "letter": "letter"}
-"""As style sheets call them."""
+"""Names of the paper sizes in style sheets."""
 
 
 def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
@@ -30,19 +30,19 @@ def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
     html
         The page.
     sheet
-        What its style sheet does not say: at least the size of the paper.
+        Additional style sheet: at least the size of the paper.
     name
-        Of the file without its ending, for messages.
+        Name of the file without its ending, for messages.
     **options
-        Of WeasyPrint's ``write_pdf``.
+        Options of WeasyPrint's ``write_pdf``.
 
     Raises
     ------
     UavgramError
-        WeasyPrint, or a library of the system that it needs, is missing.
+        If WeasyPrint, or a library of the system that it needs, is missing.
     """
     weasyprint = weasyprint_for(name)
-    # styles of screens, which it passes over, are no news to who asked for a page
+    # WeasyPrint reports every screen style that it ignores
     logging.getLogger("weasyprint").setLevel(logging.ERROR)
     with warnings.catch_warnings(), _without_collector():
         warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
@@ -56,7 +56,10 @@ def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
 
 @contextmanager
 def _without_collector() -> Iterator[None]:
-    """A layout keeps nearly all that it makes: to look for garbage in it is a tenth of its time."""
+    """Disable the garbage collector during a layout, which keeps nearly all its objects.
+
+    The collector would take a tenth of the time.
+    """
     was = gc.isenabled()
     gc.disable()
     try:
@@ -67,7 +70,7 @@ def _without_collector() -> Iterator[None]:
 
 
 def _fetcher(weasyprint: Any, parts: dict[str, Part]) -> Any:  # noqa: ANN401
-    """Hand out the page's own parts: nothing is loaded from elsewhere."""
+    """Make a fetcher that returns the page's own parts and loads nothing from elsewhere."""
 
     class Inside(weasyprint.urls.URLFetcher):  # type: ignore[misc]
         def fetch(self, url: str, headers: object = None) -> Any:  # noqa: ANN401
@@ -80,12 +83,12 @@ def _fetcher(weasyprint: Any, parts: dict[str, Part]) -> Any:  # noqa: ANN401
 
 
 def weasyprint_for(name: str) -> Any:  # noqa: ANN401
-    """The library, to make ``name.pdf`` with.
+    """Import WeasyPrint, to make ``name.pdf`` with it.
 
     Raises
     ------
     UavgramError
-        It, or a library of the system that it needs, is missing.
+        If it, or a library of the system that it needs, is missing.
     """
     try:
         return importlib.import_module("weasyprint")
@@ -94,7 +97,7 @@ def weasyprint_for(name: str) -> Any:  # noqa: ANN401
             f"{name}.pdf needs WeasyPrint, which is not installed: pip install weasyprint. "
             f"Or print {name}.html from a browser."
         ) from fault
-    except OSError as fault:  # it loads them when it is imported
+    except OSError as fault:  # it loads the libraries when it is imported
         raise UavgramError(
             f"{name}.pdf needs the library Pango of this system, which is missing: install it "
             "(Debian and Ubuntu: apt install libpango-1.0-0 libpangoft2-1.0-0; macOS: brew install "

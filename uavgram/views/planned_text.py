@@ -1,4 +1,4 @@
-"""A plan for the terminal."""
+"""Plan of a flight for the terminal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ VALUES = ("measurement", "about", "± to expect", "± wanted", "")
 
 
 def plan_lines(planned: FlightPlanned) -> list[str]:
-    """What to do, what comes of it, and what else could be done.
+    """List the planned work, the expected result and other choices.
 
     Parameters
     ----------
@@ -58,13 +58,13 @@ def _line_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
             metres(float(lines.length_m[i])),
             f"{lines.frames_seen[i]:.0f}",
             "any" if math.isnan(passes) else f"up to {centimetres(passes)}",
-            "nothing holds" if math.isnan(without) else f"± {_sigma(planned, without)}",
+            "no scale" if math.isnan(without) else f"± {_sigma(planned, without)}",
         )
 
 
 def _plate_rows(planned: FlightPlanned) -> Iterator[tuple[str, ...]]:
     for row, without in zip(plate_rows(planned), planned.plates.mean_sigma_without, strict=True):
-        left = "nothing holds" if row.is_needed else f"± {_sigma(planned, float(without))}"
+        left = "no scale" if row.is_needed else f"± {_sigma(planned, float(without))}"
         yield row.name, row.place, str(row.photos), left
 
 
@@ -88,7 +88,7 @@ def _gain(planned: FlightPlanned, gain: Gain) -> str:
     if gain.worst_without is None:
         return told
     here = float(np.max(planned.laid.mean_sigma_without))
-    beside = "nothing would hold it" if math.isnan(here) else f"± {_sigma(planned, here)}"
+    beside = "there would be no scale" if math.isnan(here) else f"± {_sigma(planned, here)}"
     what = "plate" if planned.plates.name else "line"
     return (
         f"{told}; with its most important {what} lost ± {_sigma(planned, gain.worst_without)}, "
@@ -97,13 +97,13 @@ def _gain(planned: FlightPlanned, gain: Gain) -> str:
 
 
 def _sigma(planned: FlightPlanned, sigma: float) -> str:
-    """A mean sigma: of lengths, where there are any among what is wanted."""
+    """Format a mean sigma: of lengths if any are wanted, else in the unit of the first value."""
     unit = planned.measurements.unit
     return _of_unit(sigma, "m" if not unit or "m" in unit else unit[0])
 
 
 def next_line_lines(found: NextLines) -> list[str]:
-    """What one more line would have brought to a survey, and one less taken, for the terminal.
+    """List the gain of one more line and the loss without each taken line, for the terminal.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def next_line_lines(found: NextLines) -> list[str]:
         Gains and losses.
     """
     mean = _of_unit(found.mean_sigma, found.unit)
-    shown = [f"What is measured is known to ± {mean} on average. One more line would have brought:"]
+    shown = [f"The measurements are known to ± {mean} on average. One more line would have given:"]
     for i, (start, end) in enumerate(found.near):
         length = float(np.linalg.norm(found.end_world_m[i] - found.start_world_m[i]))
         first, second = (metres(float(away)) for away in found.near_m[i])
@@ -123,7 +123,7 @@ def next_line_lines(found: NextLines) -> list[str]:
     if found.name:
         shown += ["", "One line less would have meant:"]
     for name, sigma in zip(found.name, found.without_it.tolist(), strict=True):
-        what = "nothing that holds the survey" if math.isnan(sigma) else ""
+        what = "the survey has no scale" if math.isnan(sigma) else ""
         what = what or f"± {_of_unit(sigma, found.unit)}, {_change(sigma, found.mean_sigma)}"
         shown.append(f"  without {name}: {what}")
     return shown

@@ -1,7 +1,7 @@
-"""Tables of a result for people: titles, units and decimals of each column, once for all places.
+"""Tables of a result for people: titles, units and decimals of each column, defined once.
 
-A column that is named here is in the terminal, the report, its annex and the recording, as its
-`places` say. Numbers are in the project's units; titles name these.
+The terminal, the report, its annex and the recording show the columns defined here, as their
+`places` state. Numbers are in the project's units, which the titles name.
 """
 
 from __future__ import annotations
@@ -48,21 +48,21 @@ BAD_LINES = ("suspect", "removed")
 
 
 class Cell(NamedTuple):
-    """A cell of a table.
+    """Cell of a table.
 
     Attributes
     ----------
     text, second
-        Its lines; the terminal has the first alone.
+        Its lines; the terminal shows the first only.
     below
-        In small letters below it.
+        Small text below it.
     look
-        ``good``, ``look`` or ``bad``: its colour; ``value``: what the table is about, ``doubt``
-        and ``struck`` where that is doubtful or contradicted; empty.
+        Its appearance: ``good``, ``look`` or ``bad`` give a colour; ``value`` is the main value of
+        the table, ``doubt`` a doubtful and ``struck`` a contradicted one; or empty.
     tags
-        Short warnings behind it.
+        Short warnings behind the text.
     hint
-        Shown where somebody points at it.
+        Text shown under the pointer.
     gauge
         A number of sigmas and its limit, drawn as a scale.
     """
@@ -78,54 +78,54 @@ class Cell(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Source:
-    """A result, with what several cells need, computed once."""
+    """Result with values that several cells need, each computed once."""
 
     result: Result
 
     @cached_property
     def units(self) -> Units:
-        """In which it is shown."""
+        """Units in which the result is shown."""
         return units_of(self.result)
 
     @cached_property
     def alone(self) -> Sequence[str]:
-        """(M,) what measurements rest on alone."""
+        """(M,) note on measurements that depend on no pick of a person."""
         return measured_alone(self.result)
 
     @cached_property
     def limits(self) -> Floats:
-        """(L,) from which w a length is suspect."""
+        """(L,) absolute w from which a length is suspect."""
         return line_limits(self.result)
 
     @cached_property
     def made(self) -> Sequence[str]:
-        """(K,) who made the picks of points; empty where all are a person's."""
+        """(K,) origin of the picks of each point; empty if a person made all."""
         return points_made(self.result) if has_found(self.result) else ()
 
     @cached_property
     def sigma_m(self) -> Floats:
-        """(K, 3) of east, north and up."""
+        """(K, 3) standard deviations east, north and up."""
         covariance = self.result.points.covariance_m3
         return np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
 
     @cached_property
     def is_uneven(self) -> bool:
-        """Whether the ground is no plane."""
+        """Whether the ground is uneven."""
         return departures(self.result) is not None
 
     @property
     def is_on_earth(self) -> bool:
-        """Whether the world lies on the earth."""
+        """Whether the world is tied to the earth."""
         return self.result.world.gauge == "world"
 
     @property
     def has_heights(self) -> bool:
-        """Whether points are off the ground."""
+        """Whether any point is off the ground."""
         return bool(self.result.points.is_off_ground.any())
 
     @property
     def has_three_sigmas(self) -> bool:
-        """Whether heights of points are uncertain in their own right."""
+        """Whether heights of points have sigmas of their own."""
         return self.has_heights or self.is_uneven
 
     def measured(self, row: int) -> MeasurementText:
@@ -142,9 +142,9 @@ class Source:
         Parameters
         ----------
         value_m, sigma_m
-            Of the length.
+            The length and its standard deviation.
         signed
-            Whether it has a plus where it is positive.
+            Whether a positive length has a plus sign.
         """
         factor = column(self.units).factor
         return plus_minus(factor * float(value_m), factor * float(sigma_m), signed=signed)
@@ -156,22 +156,23 @@ def _always(_: Source) -> bool:
 
 @dataclass(frozen=True)
 class ShownColumn:
-    """A column of a table for people.
+    """Column of a table for people.
 
     Attributes
     ----------
     title
-        ``[m]`` in it becomes the unit of lengths, ``[relief]`` what shifts by relief are of.
+        Heading; ``[m]`` becomes the unit of lengths, ``[relief]`` the height to which shifts by
+        relief refer.
     cell
-        Of a row.
+        Function that makes the cell of a row.
     places
-        That have it, in the order of the table.
+        Places that show the column, in the order of the table.
     titles
-        Where it has another title.
+        Other titles, by place.
     is_number
         Whether it is aligned to the right.
     when
-        Whether a result has it.
+        Function that returns whether a result has the column.
     """
 
     title: str
@@ -183,12 +184,12 @@ class ShownColumn:
 
 
 class ShownTable(NamedTuple):
-    """A table as a place shows it.
+    """Table as a place shows it.
 
     Attributes
     ----------
     titles, numbers
-        (c,) of its columns, and whether they are aligned to the right.
+        (c,) titles of its columns, and whether they are aligned to the right.
     rows
         Cells of each row.
     bad
@@ -202,7 +203,7 @@ class ShownTable(NamedTuple):
 
     @property
     def heads(self) -> tuple[str, ...]:
-        """(c,) titles as templates/tables.html has them."""
+        """(c,) titles in the notation of templates/tables.html."""
         marks = zip(self.titles, self.numbers, strict=True)
         return tuple(f">{title}" if is_number else title for title, is_number in marks)
 
@@ -215,7 +216,7 @@ def _kind(source: Source, row: int) -> Cell:
 
 
 def _what(source: Source, row: int) -> str:
-    """Of the points of a measurement all where there are few, else the first and the last."""
+    """Return kind and points of a measurement: up to three points, else the first and the last."""
     words = source.measured(row)
     points = words.points if len(words.points) <= 3 else (words.points[0], "…", words.points[-1])
     return f"{words.kind}, {' – '.join(points)}" if points else words.kind
@@ -308,7 +309,7 @@ MEASURED = (
     ShownColumn("[relief] of relief", _relief, ("annex",), is_number=True),
     ShownColumn("1 % of tape", _tape, ("annex",), is_number=True),
 )
-"""Measurements."""
+"""Columns of the measurements."""
 
 
 def _ends(source: Source, row: int) -> str:
@@ -382,7 +383,7 @@ LENGTHS = (
     ShownColumn("which, unseen, would move", _line_effect, FULL),
     ShownColumn("status", _line_status, PAPER),
 )
-"""Known lengths."""
+"""Columns of the known lengths."""
 
 
 def _place(source: Source, row: int) -> Cell:
@@ -522,7 +523,7 @@ POINTS = (
     ),
     ShownColumn("photos", _photos, FULL, is_number=True),
 )
-"""Ground points."""
+"""Columns of the ground points."""
 
 
 TABLES: dict[TableName, tuple[ShownColumn, ...]] = {
@@ -533,16 +534,16 @@ TABLES: dict[TableName, tuple[ShownColumn, ...]] = {
 
 
 def result_table(name: TableName, result: Result, rows: Sequence[int], where: Place) -> ShownTable:
-    """Put together a table.
+    """Assemble a table.
 
     Parameters
     ----------
     name
-        Which one.
+        Name of the table.
     result
-        Of a run.
+        Result of a run.
     rows
-        That are shown, in their order.
+        Rows to show, in their order.
     where
         The place.
     """

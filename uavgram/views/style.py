@@ -1,4 +1,4 @@
-"""One colour per meaning, in the recording and in the report alike."""
+"""Colours: one for each meaning, in the recording and in the report alike."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ MEASURED_COLOURS: dict[MeasurementStatus, Rgb] = {
     "doubtful": QUIET,
     "contradicted": QUIET,
 }
-"""What is contradicted is dashed too."""
+"""Contradicted measurements are also dashed."""
 LEVEL_COLOURS: dict[VerdictLevel | None, Rgb] = {
     "green": GOOD,
     "amber": WARNING,
@@ -62,10 +62,10 @@ FRAME_COLOURS: dict[str, Rgb] = {
 _SCALE = np.array(
     [(13, 8, 135), (126, 3, 168), (204, 71, 120), (248, 149, 64), (240, 249, 33)], dtype=np.float64
 )
-# Its darkest fifth vanishes on dark ground.
+# The darkest fifth cannot be seen on a dark background.
 _DARKEST = 0.2
 
-# "RdBu" of ColorBrewer (Harrower and Brewer 2003), blue to red: the colour-blind tell them apart.
+# "RdBu" of ColorBrewer (Harrower and Brewer 2003), blue to red: safe for the colour-blind.
 _DIVERGING = np.array(
     [(5, 113, 176), (146, 197, 222), (247, 247, 247), (244, 165, 130), (202, 0, 32)],
     dtype=np.float64,
@@ -75,17 +75,17 @@ BELOW: Rgb = (5, 113, 176)
 
 
 def scale_colours(share: Floats) -> Pixels:
-    """(N, 3) colours from dark (0) to light (1)."""
+    """Return (N, 3) colours from dark (0) to light (1)."""
     return _between(_SCALE, _DARKEST + (1 - _DARKEST) * np.clip(share, 0.0, 1.0))
 
 
 def diverging_colours(share: Floats) -> Pixels:
-    """(N, 3) colours from blue (-1) over white (0) to red (1)."""
+    """Return (N, 3) colours from blue (-1) over white (0) to red (1)."""
     return _between(_DIVERGING, (1 + np.clip(share, -1.0, 1.0)) / 2)
 
 
 def hex_colour(colour: Rgb | Pixels) -> str:
-    """``#ca0020``."""
+    """Format a colour for HTML: ``#ca0020``."""
     return "#" + "".join(f"{int(part):02x}" for part in colour)
 
 

@@ -1,7 +1,7 @@
 """Sheets of plates to print: PDF pages at true size, each with a ruler that checks the printer.
 
-Everything is drawn as outlines, so that edges are as sharp as the printer. What is larger than a
-page goes over several, which are cut along their marks and joined.
+Everything is drawn as outlines, so that edges are as sharp as the printer allows. A plate larger
+than a page is split over several, which are cut along their marks and joined.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ PAPERS_MM = {
     "a0": (841.0, 1189.0),
 }
 MARGIN_MM = 10.0
-"""What printers leave white."""
+"""Width of the margin that printers leave white."""
 
 FOOT_MM = 27.0
-"""Of each page, for words and ruler."""
+"""Height of the foot of each page, for text and ruler."""
 
 RULER_MM = 100
 _MM_PER_INCH = 25.4
@@ -42,18 +42,18 @@ _CROSS_MM = 4.0
 
 @dataclass(frozen=True)
 class Sheet:
-    """What is on one sheet.
+    """Content of one sheet.
 
     Attributes
     ----------
     name
-        Of the plate, as its labels call it.
+        Name of the plate, as in its labels.
     outlines_mm
-        (k, 2) each, of what is black; y downwards, black to the right.
+        (k, 2) each, outlines of the black areas; y downwards, black to the right.
     size_mm
-        Width and height, the white around it included.
+        Width and height, including the white border.
     words
-        What else there is to say.
+        Further text.
     """
 
     name: str
@@ -63,27 +63,27 @@ class Sheet:
 
 
 def room_mm(paper: str) -> tuple[float, float]:
-    """Width and height that a page has for plates."""
+    """Return width and height of the part of a page that is available for plates."""
     width, height = PAPERS_MM[paper]
     return width - 2 * MARGIN_MM, height - 2 * MARGIN_MM - FOOT_MM
 
 
 def pages_of(size_mm: tuple[float, float], paper: str) -> tuple[int, int]:
-    """Columns and rows of pages that a sheet takes."""
+    """Return the columns and rows of pages that a sheet takes."""
     room = room_mm(paper)
     columns, rows = (max(1, math.ceil(s / r - 1e-9)) for s, r in zip(size_mm, room, strict=True))
     return columns, rows
 
 
 def sheets_pdf(sheets: Sequence[Sheet], paper: str) -> bytes:
-    """Draw a PDF.
+    """Draw the sheets as a PDF.
 
     Parameters
     ----------
     sheets
-        In their order.
+        The sheets, in their order.
     paper
-        Of `PAPERS_MM`.
+        A key of `PAPERS_MM`.
     """
     drawn = io.BytesIO()
     # a fixed date: the same plates give the same file
@@ -149,7 +149,7 @@ def _cut_marks(axis: Axes, left: float, top: float, room: tuple[float, float]) -
 
 
 def _ruler(axis: Axes) -> None:
-    """A ruler of 100 mm, with what to do if it is not."""
+    """Draw a ruler of 100 mm, and what to do if its print is not 100 mm long."""
     y = MARGIN_MM + 8.0
     axis.plot([MARGIN_MM, MARGIN_MM + RULER_MM], [y, y], color="black", linewidth=0.4)
     for mm in range(RULER_MM + 1):

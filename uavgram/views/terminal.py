@@ -26,22 +26,22 @@ from uavgram.views.wording import (
 
 
 def measurement_table(result: Result, most: int = 0) -> str:
-    """Measurements as aligned columns, the least certain first.
+    """Format the measurements as aligned columns, the least certain first.
 
     Parameters
     ----------
     result
-        Of a run.
+        Result of a run.
     most
-        Rows to show; 0: all.
+        Number of rows to show; 0: all.
 
     Returns
     -------
-    Lines without a trailing newline; a sentence where nothing was asked for.
+    Lines without a trailing newline; a sentence if no measurement was requested.
     """
     rows = result.measurements
     if not rows.name:
-        return "No measurements were asked for (measure: in the project file)."
+        return "No measurements were requested (measure: in the project file)."
     shown = result_table("measured", result, worst_first(rows)[: most or None].tolist(), "terminal")
     cells = [shown.titles, *(tuple(cell.text for cell in row) for row in shown.rows)]
     right = tuple(
@@ -51,25 +51,26 @@ def measurement_table(result: Result, most: int = 0) -> str:
 
 
 def light_line(result: Result) -> str:
-    """The verdict's colour, and what the scale rests on, which no misfit shows: below the table.
+    """Return two lines: the colour of the verdict, and the source of the scale.
 
-    Two lines: the scale is not why the verdict is what it is.
+    No misfit shows a wrong scale. The lines are separate, as the scale is not the reason of the
+    verdict.
     """
     level = LEVEL_WORDS[result.verdict.level]
     return "\n".join(filter(None, [f"Verdict: {level}.", scale_sentence(result)]))
 
 
 def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:
-    """What a table cut after `most` rows does not show, and where to see it.
+    """Return the line on the rows that a table cut after `most` rows omits; empty if it has all.
 
     Parameters
     ----------
     result
-        Of the run.
+        Result of the run.
     most
-        Rows that are shown; 0: all.
+        Number of rows shown; 0: all.
     folder
-        Where the run has written its files.
+        Folder of the run's files.
     """
     more = len(result.measurements.name) - most
     if not most or more <= 0:
@@ -92,7 +93,7 @@ def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[
 
 
 def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
-    """Rows of text as columns two blanks apart, a rule below the first row."""
+    """Format rows of text as columns two blanks apart, with a rule below the first row."""
     widths = [max(len(row[c]) for row in cells) for c in range(len(cells[0]))]
     lines = [
         "  ".join(
@@ -105,7 +106,7 @@ def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
 
 
 def truth_table(result: Result, truth: Mapping[str, float]) -> str:
-    """Measurements beside their true values, where those are known, in the project's order."""
+    """Compare measurements with their known true values, in the project's order."""
     rows, units = result.measurements, units_of(result)
     cells = [("measurement", "points", "value ± 1 sigma", "truth", "error", "error/sigma")]
     for i, name in enumerate(rows.name):
@@ -128,16 +129,16 @@ def truth_table(result: Result, truth: Mapping[str, float]) -> str:
 def check_lines(
     photos: Photos, frames: Frames, pairing: Pairing | None, messages: Sequence[Message]
 ) -> list[str]:
-    """What `uavgram check` has to say: one line per photo, then the messages.
+    """Format the result of `uavgram check`: one line per photo, then the messages.
 
     Parameters
     ----------
     photos, frames
-        (F,) sizes, and times with the reasons why some have none.
+        (F,) sizes, and times with the reason where a photo has none.
     pairing
-        With the log's camera events; None without any.
+        Pairing with the log's camera events; None without any.
     messages
-        Of the check.
+        Messages of the check.
     """
     cells = [("photo", "size", "exposure (UTC)", "matched", "camera event", "photo - event")]
     for i, name in enumerate(frames.frame_id):
@@ -150,7 +151,7 @@ def check_lines(
 
 
 def _event_cells(pairing: Pairing | None, row: int) -> tuple[str, str]:
-    """Which camera event a photo is, and its residual; why it is none."""
+    """Return the number of a photo's camera event with its status, and the residual."""
     if pairing is None:
         return "–", "–"
     event = int(pairing.event_index[row])
@@ -159,16 +160,16 @@ def _event_cells(pairing: Pairing | None, row: int) -> tuple[str, str]:
 
 
 def geotag_lines(tags: GeoTags, messages: Sequence[Message], units: Units = METRIC) -> list[str]:
-    """What `uavgram geotag` has to say: one line per photo, the datum, then the messages.
+    """Format the result of `uavgram geotag`: one line per photo, the datum, then the messages.
 
     Parameters
     ----------
     tags
-        Of every photo that has a pose.
+        Geotags of every photo that has a pose.
     messages
-        Of the command.
+        Messages of the command.
     units
-        In which heights are shown.
+        Units in which heights are shown.
     """
     datum = "above mean sea level" if tags.datum == "msl" else "above the WGS 84 ellipsoid"
     cells = [("photo", "pose", "latitude", "longitude", "height", "sigma (horizontal, height)")]

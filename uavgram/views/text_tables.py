@@ -1,7 +1,7 @@
-"""Tables of short texts as lines of text, for paper.
+"""Tables of short texts as preformatted text, for paper.
 
-A layout program measures each cell of a table three times, and a line of text once: a page of
-correlations costs a tenth of what its table does, and looks the same.
+A layout program measures each cell of a table three times but a line of text once: a page of
+correlations takes a tenth of the time of its table and looks the same.
 """
 
 from __future__ import annotations
@@ -12,23 +12,23 @@ from html import escape, unescape
 from typing import NamedTuple
 
 MARK = "plain"
-"""Class of the tables that become text: their cells hold words and numbers, nothing else."""
+"""Class of the tables that become text: their cells hold plain words and numbers only."""
 
 MOST_ROWS = 5
-"""Of one block, which is on one page; the head is repeated on each page."""
+"""Rows of a block, which is not split over pages; the head is repeated on each page."""
 
 LARGEST_PT, LEAST_PT = 7.0, 4.6
-"""Letters: as large as the widest line lets them be; below the least the table stays one."""
+"""Font sizes: as large as the widest line allows; if below the least, the table is kept."""
 
 _ROOM_PT = 182 / 25.4 * 72
 """Width of the text on A4, the narrower paper."""
 
 _LETTER = 0.61
-"""Width of a letter of fixed width, as a share of its size (DejaVu, Liberation, Courier)."""
+"""Width of a fixed-width letter, as a share of its size (DejaVu, Liberation, Courier)."""
 
 _GAP = 2
 _HEAD = 9
-"""A head is broken into lines of so many letters, or of its longest word."""
+"""Letters of a line of a head, unless its longest word is longer."""
 _TABLE = re.compile(rf'<table class="[^"]*\b{MARK}\b[^"]*">(.*?)</table>', re.DOTALL)
 _ROW = re.compile(r"<tr([^>]*)>(.*?)</tr>", re.DOTALL)
 _CELL = re.compile(r"<(t[hd])([^>]*)>(.*?)</\1>", re.DOTALL)
@@ -39,7 +39,7 @@ SHEET = """
 .columns pre { font-family: "DejaVu Sans Mono", monospace; line-height: 1.45; margin: 0; }
 .columns .head { font-weight: 700; color: #5b6470; border-bottom: 0.8pt solid #1b1f24; }
 """
-"""How they look."""
+"""Style of the text tables."""
 
 
 class _Cell(NamedTuple):
@@ -47,16 +47,16 @@ class _Cell(NamedTuple):
     right: bool
     head: bool
     looks: str
-    """Classes, where it is one that catches the eye; else empty."""
+    """CSS classes of a highlighted cell; else empty."""
 
 
 def with_text_tables(html: str) -> str:
-    """The page with its marked tables as text, each where all its cells are plain and fit."""
+    """Replace the marked tables of a page by text if all their cells are plain and fit."""
     return _TABLE.sub(lambda found: _as_text(found[1]) or found[0], html)
 
 
 def _as_text(table: str) -> str:
-    """Empty where it has to stay a table."""
+    """Convert a table to text; return an empty text if it has to remain a table."""
     rows = []
     for attributes, content in _ROW.findall(table):
         cells = [
@@ -68,7 +68,7 @@ def _as_text(table: str) -> str:
         rows.append(cells)
     if not rows or len({len(row) for row in rows}) > 1:
         return ""
-    # letters that are as wide as two, or none, would spoil the columns
+    # wide letters and letters without width would break the alignment
     if any(
         ord(letter) >= 0x300 and letter not in "–—…−" for r in rows for c in r for letter in c.text
     ):
@@ -111,14 +111,14 @@ def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]
 
 
 def _least(text: str) -> int:
-    """Letters of a head's longest line; heads in columns of their own stay as they are."""
+    """Return the length of a head's longest line; heads with columns of their own stay whole."""
     if "  " in text:
         return len(text)
     return max(min(len(text), _HEAD), *map(len, text.split()), 0)
 
 
 def _head(row: list[_Cell], widths: list[int], right: list[bool]) -> list[str]:
-    """A head on as many lines as its longest text takes, the last line at the bottom."""
+    """Break a head into as many lines as its longest text takes, aligned at the bottom."""
     cells = [
         [cell.text] if "  " in cell.text else textwrap.wrap(cell.text, max(width, 1))
         for cell, width in zip(row, widths, strict=True)
@@ -133,7 +133,7 @@ def _head(row: list[_Cell], widths: list[int], right: list[bool]) -> list[str]:
 
 
 def _line(cells: list[_Cell], widths: list[int], right: list[bool]) -> str:
-    """Cells below each other's in their widths, as HTML."""
+    """Pad the cells to their widths, as HTML."""
     parts = []
     for cell, width, is_right in zip(cells, widths, right, strict=True):
         text, room = escape(cell.text), " " * (width - len(cell.text))

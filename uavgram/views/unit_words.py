@@ -1,8 +1,8 @@
-"""Sentences with their lengths and speeds in the units of the project.
+"""Conversion of the lengths and speeds in sentences to the units of the project.
 
-Messages and tables are made in metres: they say ``1.40 m``, number, blank, unit. Where people read
-them, `in_units` puts that into other units: from the exact numbers where these are known, as 3.20 m
-may stand for the 10.5 ft that somebody typed.
+Messages and tables are made in metres, in the form ``1.40 m``: number, blank, unit. `in_units`
+converts them for display, from the exact numbers where these are known: 3.20 m may be the rounded
+value of the 10.5 ft that a user typed.
 """
 
 from __future__ import annotations
@@ -34,18 +34,18 @@ _MILE_M = 5280 * FOOT_M
 
 
 def in_units(text: str, units: Units, keep: Iterable[str] = (), exact: Sequence[float] = ()) -> str:
-    """A sentence with its lengths and speeds in other units; what is quoted stays as it is.
+    """Convert the lengths and speeds in a sentence; quoted text is not changed.
 
     Parameters
     ----------
     text
-        Says numbers as ``1.40 m``: number, blank, unit.
+        A sentence with numbers in the form ``1.40 m``: number, blank, unit.
     units
-        Of the project.
+        Units of the project.
     keep
-        Names that people gave, which stay as they are though they look like lengths.
+        Names given by people, which are not changed even if they look like lengths.
     exact
-        Lengths [m], rising: a number that is one of them, rounded, is converted from it.
+        Exact lengths [m], ascending: a number that is one of them, rounded, is converted from it.
     """
     if units.length == "m" and not any(speed in text for speed in _SPEEDS - {units.speed}):
         return text
@@ -67,7 +67,7 @@ def in_units(text: str, units: Units, keep: Iterable[str] = (), exact: Sequence[
 
 
 def names_like_lengths(result: Result) -> tuple[str, ...]:
-    """Names of a survey that `in_units` would take for lengths, such as a line ``wall 4 m``."""
+    """Return the names of a survey that `in_units` would take for lengths, such as ``wall 4 m``."""
     named = (
         *result.points.label,
         *result.lines.name,
@@ -81,7 +81,7 @@ def names_like_lengths(result: Result) -> tuple[str, ...]:
 
 
 def exact_lengths(result: Result) -> tuple[float, ...]:
-    """Lengths of a result that its sentences tell rounded [m], rising."""
+    """Return the lengths of a result that its sentences show rounded [m], ascending."""
     lines, measured = result.lines, result.measurements
     values = [*lines.length_m, *lines.adjusted_m, *lines.residual_m, *lines.mdb_m]
     for unit, value, sigma in zip(measured.unit, measured.value, measured.sigma, strict=True):
@@ -90,25 +90,25 @@ def exact_lengths(result: Result) -> tuple[float, ...]:
 
 
 def rising(values: Iterable[float | None]) -> tuple[float, ...]:
-    """The sizes of those that are finite, each once, in order."""
+    """Return the absolute values of the finite numbers, each once, ascending."""
     sizes = {abs(float(one)) for one in values if one is not None}
     return tuple(sorted(one for one in sizes if math.isfinite(one)))
 
 
 def like_lengths(names: Iterable[str]) -> tuple[str, ...]:
-    """Those names that `in_units` would take for lengths."""
+    """Return the names that `in_units` would take for lengths."""
     return tuple(name for name in names if _PATTERN.search(name))
 
 
 class _Told(NamedTuple):
-    """A number of a sentence: as it stands there, and what it stands for, in its unit."""
+    """Number of a sentence: its text, and its exact value in its unit."""
 
     text: str
     value: float
 
 
 def _told(text: str, metres: float, exact: Sequence[float]) -> _Told:
-    """What a number in units of so many metres stands for: the nearest of the exact, if any is."""
+    """Find the exact value of a number: the nearest that rounds to it; `metres` is its unit."""
     value = float(_plain(text))
     size, half = abs(value) * metres, 0.5 * _resolution(text) * metres
     at = bisect_left(exact, size)
@@ -119,14 +119,14 @@ def _told(text: str, metres: float, exact: Sequence[float]) -> _Told:
 
 
 def _converted(numbers: str, unit: str, units: Units, exact: Sequence[float]) -> str:
-    """The same in other units; empty where it stays."""
+    """Convert numbers to other units; return an empty text if they are not changed."""
     is_speed = unit in _SPEEDS
     if (is_speed and unit == units.speed) or (not is_speed and units.length == "m"):
         return ""
     parts = re.split(rf"({_SURE}|, | and | or )(?={_NUMBER})", numbers)
     told, between = parts[::2], parts[1::2]
     if any(b in (", ", " and ", " or ") for b in between) and not _alike(told):
-        # "in photos 3 and 5.2 m": only the last belongs to the unit
+        # "in photos 3 and 5.2 m": only the last number belongs to the unit
         lead = numbers[: len(numbers) - len(told[-1])]
         return lead + _converted(told[-1], unit, units, exact)
     known = exact if unit in _METRES else ()
@@ -170,7 +170,7 @@ def _one_by_one(told: list[_Told], between: list[str], unit: str, units: Units) 
 
 
 def _places(told: _Told, factor: float) -> int:
-    """Decimals of a number times a factor: about as exact as it was told, and two digits of it."""
+    """Return the decimals of a converted number: as exact as the text, at least two digits."""
     value = told.value * factor
     places = max(0, math.ceil(-math.log10(_resolution(told.text) * factor) - 1e-9))
     return min(max(places, 1 - math.floor(math.log10(abs(value)))), 6) if value else places

@@ -1,7 +1,7 @@
-"""Lengths, areas, volumes and speeds as people read them, in the units of the project.
+"""Lengths, areas, volumes and speeds as text, in the units of the project.
 
-Whatever computes holds metres. ``picking/page/elements/units.js`` has the same rules; sentences are
-put into other units by `views.unit_words.in_units`.
+All computations are in metres. ``picking/page/elements/units.js`` has the same rules; sentences
+are converted by `views.unit_words.in_units`.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from uavgram.model.naming import FOOT_M, METRIC, Units, units_from_options
 from uavgram.model.result.result import Result
 
 INCHES = 12
-"""Of a foot."""
+"""Inches of a foot."""
 
 INCH_M = FOOT_M / INCHES
 YARD_FT3 = 27.0
-"""Cubic feet of a cubic yard, from which on volumes are told in these."""
+"""Cubic feet of a cubic yard; larger volumes are shown in cubic yards."""
 
 _STEPS_IN = ((0.1, 1 / 16), (0.3, 1 / 8), (0.75, 1 / 4), (1.5, 1 / 2), (12.0, 1.0))
-"""Up to which sigma [in] which fraction of an inch is told: rounding stays below the sigma."""
+"""Upper limit of sigma [in] and the fraction of an inch shown: rounding stays below the sigma."""
 _SIXTEENTHS = 16
 
 
 class Shown(NamedTuple):
-    """How a unit of results.json is shown: times what, called what, with how many decimals."""
+    """Display of a unit of results.json: factor, symbol, least and largest number of decimals."""
 
     factor: float
     symbol: str
@@ -49,21 +49,21 @@ _SPEEDS = {
 
 
 def units_of(result: Result) -> Units:
-    """Units in which a result is shown, as its project said."""
+    """Return the units in which a result is shown, from its project."""
     return units_from_options(result.provenance.options)
 
 
 def shown(unit: str, units: Units, value: float = math.inf) -> Shown:
-    """How values of a unit are shown; lengths in feet and inches as feet with decimals.
+    """Return how values of a unit are shown; feet and inches become feet with decimals.
 
     Parameters
     ----------
     unit
         As in results.json.
     units
-        Of the project.
+        Units of the project.
     value
-        In that unit: small volumes are told in cubic feet.
+        Value in that unit: small volumes are shown in cubic feet.
     """
     if unit == "m/s":
         return _SPEEDS[units.speed]
@@ -74,23 +74,23 @@ def shown(unit: str, units: Units, value: float = math.inf) -> Shown:
 
 
 def decimals(sigma: float, one: Shown) -> int:
-    """How many decimals show two significant digits of a sigma, which is in the shown unit."""
+    """Return the decimals that show two significant digits of a sigma, given in the shown unit."""
     if not math.isfinite(sigma) or sigma <= 0:
         return max(one.least, 2)
     return min(max(1 - math.floor(math.log10(sigma)), one.least), one.most)
 
 
 def quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
-    """``12.345 ± 0.021 m``, ``40.502 ± 0.069 ft`` or ``40 ft 6 in ± 0.83 in``.
+    """Format a value: ``12.345 ± 0.021 m``, ``40.502 ± 0.069 ft`` or ``40 ft 6 in ± 0.83 in``.
 
     Parameters
     ----------
     value, sigma
-        Finite, in `unit`.
+        Finite, in `unit`; a value that is not gives an en dash.
     unit
         As in results.json.
     units
-        In which it is shown.
+        Units in which it is shown.
     """
     if not math.isfinite(value):
         return "–"
@@ -102,14 +102,14 @@ def quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> st
 
 
 def value_text(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
-    """``12.345 m``: a value alone, to the decimals that its sigma deserves.
+    """Format a value alone, with the decimals that its sigma justifies: ``12.345 m``.
 
     Parameters
     ----------
     value
         NaN: an en dash.
     sigma
-        Of it, both in `unit`.
+        Its standard deviation, both in `unit`.
     unit, units
         See `quantity`.
     """
@@ -119,7 +119,7 @@ def value_text(value: float, sigma: float, unit: str, units: Units = METRIC) -> 
 
 
 def spread_text(sigma: float, unit: str, units: Units = METRIC) -> str:
-    """``0.021 m``: a standard deviation alone.
+    """Format a standard deviation alone: ``0.021 m``.
 
     Parameters
     ----------
@@ -137,18 +137,18 @@ def spread_text(sigma: float, unit: str, units: Units = METRIC) -> str:
 
 
 def values(several: Iterable[float], sigma: float, unit: str, units: Units, between: str) -> str:
-    """``12.304 to 12.386 m``: values of one unit to the decimals that their sigma deserves.
+    """Format values with the decimals that their sigma justifies: ``12.304 to 12.386 m``.
 
     Parameters
     ----------
     several
-        In `unit`.
+        Values in `unit`.
     sigma
-        Of each.
+        Standard deviation of each.
     unit, units
-        As in results.json, and in which it is shown.
+        Unit as in results.json, and units in which it is shown.
     between
-        Stands between two values.
+        Text between two values.
     """
     all_of = tuple(several)
     if unit == "m" and units.length == "ft-in":
@@ -185,23 +185,23 @@ def _places_in(sigma_in: float) -> int:
 
 
 def step_in_of(sigma_in: float) -> float:
-    """The fraction of an inch that a length is rounded to."""
+    """Return the fraction of an inch to which a length is rounded."""
     if not sigma_in > 0:
         return 1 / _SIXTEENTHS
     return next((step for most, step in _STEPS_IN if sigma_in < most), float(INCHES))
 
 
 def feet_inches(value_in: float, step_in: float, *, signed: bool = False) -> str:
-    """``40 ft 6 1/8 in``; ``41 ft`` where only feet are known.
+    """Format feet and inches: ``40 ft 6 1/8 in``; ``41 ft`` if only feet are known.
 
     Parameters
     ----------
     value_in
-        Inches.
+        Length in inches.
     step_in
-        What it is rounded to: a sixteenth of an inch up to a foot.
+        Rounding step in inches: from a sixteenth of an inch to a foot.
     signed
-        Whether a positive length shows its plus.
+        Whether a positive length has a plus sign.
     """
     sixteenths = round(_SIXTEENTHS * step_in) * math.floor(abs(value_in) / step_in + 0.5)
     sign = "-" if value_in < 0 and sixteenths else "+" if signed and sixteenths else ""
@@ -216,25 +216,25 @@ def feet_inches(value_in: float, step_in: float, *, signed: bool = False) -> str
 
 
 def column(units: Units) -> Shown:
-    """How lengths stand in a table with the unit in its head: feet have decimals there."""
+    """Return how lengths are shown in a table with the unit in its head: feet have decimals."""
     return shown("m", units)
 
 
 def fixed(value: float, places: int) -> str:
-    """A number with fixed decimals, and no negative zero."""
+    """Format a number with fixed decimals and without a negative zero."""
     text = f"{value:.{places}f}"
     return text if float(text) else f"{0:.{places}f}"
 
 
 def round_bar(most_m: float, units: Units) -> tuple[float, str]:
-    """A scale bar: its length [m], a round number of metres or feet, and that number in words.
+    """Choose a scale bar: length [m], a round number of metres or feet, and its text.
 
     Parameters
     ----------
     most_m
-        It is not longer.
+        Largest length of the bar.
     units
-        Of the project.
+        Units of the project.
     """
     one = column(units)
     if one.symbol == "m" and most_m < 1.0:

@@ -19,15 +19,15 @@ from uavgram.views import units as shown_units
 NOT_COMPUTED = "not computed"
 
 NOT_UNIQUE = (
-    'Values with "or" are not sure: other solutions explain what was observed as well, and give '
-    "the others. Sigma and interval hold only if the first one is right."
+    'Values with "or" are not unique: other solutions fit the observations as well and give '
+    "the other values. Sigma and interval hold only if the first one is right."
 )
 
 LEVEL_RANK = {"error": 0, "warning": 1, "info": 2}
 """Order in which messages are shown."""
 
 LEAST_SHIFT = 1e-4
-"""Below which a shift is told as nothing, in the unit of its value."""
+"""Smallest shift that is shown with two digits, in the unit of its value."""
 
 UNIT_WORDS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
 
@@ -52,7 +52,7 @@ KIND_WORDS = {
 KNOWN_WORDS = KIND_WORDS | {name: kind.shown for name, kind in ALL_KINDS.items() if kind.shown}
 
 SIGNED_KINDS = frozenset({"coordinate", "height", "vertical_distance", "plane_distance"})
-"""Metres of which a value near zero says nothing of how well it is known."""
+"""Kinds in metres whose value, if near zero, is no measure of their accuracy."""
 
 LINE_STATUS_WORDS = {
     "used": "used",
@@ -61,7 +61,7 @@ LINE_STATUS_WORDS = {
     "checked": "withheld, judged",
     "unseen": "not seen",
 }
-KNOWN_STATUS_WORDS = LINE_STATUS_WORDS | {"idle": "says nothing"}
+KNOWN_STATUS_WORDS = LINE_STATUS_WORDS | {"idle": "no effect"}
 
 FRAME_STATUS_WORDS = {
     "refined": "refined",
@@ -71,15 +71,15 @@ FRAME_STATUS_WORDS = {
 }
 
 GROUP_WORDS = {name: kind.words for name, kind in KINDS.items()}
-"""Groups of observations; those of further areas of the ground are called ``plane of NAME``."""
+"""Names of groups of observations; further areas of the ground are called ``plane of NAME``."""
 
 FRAME_STATE_WORDS = {**FRAME_STATUS_WORDS, "check": "to check"}
 
 BRIGHTENED = "brightened for display"
-"""Of a picture that is shown brighter than its file, which stays as it is."""
+"""Note for a picture that is shown brighter than its file, which is not changed."""
 
 WHY_TO_NEIGHBOURS = (
-    "How well a point is known is told by the distances to the points next to it: ± is the "
+    "The accuracy of a point is that of its distances to the points next to it: ± is the "
     "standard deviation of such a distance, the middle one of up to five. Points far away do not "
     "change it."
 )
@@ -92,9 +92,9 @@ WHY_TWO_ELLIPSES = (
 
 
 def decimals_for(sigma: float, unit: str = "m") -> int:
-    """How many decimals a value deserves: two significant digits of its sigma.
+    """Return the decimals that show two significant digits of a sigma.
 
-    Lengths show at least centimetres and never more than tenths of a millimetre.
+    Lengths have at least centimetres and at most tenths of a millimetre.
     """
     least, most = (2, 4) if unit == "m" else (0, 4)
     if not math.isfinite(sigma) or sigma <= 0:
@@ -103,16 +103,16 @@ def decimals_for(sigma: float, unit: str = "m") -> int:
 
 
 def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
-    """Fixed decimals, an en dash for NaN, and no negative zero.
+    """Format a number with fixed decimals; an en dash for NaN, and no negative zero.
 
     Parameters
     ----------
     value
         Any number.
     decimals
-        How many are shown.
+        Number of decimals.
     signed
-        Whether a positive value shows its plus.
+        Whether a positive value has a plus sign.
     """
     if not math.isfinite(value):
         return "–"
@@ -121,33 +121,33 @@ def number(value: float, decimals: int = 3, *, signed: bool = False) -> str:
 
 
 def size_text(length_m: float) -> str:
-    """``4.2 cm`` or ``4.92 m``."""
+    """Format a length: ``4.2 cm`` or ``4.92 m``."""
     return f"{100 * length_m:.1f} cm" if length_m < 1.0 else f"{length_m:.2f} m"
 
 
 def axes_text(semi_axes_m: Floats) -> str:
-    """``3.0 cm × 2.2 cm``: half axes of an ellipse; an en dash where there is no shape."""
+    """Format the half axes of an ellipse: ``3.0 cm × 2.2 cm``; an en dash if it has no shape."""
     if not semi_axes_m[0] > 0:
         return "–"
     return " × ".join(size_text(float(axis)) for axis in semi_axes_m)
 
 
 def chance(probability: float) -> str:
-    """A probability; what is too small for three decimals says so."""
+    """Format a probability to three decimals; smaller ones give ``< 0.001``."""
     return "< 0.001" if probability < 0.001 else number(probability, 3)
 
 
 def plus_minus(value: float, sigma: float, decimals: int = 3, *, signed: bool = False) -> str:
-    """``12.345 ± 0.021``: value and standard deviation to the same decimals.
+    """Format a value and its standard deviation to the same decimals: ``12.345 ± 0.021``.
 
     Parameters
     ----------
     value, sigma
         In one unit; NaN: an en dash.
     decimals
-        Of both.
+        Decimals of both.
     signed
-        Whether a positive value shows its plus.
+        Whether a positive value has a plus sign.
     """
     return f"{number(value, decimals, signed=signed)} ± {number(sigma, decimals)}"
 
@@ -155,7 +155,7 @@ def plus_minus(value: float, sigma: float, decimals: int = 3, *, signed: bool = 
 def each_plus_minus(
     values: Floats, sigmas: Floats, decimals: int = 3, *, signed: bool = False, between: str = ", "
 ) -> str:
-    """``0.12 ± 0.02, 1.50 ± 0.03``: several values, each with its standard deviation.
+    """Format several values with their standard deviations: ``0.12 ± 0.02, 1.50 ± 0.03``.
 
     Parameters
     ----------
@@ -164,21 +164,21 @@ def each_plus_minus(
     decimals, signed
         See `plus_minus`.
     between
-        Stands between two values.
+        Text between two values.
     """
     pairs = zip(values, sigmas, strict=True)
     return between.join(plus_minus(*pair, decimals, signed=signed) for pair in pairs)
 
 
 def height_text(height_m: float, sigma_m: float, source: HeightSource) -> str:
-    """``1.402 ± 0.021 m, found``: how high a point stands over the ground, and who says so.
+    """Format a point's height above the ground with its source: ``1.402 ± 0.021 m, found``.
 
     Parameters
     ----------
     height_m, sigma_m
-        Over the ground below.
+        Height above the ground below, and its standard deviation.
     source
-        Where that is from.
+        Source of the height.
     """
     if source == "ground":
         return "on it"
@@ -191,23 +191,23 @@ def height_text(height_m: float, sigma_m: float, source: HeightSource) -> str:
 
 
 def parameter_text(value: float, sigma: float) -> str:
-    """Pixels and coefficients alike: two digits of the sigma, and the value to as many places."""
+    """Format a camera parameter: two digits of the sigma, and the value to as many decimals."""
     if not sigma > 0:
         return f"{value:.6g}, held"
     return plus_minus(value, sigma, max(0, 1 - math.floor(math.log10(sigma))))
 
 
 def with_sigma(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
-    """``12.345 ± 0.021 m``, or in other units.
+    """Format a value with its sigma: ``12.345 ± 0.021 m``, or in other units.
 
     Parameters
     ----------
     value, sigma
-        NaN where it could not be computed.
+        NaN if not computed.
     unit
-        Of both, as in results.json.
+        Unit of both, as in results.json.
     units
-        In which they are shown.
+        Units in which they are shown.
     """
     if not math.isfinite(value):
         return NOT_COMPUTED
@@ -215,18 +215,18 @@ def with_sigma(value: float, sigma: float, unit: str, units: Units = METRIC) -> 
 
 
 def interval(low: float, high: float, sigma: float, unit: str, units: Units = METRIC) -> str:
-    """``12.304 to 12.386 m``, or an en dash.
+    """Format an interval: ``12.304 to 12.386 m``, or an en dash.
 
     Parameters
     ----------
     low, high
-        Its ends; NaN where there is none.
+        Its ends; NaN if there is none.
     sigma
-        Of the value: it says how many decimals are shown.
+        Standard deviation of the value: it defines the number of decimals.
     unit
-        Of all three, as in results.json.
+        Unit of all three, as in results.json.
     units
-        In which they are shown.
+        Units in which they are shown.
     """
     if not (math.isfinite(low) and math.isfinite(high)):
         return "–"
@@ -234,16 +234,16 @@ def interval(low: float, high: float, sigma: float, unit: str, units: Units = ME
 
 
 def alternatives_text(measurements: MeasurementResults, row: int, units: Units = METRIC) -> str:
-    """``or 31.25, 44.91 m``: what other solutions that fit as well give; empty where none does.
+    """Format the values of other solutions that fit as well: ``or 31.25, 44.91 m``; empty if none.
 
     Parameters
     ----------
     measurements
-        Of a result.
+        Measurements of a result.
     row
-        One of them.
+        Row of the measurement.
     units
-        In which they are shown.
+        Units in which they are shown.
     """
     values, unit = measurements.alternative_values[row], measurements.unit[row]
     if not values:
@@ -252,22 +252,22 @@ def alternatives_text(measurements: MeasurementResults, row: int, units: Units =
 
 
 class MeasurementText(NamedTuple):
-    """A measurement in words, the same in every table that shows it.
+    """Measurement in words, the same in every table that shows it.
 
     Attributes
     ----------
     name, kind
-        What was measured.
+        Name and kind of the measurement.
     points
         Labels.
     value
-        With its standard deviation and unit.
+        Value with standard deviation and unit.
     interval
-        Of 95 %.
+        95 % interval.
     relative
         Standard deviation in percent of the value.
     others
-        What other solutions that fit as well give; empty where none does.
+        Values of other solutions that fit as well; empty if there are none.
     """
 
     name: str
@@ -280,16 +280,16 @@ class MeasurementText(NamedTuple):
 
 
 def measurement_text(rows: MeasurementResults, row: int, units: Units = METRIC) -> MeasurementText:
-    """One measurement in words.
+    """Describe a measurement in words.
 
     Parameters
     ----------
     rows
         Measurements of a result.
     row
-        One of them.
+        Row of the measurement.
     units
-        In which it is shown.
+        Units in which it is shown.
     """
     value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
     low, high = map(float, rows.interval_95[row])
@@ -305,7 +305,7 @@ def measurement_text(rows: MeasurementResults, row: int, units: Units = METRIC) 
 
 
 def relative(value: float, sigma: float, unit: str) -> str:
-    """Sigma in percent of the value, where that means something (not for angles).
+    """Format sigma in percent of the value; an en dash for angles, zero and NaN.
 
     Parameters
     ----------
@@ -320,7 +320,7 @@ def relative(value: float, sigma: float, unit: str) -> str:
 
 
 def shift_text(shift: float, unit: str) -> str:
-    """Two digits of a shift, with its unit; a dash where there is none."""
+    """Format a shift with two digits and its unit; an en dash if there is none."""
     if not math.isfinite(shift):
         return "–"
     places = max(0, 1 - math.floor(math.log10(abs(shift)))) if abs(shift) > LEAST_SHIFT else 3
@@ -328,29 +328,29 @@ def shift_text(shift: float, unit: str) -> str:
 
 
 def relief_text(units: Units) -> str:
-    """10 cm, of which the shifts by relief in results.json are, or the same in inches."""
+    """Return the relief to which shifts in results.json refer: 10 cm, or the same in inches."""
     return "10 cm" if units.length == "m" else "3.9 in"
 
 
 def utc(time_utc_s: float) -> str:
-    """``2026-01-05 11:00:02.40`` or an en dash."""
+    """Format a time as ``2026-01-05 11:00:02.40`` or an en dash."""
     if not math.isfinite(time_utc_s):
         return "–"
     return datetime.fromtimestamp(time_utc_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S.%f")[:-4]
 
 
 def place(result: Result) -> str:
-    """Where the origin of the world lies, in one sentence."""
+    """Describe the origin of the world in one sentence."""
     world = result.world
     if world.origin is None and world.gauge == "world":
         return (
-            "Coordinates are those in which the control points and lines were given; nothing says "
-            "where these lie on the earth, so there is no map."
+            "Coordinates are those of the control points and lines. Their position on the earth "
+            "is unknown, so there is no map."
         )
     if world.origin is None:
         return (
-            "No telemetry ties this survey to the earth: shapes, lengths and angles hold; "
-            "position and north are a free choice, so there is no map."
+            "No telemetry ties this survey to the earth. Shapes, lengths and angles are valid; "
+            "position and north are arbitrary, so there is no map."
         )
     datum = {"msl": "mean sea level", "ellipsoid": "the WGS 84 ellipsoid"}[world.height_datum]
     latitude, longitude, height = world.origin
@@ -361,12 +361,11 @@ def place(result: Result) -> str:
 
 
 def worst_first(measurements: MeasurementResults) -> Ints:
-    """Order in which to show measurements: no value, not the only value, then the least certain.
+    """Order the measurements: without value, not unique, then the least certain.
 
     Uncertainty is compared relative to the value; for angles as the angle itself in radians; for
-    coordinates and heights, whose value says nothing of scale, relative to the median measured
-    distance. Where other solutions give other values, the farthest of these counts in place of
-    sigma.
+    coordinates and heights, whose value is no measure of scale, relative to the median measured
+    distance. If other solutions give other values, the largest difference replaces sigma.
 
     Returns
     -------
@@ -383,6 +382,7 @@ def worst_first(measurements: MeasurementResults) -> Ints:
         for others, here in zip(measurements.alternative_values, measurements.value, strict=True)
     ]
     unsure, is_known = measurements.is_ambiguous, np.isfinite(value)
+    # spread: sigma, or the distance to the farthest alternative value
     spread = np.where(unsure, np.array(away), sigma)
     badness = np.where(unit == "deg", np.radians(spread), spread / scale)
     badness = np.where(is_known, badness, np.inf)
@@ -390,21 +390,21 @@ def worst_first(measurements: MeasurementResults) -> Ints:
 
 
 def worst_fit_first(w: Floats) -> Ints:
-    """(N,) rows by the size of their test statistics, the largest first; those without one last."""
+    """Return (N,) rows by absolute test statistic, the largest first; rows without one are last."""
     return np.argsort(-np.nan_to_num(np.abs(w), nan=-1.0), kind="stable").astype(np.int64)
 
 
 def computed_first(measurements: MeasurementResults) -> Ints:
-    """(M,) the same order, with what could not be computed at the end: for pages."""
+    """Return (M,) the order of `worst_first` with values not computed at the end: for pages."""
     order = worst_first(measurements)
     return order[np.argsort(np.isnan(measurements.value[order]), kind="stable")]
 
 
 def shapes_first(rows: MeasurementResults) -> tuple[int, ...]:
-    """Rows as `computed_first` has them, but places on the earth last.
+    """Return the rows in the order of `computed_first`, but with coordinates last.
 
-    A coordinate holds the metres of the drone's receiver, which no length has: at the head of a
-    table it would look as if everything were as bad.
+    A coordinate contains the error of the drone's receiver, metres, which no length contains: at
+    the head of a table it would give a wrong impression of all other values.
     """
     order = [int(i) for i in computed_first(rows)]
     return tuple(sorted(order, key=lambda i: rows.kind[i] == "coordinate"))

@@ -174,7 +174,7 @@ def test_the_verdict_follows_what_the_lens_alone_costs_a_length(
     assert sentence(9.02) == "Not usable: the lens alone costs a length 902 %."
     blind = (replace(account.effects[0], lengths=None), *account.effects[1:])
     verdict = judge_calibration(replace(quiet, effects=blind))
-    assert verdict.sentence.startswith("Not usable: hardly a pixel")
+    assert verdict.sentence.startswith("Not usable: the lens model gives hardly any pixel")
     assert "estimate fewer coefficients" in verdict.reasons[0]
 
 

@@ -66,7 +66,7 @@ def test_what_is_not_good_enough_is_named() -> None:
 
 def test_a_line_that_nothing_replaces_and_one_that_nothing_checks() -> None:
     told = " ".join(if_a_line_is_lost(PLAN))
-    assert "Without L5 nothing holds the survey" in told
+    assert "Without L5 the survey has no scale" in told
     assert "L3 matters most: without it, expect ± 1.9 cm" in told
     assert unchecked(PLAN) == ("L4",)
     shown = text_of(PAGE)

@@ -50,7 +50,7 @@ def test_bars_stand_on_points_off_the_plane_as_tall_as_said(
     np.testing.assert_allclose(bars[:, 1, 2] - bars[:, 0, 2], factor * size, atol=1e-5)
     assert contents.static[BARS]["LineStrips3D:colors"][3] == 0x0571B0FF
     text = contents.static["/documents/summary"]["TextDocument:text"][0]
-    assert f"{factor} times as tall as their ground lies off its plane" in text
+    assert f"{factor} times as tall as the departure of their ground from its plane" in text
     assert "farthest off is P21, by -0.200 m" in text
 
 

@@ -247,7 +247,7 @@ def test_the_summary_says_whose_plane_the_ground_lies_on() -> None:
     )
     several, scene = replace(result, areas=areas), measure_scene(result)
 
-    assert "plane of the area 'default': what lies on 'verge'" in summary(
+    assert "plane of the area 'default': the ground of 'verge'" in summary(
         several, verdict_words(several), scene
     )
     assert "plane of the area" not in summary(result, verdict_words(result), scene)

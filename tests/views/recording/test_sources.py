@@ -85,13 +85,13 @@ def test_pages_say_who_made_picks_and_what_ties(result: Result, contents: Conten
     assert "only the program's picks" in row
     point = next(line for line in text.splitlines() if line.startswith("| P13 |"))
     assert point.endswith(" matched |")
-    assert "400 tie points, which nobody picked" in text
+    assert "400 tie points found by the program" in text
     sheets = next(
         columns["TextDocument:text"]
         for columns in contents.by_frame.values()
         if "TextDocument:text" in columns
     )
-    assert f"- tie points: {result.frames.ties[FRAME]}, missed by 0.32 px" in sheets[FRAME][0]
+    assert f"- tie points: {result.frames.ties[FRAME]}, residuals 0.32 px" in sheets[FRAME][0]
 
 
 def test_the_legend_has_the_colours_of_what_was_found(result: Result) -> None:

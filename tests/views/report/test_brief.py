@@ -72,8 +72,8 @@ def test_what_was_not_checked_or_does_not_fit_is_named(status: MeasurementStatus
     rows = made.measurements
     changed = replace(made, measurements=replace(rows, status=(status,) * len(rows.name)))
     words = {
-        "not-checked": "Nothing would show an error in: ",
-        "doubtful": "Doubtful, as something that they rest on does not fit: ",
+        "not-checked": "No check would detect an error in: ",
+        "doubtful": "Doubtful, as an observation on which they depend does not fit: ",
         "contradicted": "Contradicted, and not to be used: ",
     }[status]
     (told,) = [text for text in brief(changed).limits if text.startswith(words)]

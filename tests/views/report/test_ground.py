@@ -72,5 +72,5 @@ def test_the_backdrop_lies_where_the_drawing_has_its_corners() -> None:
     assert placed.width == pytest.approx(ground.width_m * per_metre, abs=0.01)
     html = render_report(result, replace(NO_PICTURES, ground=ground))
     assert html.count("<image ") == 1
-    assert "leans away from the camera" in html
+    assert "appear displaced away from the camera" in html
     assert '<section id="plan">' not in render_report(result)

@@ -14,7 +14,7 @@ def test_a_long_table_tells_what_is_doubtful_and_how_much_more_there_is(
 ) -> None:
     made = survey.build()
     whole = render_annex(made)
-    assert " more photos stand" not in whole
+    assert " more photos are in results.json" not in whole
     monkeypatch.setattr(long_tables, "MOST_TOLD", 4)
     page = render_annex(made)
 
@@ -27,12 +27,12 @@ def test_a_long_table_tells_what_is_doubtful_and_how_much_more_there_is(
     assert lost
     assert all(name in photos for name in lost)
     assert photos.count("<tr") == 1 + 4
-    assert f"{len(made.frames.frame_id) - 4} more photos stand in results.json" in photos
+    assert f"{len(made.frames.frame_id) - 4} more photos are in results.json" in photos
     points = page.split('id="points"')[1].split("</section>")[0]
     size = made.points.relative.ellipse_95_m[:, 0]
     for k, label in enumerate(made.points.label):
         assert (f"<td>{label}</td>" in points) == (k in np.argsort(-size, kind="stable")[:4])
-    assert f"{len(size) - 4} more points stand in results.json" in points
+    assert f"{len(size) - 4} more points are in results.json" in points
     residuals = page.split("Residuals by photo")[1].split("</section>")[0]
     used = [status in ("used", "suspect") for status in made.picks.status]
     length = np.linalg.norm(made.picks.residual_px, axis=1)

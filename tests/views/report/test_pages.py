@@ -117,8 +117,8 @@ def reach(content: bytes, folder: Path) -> Floats:
 def test_a_section_does_not_begin_with_room_for_its_head_alone(tmp_path: Path) -> None:
     first, *others = pages_of("checks", 214, tmp_path)
 
-    assert "What checks" not in first
-    assert any("What checks" in other and "R4" in other for other in others)
+    assert "Checks of the result" not in first
+    assert any("Checks of the result" in other and "R4" in other for other in others)
 
 
 def test_a_table_of_two_pages_has_its_head_on_both_and_rows_above_the_signature(

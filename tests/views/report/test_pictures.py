@@ -199,7 +199,7 @@ def test_the_overview_is_not_said_to_show_what_was_not_measured() -> None:
 
     assert made is not None
     assert made.overview[0].told == "The photo that has most of the points."
-    assert shown().overview[0].told == "The photo that shows most of what was measured."
+    assert shown().overview[0].told == "The photo that shows most of the measurements."
 
 
 def test_who_picked_a_point_is_told_and_what_is_not_shown_is_named() -> None:

@@ -26,7 +26,7 @@ def grown(result: Result, ratio: float, *, noise: Noise | None = NOISE) -> Resul
 def test_growth_is_told_with_its_causes() -> None:
     result = grown(survey.build(), 1.9)
     sentence = (
-        "The uncertainties are 1.9 to 2.1 times what they would be with errors as stated, because "
+        "The uncertainties are 1.9 to 2.1 times as large as with errors as stated, because "
         "the ground is not a plane and the picks are less exact than stated (1 px stated, 1.6 px "
         "found)."
     )
@@ -38,7 +38,7 @@ def test_smaller_uncertainties_are_told_too() -> None:
     (picks,), flat = NOISE.picks, replace(NOISE.roughness[0], estimated_m=0.0, relief_m=0.0)
     noise = Noise(picks=(replace(picks, factor=0.5),), roughness=(flat,))
     assert learnt_words(grown(survey.build(), 0.5, noise=noise)) == (
-        "The uncertainties are 0.5 to 0.6 times what they would be with errors as stated, because "
+        "The uncertainties are 0.5 to 0.6 times as large as with errors as stated, because "
         "the picks are more exact than stated (1 px stated, 0.5 px found)."
     )
 

@@ -81,7 +81,7 @@ def test_ties_of_each_photo_stand_in_the_table_of_photos() -> None:
     for i, photo in enumerate(made.frames.frame_id):
         count, rms = made.frames.ties[i], made.frames.ties_rms_px[i]
         assert rows()[photo][4] == (f"{count} ({rms:.2f} px)" if count else "0")
-    assert "400 tie points, which nobody picked" in html()
+    assert "400 tie points found by the program" in html()
     assert ties_text(made) in html()
 
 

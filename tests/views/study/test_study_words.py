@@ -65,7 +65,7 @@ def test_agreement_counts_the_cells() -> None:
     wrong = cell(3.0, 0.5, ratio=1.2, ratio_range=(1.1, 1.3), lost=7)
     text = agreement((study(good, chance, wrong),))
     assert "1.01 to 1.20 times" in text
-    assert "1 of 3 cells lie" in text
+    assert "1 of 3 cells are" in text
     assert "of the others 1 differ" in text
     assert "7 of 300 repetitions gave no result: usual, 3 mm (7 of 100)." in text
     assert agreement((study(good),)).endswith("0 of 100 repetitions gave no result.")
@@ -109,8 +109,8 @@ def test_page_and_figures() -> None:
     methods = (row, replace(row, method="log", rms_m=0.7), few, fine)
     compared = replace(study(name="methods"), methods=methods)
     assert said(compared)[-1] == (
-        'Three lines (10 photos): useless distances by "points" (30 %, 10 % without a word); '
-        'of the errors lie within what should hold 95 %: "points" 50 %.'
+        'Three lines (10 photos): useless distances by "points" (30 %, 10 % without a warning); '
+        'of the errors are within the 95 % intervals: "points" 50 %.'
     )
     studies = (study(cell(1.0, 0.2), cell(100.0, 0.8)), compared)
     files = figure_files(studies)

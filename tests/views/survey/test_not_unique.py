@@ -41,7 +41,7 @@ def test_the_terminal_shows_the_other_values_beside_the_first_and_says_what_they
     assert first.startswith(NAME)
     assert first.endswith(OTHERS)
     assert not [line for line in rest if " or " in line]
-    assert note.startswith('Values with "or" are not sure')
+    assert note.startswith('Values with "or" are not unique')
     assert " or " not in measurement_table(sure)
     assert "fits as well" not in measurement_table(sure)
 
@@ -63,7 +63,7 @@ def test_the_report_marks_the_row_and_says_what_that_means(sure: Result, marked:
 
     assert [row[0] for row in rows] == [NAME]
     assert OTHERS in rows[0][3]
-    assert "other solutions explain what was observed as well" in page
+    assert "other solutions fit the observations as well" in page
     assert "not unique" not in render_annex(sure).lower()
 
 
@@ -77,7 +77,7 @@ def test_the_recording_marks_it_in_its_table_and_on_its_label(sure: Result, mark
     labels, _ = survey_labels(marked, measure_scene(marked))
 
     assert OTHERS in row
-    assert 'Values with "or" are not sure' in measured_page(marked)
+    assert 'Values with "or" are not unique' in measured_page(marked)
     assert 'Values with "or"' not in measured_page(sure)
     assert measured_text(marked, at).endswith(f"{OTHERS} (doubtful)")
     assert [t for t in labels.words if t.startswith("NOT UNIQUE: ") and OTHERS in t]

@@ -114,7 +114,7 @@ def test_the_report_says_what_could_be_wrong_unseen() -> None:
     assert "sigma 0.377" not in page
     assert "0.377 in second, mean off by +0.125" in page
     assert "1. The length 'north' (w = -25.9); variance factor 9.12 before, 1.03 after." in page
-    assert "No test can part it from: pick of 'Q' in 'b.jpg'." in page
+    assert "No test can distinguish it from: pick of 'Q' in 'b.jpg'." in page
     assert "It could also have been: length 'east'." in page
 
 
@@ -136,5 +136,5 @@ def test_errors_of_lengths_and_of_points_are_summed_up_apart() -> None:
 
 def test_a_result_without_evidence_has_a_report_without_all_this() -> None:
     page = render_report(survey.build()) + render_annex(survey.build())
-    assert "What could be wrong without being seen" not in page
-    assert "Taken out as blunders" not in page
+    assert "Errors that would not be detected" not in page
+    assert "Removed as blunders" not in page

@@ -61,7 +61,7 @@ def test_the_verdict_says_plainly_what_is_wrong_and_what_would_put_it_right() ->
 
     assert verdict_sentence(replace(survey.build(), verdict=amber)) == (
         "Verdict: amber, check this first: 0 of 10 measurements are in order. "
-        "A and B seem swapped. What would put it right: swap A and B, or free A."
+        "A and B seem swapped. To correct it: swap A and B, or free A."
     )
 
 

@@ -1,1 +1,1 @@
-"""A calibration to look at: report, text, drawings, recording."""
+"""Views of a calibration: report, text, drawings, recording."""

@@ -15,7 +15,7 @@ from uavgram.views.wording import number
 
 _PIXELS = {"fx", "fy", "cx", "cy"}
 _MAP_COLUMNS, _MAP_ROWS = 7, 5
-NINETY_FIVE = 2.4477  # of a two-dimensional normal error, in sigmas
+NINETY_FIVE = 2.4477  # limit of a two-dimensional normal error, in sigmas
 
 
 def camera_lines(
@@ -24,16 +24,16 @@ def camera_lines(
     provenance: CameraProvenance | None = None,
     focal_mm: float | None = None,
 ) -> list[str]:
-    """Parameters with their sigmas and correlations, and what they mean.
+    """List the parameters with sigmas and correlations, and the facts that follow from them.
 
     Parameters
     ----------
     calibration, facts
-        The camera, and what follows from it.
+        The camera, and the facts derived from it.
     provenance
-        Where the file comes from, if it says so.
+        Origin of the file, if recorded.
     focal_mm
-        Focal length on the sensor, where the sensor is known.
+        Focal length on the sensor, if the sensor is known.
     """
     size = f"{calibration.width_px} x {calibration.height_px} px"
     return [
@@ -50,7 +50,7 @@ def camera_lines(
 
 
 def provenance_lines(provenance: CameraProvenance) -> list[str]:
-    """Where a camera file comes from."""
+    """Describe the origin of a camera file."""
     lines = [
         f"made by {provenance.program} {provenance.version}, {provenance.created_utc}: "
         f"{provenance.source}"
@@ -65,7 +65,7 @@ def provenance_lines(provenance: CameraProvenance) -> list[str]:
 
 
 def parameter_cells(calibration: Calibration) -> list[tuple[str, ...]]:
-    """Header and rows: parameter, value, sigma, and sigma over value where that means something."""
+    """Return header and rows: parameter, value, sigma, and relative sigma of fx and fy."""
     cells: list[tuple[str, ...]] = [("parameter", "value", "1 sigma", "sigma/value")]
     sigma = np.sqrt(calibration.covariance.diagonal())
     for name, value, error in zip(
@@ -82,7 +82,7 @@ def _value(name: str, value: float) -> str:
 
 
 def _correlation_cells(calibration: Calibration, correlation: Floats) -> list[tuple[str, ...]]:
-    """Lower triangle; the diagonal is one wherever there is an error at all."""
+    """Return the lower triangle of the correlations; the diagonal is omitted."""
     names = calibration.parameter_names
     rows = [
         (name, *(number(value, 2, signed=True) for value in correlation[i, :i].tolist()))
@@ -93,7 +93,7 @@ def _correlation_cells(calibration: Calibration, correlation: Floats) -> list[tu
 
 
 def fact_lines(facts: CameraProperties, focal_mm: float | None) -> list[str]:
-    """What the parameters mean: angles, millimetres, pixels."""
+    """Describe the parameters as angles, millimetres and pixels."""
     wide, high, diagonal = (number(math.degrees(angle), 2) for angle in facts.field_of_view_rad)
     on_sensor = "" if focal_mm is None else f", {focal_mm:.3f} mm on its sensor"
     offset = (
@@ -122,7 +122,7 @@ def fact_lines(facts: CameraProperties, focal_mm: float | None) -> list[str]:
 def difference_lines(
     first: Calibration, second: Calibration, difference: CameraDifference
 ) -> list[str]:
-    """What the second camera projects elsewhere than the first, and whether that is much.
+    """Describe the difference in projection of two cameras and its significance.
 
     Parameters
     ----------
@@ -156,17 +156,17 @@ def difference_lines(
 def _significance(difference: CameraDifference) -> list[str]:
     expected = difference.expected_rms_px
     if expected == 0:
-        return ["neither file states errors, so nothing can be said of its significance"]
+        return ["neither file states errors, so the significance of the difference is unknown"]
     far = float(np.mean(difference.z > NINETY_FIVE))
     return [
         f"expected from both files' errors: rms {expected:.3f} px, so the difference is "
         f"{difference.rms_px / expected:.2f} sigmas (rms), {difference.z.max():.2f} at most",
-        f"{far:.1%} of the image lies outside its own 95 % ellipse (if the files are independent)",
+        f"{far:.1%} of the image is outside its own 95 % ellipse (if the files are independent)",
     ]
 
 
 def _map_cells(first: Calibration, difference: CameraDifference) -> list[tuple[str, ...]]:
-    """Mean size of the difference around these pixels (u across, v down)."""
+    """Average the size of the difference around a raster of pixels (u across, v down)."""
     size = np.array([first.width_px, first.height_px])
     raster = np.array([_MAP_COLUMNS, _MAP_ROWS])
     column, row = np.minimum(

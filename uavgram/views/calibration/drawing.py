@@ -1,4 +1,4 @@
-"""What the report and the recording of a calibration draw alike."""
+"""Drawing rules that the report and the recording of a calibration share."""
 
 from __future__ import annotations
 
@@ -10,28 +10,28 @@ from uavgram.views.style import scale_colours
 from uavgram.views.survey.drawing import nice_factor
 
 RESIDUAL_SHARE = 0.04
-"""Of the photo's width that the larger exaggerated residuals may fill."""
+"""Share of the photo's width that the larger exaggerated residuals fill."""
 
 SQRT2 = 2.0**0.5
-"""From the rms length of residuals to that of one coordinate."""
+"""Ratio of the rms length of residuals to the rms of one coordinate."""
 
 CELL_SHARE = 0.5
-"""Of a cell of the maps that the longest exaggerated mean residual may fill."""
+"""Share of a cell of the maps that the longest exaggerated mean residual fills."""
 
 
 def rows_by_photo(result: CalibrationResult) -> dict[str, Ints]:
-    """Rows of the corners of each photo that could be used, by its name."""
+    """Return the rows of the corners of each used photo, by its name."""
     photo = result.corners.photo
     return {file: np.flatnonzero(photo == k) for k, file in enumerate(result.photos.file)}
 
 
 def residual_factor(result: CalibrationResult) -> int:
-    """By how much residuals are exaggerated on the photos: of the 1-2-5 series."""
+    """Return the exaggeration of residuals on the photos, a number of the 1-2-5 series."""
     return nice_factor(_large(result.corners.residual_px), _wanted(result, RESIDUAL_SHARE))
 
 
 def mean_residual_factor(result: CalibrationResult) -> int:
-    """By how much the mean residuals of the maps' cells are exaggerated."""
+    """Return the exaggeration of the mean residuals in the cells of the maps."""
     maps = result.maps
     mean = maps.residual_px[np.isfinite(maps.residual_px[..., 0])]
     cell = CELL_SHARE / maps.cell_px.shape[1]
@@ -49,7 +49,7 @@ def _wanted(result: CalibrationResult, share: float) -> float:
 
 
 def tilt_directions(result: CalibrationResult) -> Floats:
-    """(M, 2) tilt of the board in each photo [degrees], as a vector in the image.
+    """Compute the (M, 2) tilt of the board in each photo [degrees], as a vector in the image.
 
     It points to where the board goes away from the camera: right and down are positive.
     """
@@ -62,9 +62,9 @@ def tilt_directions(result: CalibrationResult) -> Floats:
 
 
 def uncertainty_shares(values: Floats) -> tuple[Floats, float, float]:
-    """Where on a colour scale values lie, by their logarithms, from 0 to 1; its two ends.
+    """Scale values by their logarithms to 0 to 1; return the shares and the two ends.
 
-    NaN becomes 1: what is not known at all is worst.
+    NaN becomes 1, the worst.
     """
     known = values[np.isfinite(values) & (values > 0)]
     low, high = (float(known.min()), float(known.max())) if len(known) else (0.1, 1.0)
@@ -76,18 +76,18 @@ def uncertainty_shares(values: Floats) -> tuple[Floats, float, float]:
 
 
 def hex_colours(share: Floats) -> list[str]:
-    """``#rrggbb`` of the colour scale, for a flat array."""
+    """Return the colours of the scale as ``#rrggbb``, for a flat array."""
     return [f"#{r:02x}{g:02x}{b:02x}" for r, g, b in scale_colours(share).tolist()]
 
 
 def is_dark(colour: str) -> bool:
-    """Whether white letters are read best on it (ITU-R BT.601 luma)."""
+    """Return whether white letters are more legible on a colour (ITU-R BT.601 luma)."""
     red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
     return 0.299 * red + 0.587 * green + 0.114 * blue < 140
 
 
 def pixels_text(value: float) -> str:
-    """``0.18``, ``2.4``, ``25``: two significant digits, an en dash for NaN."""
+    """Format pixels with two significant digits: ``0.18``, ``2.4``, ``25``; en dash for NaN."""
     if not np.isfinite(value):
         return "–"
     if value >= 9.95:

@@ -1,4 +1,4 @@
-"""Drawings of a calibration for the page: shapes in units of the drawing, nothing estimated."""
+"""Drawings of a calibration for the page: shapes in units of the drawing, no estimation."""
 
 from __future__ import annotations
 
@@ -21,21 +21,21 @@ from uavgram.views.calibration.verdict import percent
 WIDTH = 520.0
 MOST_DOTS = 6000
 UNLIKELY = 0.001
-"""Of a cell's mean residual by chance: beyond it the lens model misses something there."""
+"""Probability of a cell's mean residual below which the lens model is considered wrong there."""
 
 EMPTY, DARK, LIGHT = "#f6d5d2", "#1b1f24", "#ffffff"
 COVERED = np.array([[226.0, 236, 247], [84, 141, 202]])
 FITS, MISFITS = "#2f6fb5", "#c92a2a"
 STAGGER = 26.0
 HEIGHT_M = 50.0
-"""Of the camera above the ground, for which lengths have their errors in millimetres."""
+"""Height of the camera above the ground for which errors of lengths are given in millimetres."""
 DIAL = 260.0
 DIAL_RINGS_DEG = (15, 30, 45, 60)
 
 
 @dataclass(frozen=True)
 class Cell:
-    """A cell of the image with its colour and text."""
+    """Cell of the image with its colour and text."""
 
     x: float
     y: float
@@ -48,7 +48,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Mark:
-    """A text at a place."""
+    """Text at a place."""
 
     x: float
     y: float
@@ -62,13 +62,13 @@ class Drawing:
     Attributes
     ----------
     width, height
-        Of the drawing.
+        Size of the drawing.
     cells, marks
         In the order in which they are drawn.
     paths
         Triples of path, colour and width.
     note
-        What has to be known to read it.
+        Explanation of the drawing.
     picture
         A photo under it, as a data URL; empty: none.
     """
@@ -83,7 +83,7 @@ class Drawing:
 
 
 def coverage_map(result: CalibrationResult) -> Drawing:
-    """Where corners were found, and how many in each cell."""
+    """Draw the corners found and their number in each cell."""
     corners = result.maps.corners
     strength = np.log1p(corners) / np.log1p(max(int(corners.max()), 1))
     colours = COVERED[0] + strength[..., None] * (COVERED[1] - COVERED[0])
@@ -107,7 +107,7 @@ def coverage_map(result: CalibrationResult) -> Drawing:
 
 
 def residual_map(result: CalibrationResult) -> Drawing:
-    """Residual of every corner, and their mean in each cell."""
+    """Draw the residual of every corner and their mean in each cell."""
     corners, maps = result.corners, result.maps
     factor = mean_residual_factor(result)
     used = np.array([status != "removed" for status in corners.status])
@@ -131,7 +131,7 @@ def residual_map(result: CalibrationResult) -> Drawing:
 
 
 def uncertainty_map(result: CalibrationResult) -> Drawing:
-    """Sigma of a projected direction in each cell."""
+    """Draw the sigma of a projected direction in each cell."""
     values = result.maps.uncertainty_px.ravel()
     share, _, _ = uncertainty_shares(values)
     fills = hex_colours(1 - share)
@@ -140,27 +140,27 @@ def uncertainty_map(result: CalibrationResult) -> Drawing:
 
 
 def length_map(result: CalibrationResult, effect: LensEffect, picture: str = "") -> Drawing | None:
-    """Draw level lengths on the ground with what the calibration costs each of them.
+    """Draw level lengths on the ground with the error that the calibration causes in each.
 
     Parameters
     ----------
     result
         The camera.
     effect
-        What its errors do to lengths on level ground.
+        Effect of its errors on lengths on level ground.
     picture
-        A photo of the camera to draw on, as a data URL.
+        A photo of the camera as background, as a data URL.
 
     Returns
     -------
-    None where no ground is seen.
+    None if no ground is seen.
     """
     lengths = effect.lengths
     if lengths is None:
         return None
     ends = _placed(result, lengths.pixel_px.reshape(-1, 2))[0].reshape(-1, 2, 2)
     level = np.flatnonzero(np.abs(ends[:, 1, 1] - ends[:, 0, 1]) < 1.0)
-    # those of one row overlap a little: every other one is drawn lower
+    # lengths of one row overlap a little: every other one is drawn lower
     column = np.unique(np.round(ends[level, 0, 0]), return_inverse=True)[1]
     ends = ends[level] + np.array([0.0, STAGGER]) * (column % 2)[:, None, None]
     values = lengths.pose_fitted[level]
@@ -191,7 +191,7 @@ def length_map(result: CalibrationResult, effect: LensEffect, picture: str = "")
 
 
 def tilt_dial(result: CalibrationResult) -> Drawing:
-    """How the board was tilted in each photo: away from the camera towards that side."""
+    """Draw the tilt of the board in each photo: away from the camera towards that side."""
     tilt = tilt_directions(result)
     reach = max(float(np.linalg.norm(tilt, axis=1).max(initial=0.0)), 20.0) * 1.12
     middle, scale = DIAL / 2, DIAL / 2 / reach
@@ -223,7 +223,7 @@ def _height(result: CalibrationResult) -> float:
 
 
 def _placed(result: CalibrationResult, pixel: Floats) -> tuple[Floats, int]:
-    """(N, 2) places in the drawing, and every which of them to draw."""
+    """Return (N, 2) places in the drawing, and the step by which corners are thinned out."""
     scale = WIDTH / result.calibration.width_px
     return np.asarray((pixel + 0.5) * scale), max(1, -(-len(pixel) // MOST_DOTS))
 
@@ -252,7 +252,7 @@ def _cells(
 
 
 def _dots(place: Floats, radius: float) -> str:
-    """Round dots as filled paths."""
+    """Draw round dots as filled paths."""
     r = f"{radius:g}"
     return "".join(
         f"M{x - radius:.1f} {y:.1f}a{r} {r} 0 1 0 {2 * radius:g} 0a{r} {r} 0 1 0 {-2 * radius:g} 0"
@@ -268,10 +268,11 @@ def _lines(start: Floats, end: Floats) -> str:
 
 
 def _arrows(start: Floats, end: Floats) -> str:
-    """Lines with heads of a fixed size, or smaller than the line."""
+    """Draw lines with heads of a fixed size, or smaller on short lines."""
     along = end - start
     length = np.linalg.norm(along, axis=1, keepdims=True)
     unit = np.divide(along, length, out=np.zeros_like(along), where=length > 0)
+    # normal of the line: the head reaches half its length to both sides
     side = unit[:, ::-1] * [-1.0, 1.0]
     head = np.minimum(7.0, 0.5 * length)
     left, right = end - head * (unit - 0.5 * side), end - head * (unit + 0.5 * side)

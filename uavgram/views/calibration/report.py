@@ -1,4 +1,4 @@
-"""calibration.html: one self-contained page on a camera, for people and for paper."""
+"""calibration.html: one self-contained page on a camera, for screen and paper."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ PHOTO_WORDS = {"used": "used", "suspect": "SUSPECT", "removed": "removed"}
 
 
 def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str, bytes]) -> str:
-    """The page as text. Names that people wrote are escaped; nothing is loaded from elsewhere."""
+    """Render the page as text; names written by people are escaped, nothing is loaded."""
     result = account.result
     shown = _best_photo(result, pictures)
     return page(
@@ -73,7 +73,7 @@ def render_calibration_report(account: CalibrationAccount, pictures: Mapping[str
 
 
 def board_words(board: Board) -> str:
-    """The board in words."""
+    """Describe the board in words."""
     side = f"{1000 * board.square_m:g} mm"
     if board.kind == "charuco":
         return (
@@ -84,7 +84,7 @@ def board_words(board: Board) -> str:
 
 
 def _correlations(result: CalibrationResult) -> list[tuple[str, list[tuple[str, str]]]]:
-    """Name, then text and background of each cell of the full matrix."""
+    """Return the name, then text and background of each cell of the full matrix."""
     names, matrix = result.calibration.parameter_names, result.calibration.correlation
     return [
         (name, [(number(value, 2, signed=True), _tint(value)) for value in row])
@@ -93,7 +93,7 @@ def _correlations(result: CalibrationResult) -> list[tuple[str, list[tuple[str, 
 
 
 def _tint(value: float) -> str:
-    """Red for plus, blue for minus, the stronger the more."""
+    """Return red for positive and blue for negative values, stronger with their size."""
     colour = (214, 84, 70) if value > 0 else (70, 120, 200)
     return f"rgba({colour[0]}, {colour[1]}, {colour[2]}, {0.65 * value * value:.2f})"
 
@@ -131,7 +131,7 @@ def _held(model: ModelScore) -> str:
 
 
 def _length_row(effect: LensEffect) -> tuple[str, str, str, str]:
-    """Median and largest: pose from known lengths, then from the flight log."""
+    """Return median and largest: pose from known lengths, then from the flight log."""
     if effect.lengths is None:
         return ("–",) * 4
     values: tuple[Floats, Floats] = (effect.lengths.pose_fitted, effect.lengths.pose_known)
@@ -166,14 +166,14 @@ def _photos(result: CalibrationResult, pictures: Mapping[str, bytes]) -> list[Ro
 
 
 def _best_photo(result: CalibrationResult, pictures: Mapping[str, bytes]) -> str:
-    """Choose the photo with most corners, to draw on."""
+    """Choose the photo with the most corners as background."""
     counts = {file: len(rows) for file, rows in rows_by_photo(result).items()}
     known = [file for file in result.photos.file if file in pictures]
     return _picture(pictures, max(known, key=lambda file: counts[file])) if known else ""
 
 
 def _picture(pictures: Mapping[str, bytes], file: str) -> str:
-    """A small copy as a data URL; empty where there is none."""
+    """Return a small copy as a data URL; empty if there is none."""
     if file not in pictures:
         return ""
     small = shrink_jpeg(pictures[file], PICTURE_WIDTH_PX)
@@ -181,7 +181,7 @@ def _picture(pictures: Mapping[str, bytes], file: str) -> str:
 
 
 def _outliers(result: CalibrationResult) -> list[tuple[str, str, str, str, str]]:
-    """Corners that fit worse than chance allows, worst first."""
+    """List the corners that fit worse than chance allows, worst first."""
     corners = result.corners
     rows = [i for i, status in enumerate(corners.status) if status != "used"]
     rows = [i for i in rows if result.photos.status[int(corners.photo[i])] != "removed"]

@@ -1,4 +1,4 @@
-"""A calibration as text for a terminal: parameters, how it fits, messages with the worst first."""
+"""A calibration as text for a terminal: parameters, fit, messages sorted by level."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ MOST_PHOTOS = 8
 
 
 def calibration_lines(account: CalibrationAccount) -> list[str]:
-    """What `uavgram calibrate` has to say."""
+    """Format the result of `uavgram calibrate`."""
     result = account.result
     camera, verdict = result.calibration, judge_calibration(account)
     facts = calibration_facts(account)
@@ -36,7 +36,7 @@ def calibration_lines(account: CalibrationAccount) -> list[str]:
 
 
 def _photo_lines(result: CalibrationResult) -> list[str]:
-    """Photos that fit worst first; the report has them all."""
+    """List the photos that fit worst, the worst first; the report has them all."""
     photos = result.photos
     order = np.argsort(-photos.rms_px, kind="stable")
     cells: list[tuple[str, ...]] = [("photo", "corners", "residual", "left out", "tilt", "status")]

@@ -1,4 +1,4 @@
-"""Is a calibration good, in words that need no background."""
+"""Verdict on a calibration, in words that need no background."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from uavgram.views.survey.drawing import largest_known
 from uavgram.views.wording import LEVEL_RANK
 
 GOOD_FOCAL = 0.005
-"""What a length may lose to the lens, or its focal length may be unsure by, before it is seen."""
+"""Limit of a good calibration: relative error of the focal length, or of lengths by the lens."""
 WORST_SHARE = 0.05
-"""Of a length: a lens that costs more is no better than one guessed from EXIF (3 to 8 %)."""
+"""Share of a length: a lens that costs more is no better than one guessed from EXIF (3 to 8 %)."""
 
 _UNDETERMINED = (
     "The photos do not determine this lens: estimate fewer coefficients (--coefficients auto "
@@ -33,18 +33,18 @@ Fact = tuple[str, str]
 
 @dataclass(frozen=True)
 class Verdict:
-    """One sentence and its reasons.
+    """Verdict in one sentence, with its reasons.
 
     Attributes
     ----------
     level
         ``good``, or ``look`` (something deserves a second look).
     sentence
-        For the top of the page.
+        Headline of the page.
     reasons
-        What to look at, worst first; empty where all is good.
+        Points to check, worst first; empty if all is good.
     counts
-        How much of what was given was used, in one sentence.
+        Number of photos and corners that were used, in one sentence.
     """
 
     level: Literal["good", "look"]
@@ -54,7 +54,7 @@ class Verdict:
 
 
 def judge_calibration(account: CalibrationAccount) -> Verdict:
-    """Sum up a calibration for someone who has ten seconds."""
+    """Summarise a calibration in one verdict."""
     result = account.result
     ordered = sorted(account.messages, key=lambda message: LEVEL_RANK[message.level])
     reasons = tuple(message.text for message in ordered if message.level != "info")
@@ -74,13 +74,14 @@ def judge_calibration(account: CalibrationAccount) -> Verdict:
     if reasons:
         sentence = f"Usable where the board was seen: {known}. Look at this:"
         return Verdict("look", sentence, reasons, counts)
-    return Verdict("good", f"Good: {known}, and nothing speaks against it.", (), counts)
+    return Verdict("good", f"Good: {known}, and there are no warnings.", (), counts)
 
 
 def length_share(effects: tuple[LensEffect, ...]) -> float:
-    """What the lens alone costs a usual length straight down; NaN where it sees no ground.
+    """Return the relative error of a usual length straight down due to the lens alone.
 
-    The larger of both: with the pose from known lengths, and from the flight log.
+    It is the larger of two: with the pose from known lengths, and from the flight log. NaN if the
+    camera sees no ground.
     """
     lengths = effects[0].lengths
     return float("nan") if lengths is None else max(lengths.medians)
@@ -88,12 +89,12 @@ def length_share(effects: tuple[LensEffect, ...]) -> float:
 
 def _cost(share: float) -> str:
     if np.isnan(share):
-        return "hardly a pixel of the lens has a direction"
+        return "the lens model gives hardly any pixel a direction"
     return f"the lens alone costs a length {percent(share)}"
 
 
 def focal_share(camera: Calibration) -> float:
-    """Standard deviation of the worse of fx and fy, as a share of it."""
+    """Return the relative standard deviation of the worse of fx and fy."""
     sigma = np.sqrt(np.diag(camera.covariance))
     return float((sigma[:2] / camera.parameters[:2]).max())
 
@@ -107,7 +108,7 @@ def _counts(account: CalibrationAccount) -> str:
 
 
 def calibration_facts(account: CalibrationAccount) -> tuple[Fact, ...]:
-    """What a reader wants to know first, as pairs of question and answer."""
+    """List the main facts as pairs of question and answer."""
     result = account.result
     camera, quality = result.calibration, result.quality
     sigma = np.sqrt(np.diag(camera.covariance))
@@ -116,7 +117,7 @@ def calibration_facts(account: CalibrationAccount) -> tuple[Fact, ...]:
     return (
         ("focal length", f"{fx:.1f} ± {sigma[0]:.1f} and {fy:.1f} ± {sigma[1]:.1f} px"),
         ("principal point", f"{cx:.1f} ± {sigma[2]:.1f}, {cy:.1f} ± {sigma[3]:.1f} px"),
-        ("what the lens model misses in a photo left out", f"{held} px per coordinate"),
+        ("error of the lens model in a photo left out", f"{held} px per coordinate"),
         ("a corner is measured to", f"{pixels_text(quality.sigma_px)} px per coordinate"),
         ("a direction is known to", _direction(result)),
         *_length_facts(account.effects),
@@ -134,7 +135,7 @@ def _direction(result: CalibrationResult) -> str:
 
 
 def _length_facts(effects: tuple[LensEffect, ...]) -> tuple[Fact, ...]:
-    """The first pose, looking straight down."""
+    """Describe the error of lengths for the first pose, looking straight down."""
     lengths = effects[0].lengths
     if lengths is None:
         return ()
@@ -146,5 +147,5 @@ def _length_facts(effects: tuple[LensEffect, ...]) -> tuple[Fact, ...]:
 
 
 def percent(share: float) -> str:
-    """``0.032 %``: two significant digits."""
+    """Format a share in percent with two significant digits: ``0.032 %``."""
     return f"{100 * share:.2g} %" if share < 0.1 else f"{100 * share:.0f} %"

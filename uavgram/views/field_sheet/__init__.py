@@ -1,1 +1,1 @@
-"""The page to take to the field: what to lay, what to fly, and what will then be known."""
+"""Page to take to the field: lines to lay out, flight, and expected accuracy."""

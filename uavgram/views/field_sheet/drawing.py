@@ -1,4 +1,4 @@
-"""The drawing of a plan for paper: what is drawn where, in black and white."""
+"""Drawing of a plan for paper, in black and white."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ from uavgram.views.survey.texts import Text, svg_points
 from uavgram.views.units import round_bar
 
 MOST_FOOTPRINTS = 8
-"""The outlines of more photos than that would hide the ground."""
+"""Largest number of outlined photos: more would hide the ground."""
 
 _TRIANGLE = np.array([[0.0, -11.0], [6.5, 7.0], [0.0, 3.0], [-6.5, 7.0]])
 _TICK = 7.0
 _LEAST_PLATE = 9.0
-"""Half of a plate's diagonal on paper, at least."""
+"""Least half diagonal of a plate on paper."""
 
 
 @dataclass(frozen=True)
 class FieldDrawing:
-    """Everything that the template draws; texts of points are those of SVG.
+    """Content of the drawing for the template; texts of points are those of SVG.
 
     Attributes
     ----------
     width, height
-        Of the drawing.
+        Size of the drawing.
     shading
-        The map of the accuracy.
+        Map of the accuracy.
     area, no_go, footprints
         Rings.
     outlined
-        Names of the photos that `footprints` are of.
+        Names of the photos of `footprints`.
     path, photos
-        Way of the drone; a triangle at each photo, its tip where the nose is.
+        Path of the drone; a triangle at each photo, its tip towards the nose.
     lines, ticks
         Reference lines, and a bar across each of their ends.
     plates
         Squares, drawn large enough to be seen.
     wanted, points
-        What will be measured, and (x, y) of the points that it is measured between.
+        Planned measurements, and (x, y) of the points between which they are measured.
     names
-        None covers another.
+        Texts that do not overlap.
     bar, bar_text
         Scale bar.
     """
@@ -73,7 +73,7 @@ class FieldDrawing:
 
 
 def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
-    """Lay out the drawing: area, flight and lines fill it; photos show more than fits."""
+    """Lay out the drawing: area, flight and lines fill it; photos may extend beyond it."""
     frames, lines, points = planned.frames, planned.lines, planned.points
     shown = np.concatenate(
         [
@@ -110,7 +110,7 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
 def _triangles(places: Floats, heading_deg: Floats) -> tuple[str, ...]:
     angle = np.deg2rad(heading_deg)
     cos, sin = np.cos(angle), np.sin(angle)
-    # y goes down in a drawing, so that clockwise from north stays clockwise from up
+    # y goes down in a drawing, so clockwise from north is clockwise from up
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], axis=1)
     corners = places[:, None] + np.einsum("nij,kj->nki", turn, _TRIANGLE)
     return tuple(svg_points(ring) for ring in corners)

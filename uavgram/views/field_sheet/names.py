@@ -1,4 +1,4 @@
-"""Names in the drawing, none of which covers another."""
+"""Names in the drawing, placed without overlaps."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ LETTERS = {
     "bar": Letters(13.0, colour="#000"),
     "north": Letters(14.0, is_bold=True, colour="#000"),
 }
-"""Black and white, by kind of name."""
+"""Letters of each kind of name, in black."""
 
 BAR_ROOM = WIDTH / 5 + 40.0
-"""What the scale bar takes at the lower left; the arrow to the north is at the upper right."""
+"""Room of the scale bar at the lower left; the north arrow is at the upper right."""
 
 _REACH = 40.0
-"""Names may be so far from what they name, in heights of a line of text."""
+"""Largest distance of a name from its object, in heights of a line of text."""
 
 _BESIDE = 8.0
 _HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
 
 
 def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Text, ...]:
-    """Place all names: each at the nearest place that is free.
+    """Place all names, each at the nearest place that is free.
 
     Parameters
     ----------
     planned
         The plan.
     paper
-        From the world to the drawing.
+        Mapping from the world to the drawing.
     units
-        Of lengths.
+        Units of lengths.
     """
     wanted = [
         Wanted(text, kind, paper(at)[None], gap=_BESIDE)
@@ -58,7 +58,7 @@ def placed_names(planned: FlightPlanned, paper: Paper, units: Units) -> tuple[Te
 
 
 def _taken(planned: FlightPlanned, paper: Paper) -> Floats:
-    """(n, 5) what is drawn and must be seen: reference lines, photos, points, bar and arrow."""
+    """Return (n, 5) boxes to keep free of names: reference lines, photos, points, bar and arrow."""
     lines = planned.lines
     starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
     along = ends - starts
@@ -106,5 +106,5 @@ def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[str, str, Flo
         for k in range(1, len(labels) + 1)
     }
     for label, at in zip(points.label, points.world_m, strict=True):
-        if label not in numbered:  # the name of the value says it already
+        if label not in numbered:  # else the name of the value contains the label already
             yield "point", label, at

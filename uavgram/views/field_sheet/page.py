@@ -1,4 +1,4 @@
-"""The sheet itself: self-contained HTML, made to be printed in black and white."""
+"""The field sheet: self-contained HTML, to be printed in black and white."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ from uavgram.views.unit_words import like_lengths
 from uavgram.views.units import column
 
 NAME = "field_sheet"
-"""Of its files, without their endings."""
+"""Name of its files, without their endings."""
 
 
 def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
-    """The page of a plan, to be taken along on paper.
+    """Render the page of a plan, to be taken along on paper.
 
     Parameters
     ----------
     planned
-        The plan; names that people wrote are escaped.
+        The plan; names written by people are escaped.
     units
-        In which lengths are shown.
+        Units in which lengths are shown.
     """
     lengths = planned.lines.length_m
     named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
@@ -73,19 +73,19 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
 
 
 def field_sheet_pdf(html: str, paper: Paper) -> bytes:
-    """The sheet as PDF; equal pages give equal bytes.
+    """Convert the sheet to PDF; equal pages give equal bytes.
 
     Parameters
     ----------
     html
-        Of `field_sheet`.
+        The page from `field_sheet`.
     paper
-        Its size.
+        Size of the paper.
 
     Raises
     ------
     UavgramError
-        WeasyPrint, or a library of the system that it needs, is missing.
+        If WeasyPrint, or a library of the system that it needs, is missing.
     """
     sheet = f"@page {{ size: {PAPER_SIZES[paper]} !important; }}"
     digest = hashlib.sha256(html.encode()).digest()

@@ -1,4 +1,4 @@
-"""Where a place on the ground lies in the drawing: north up, as large as it fits."""
+"""Mapping from the ground to the drawing: north up, as large as it fits."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from uavgram.model.arrays import Floats
 
 WIDTH = 900.0
 LEAST_HEIGHT, MOST_HEIGHT = 420.0, 740.0
-"""Of the drawing, in its own units: a sheet has room for it and for some words."""
+"""Limits of the drawing's height, in its own units: a sheet has room for it and for some text."""
 
 MARGIN = 46.0
 
 
 @dataclass(frozen=True, eq=False)
 class Paper:
-    """A drawing of a rectangle of ground.
+    """Drawing of a rectangle of ground.
 
     Attributes
     ----------
     west_m, north_m
-        What its margins begin at.
+        World coordinates of the inner edge of its left and upper margins.
     scale
-        Its units for each metre.
+        Units of the drawing per metre.
     height
-        Of the drawing.
+        Height of the drawing.
     """
 
     west_m: float
@@ -36,7 +36,7 @@ class Paper:
 
     @classmethod
     def showing(cls, world_m: Floats) -> Paper:
-        """The paper on which all (n, 2 or 3) places are seen."""
+        """Make the paper on which all (n, 2 or 3) places are seen."""
         low = world_m[:, :2].min(axis=0)
         size = np.maximum(world_m[:, :2].max(axis=0) - low, 1.0)
         scale = float(((np.array([WIDTH, MOST_HEIGHT]) - 2 * MARGIN) / size).min())
@@ -50,6 +50,6 @@ class Paper:
         )
 
     def __call__(self, world_m: Floats) -> Floats:
-        """(..., 2) x to the right and y downwards of (..., 2 or 3) places."""
+        """Map (..., 2 or 3) places to (..., 2) x to the right and y downwards."""
         x = MARGIN + (world_m[..., 0] - self.west_m) * self.scale
         return np.stack([x, MARGIN + (self.north_m - world_m[..., 1]) * self.scale], axis=-1)

@@ -1,4 +1,4 @@
-"""The map of the accuracy in steps of grey, as black and white printers show it."""
+"""Map of the accuracy in steps of grey, for black and white printers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uavgram.views.planned.numbers import centimetres
 from uavgram.views.survey.texts import svg_points
 
 LIGHTEST, DARKEST = 1.0, 0.66
-"""Of white: names on the darkest can still be read."""
+"""Range of grey as a share of white: names on the darkest can still be read."""
 
 _LEAST_STEP_M = 1e-3
 _STEPS = 4
@@ -22,7 +22,7 @@ _STEPS = 4
 
 @dataclass(frozen=True)
 class Shade:
-    """A grey, and which accuracies it stands for."""
+    """Shade of grey, and the range of accuracies that it represents."""
 
     colour: str
     words: str
@@ -30,7 +30,7 @@ class Shade:
 
 @dataclass(frozen=True)
 class Shading:
-    """The map: SVG points of each cell with its grey, cells that cannot be measured in, legend."""
+    """Map: SVG points of each cell with its grey, cells that cannot be measured in, legend."""
 
     cells: tuple[tuple[str, str], ...]
     unseen: tuple[str, ...]
@@ -60,9 +60,10 @@ def shading(planned: FlightPlanned, paper: Paper) -> Shading:
 
 
 def class_edges(sigma_m: Floats) -> Floats:
-    """(c + 1,) round numbers that some (n,) accuracies lie between, in equal steps."""
+    """Choose (c + 1,) round class limits in equal steps that enclose some (n,) accuracies."""
     low, high = float(sigma_m.min()), float(sigma_m.max())
     least = max((high - low) / _STEPS, _LEAST_STEP_M)
+    # smallest step of the 1-2-5 series that is not below the least step
     power = 10.0 ** np.floor(np.log10(least))
     step = power * min(f for f in (1, 2, 5, 10) if f * power >= least * (1 - 1e-9))
     first = np.floor(low / step + 1e-9)

@@ -1,1 +1,1 @@
-"""A flight log to look at: text, JSON, plot."""
+"""Views of a flight log: text, JSON, plot."""

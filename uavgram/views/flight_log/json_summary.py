@@ -1,4 +1,4 @@
-"""A flight log's summary as a JSON object, for ``uavgram log FILE --json``."""
+"""Summary of a flight log as a JSON object, for ``uavgram log FILE --json``."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from uavgram.model.flight.log import (
 
 
 def log_summary_object(summary: LogSummary) -> Any:  # noqa: ANN401
-    """Write down what is in a log; numbers that the log has not are null."""
+    """Convert the content of a log to a JSON object; numbers missing in the log are null."""
     log = summary.log
     content = {
         "schema": 1,
@@ -153,7 +153,7 @@ def _home(home: HomeSamples | None, moves_m: float) -> dict[str, Any] | None:
 
 
 def _without_nan(value: Any) -> Any:  # noqa: ANN401 - whatever JSON can hold
-    """The same with null for every number that is none."""
+    """Replace each number that is not finite by null."""
     if isinstance(value, dict):
         return {key: _without_nan(each) for key, each in value.items()}
     if isinstance(value, list):

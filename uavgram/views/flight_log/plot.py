@@ -1,6 +1,6 @@
-"""A flight log drawn, for ``uavgram log --plot``: track, attitude, GPS, clock, camera events.
+"""Plot of a flight log, for ``uavgram log --plot``: track, attitude, GPS, clock, camera events.
 
-Matplotlib's figures are used without pyplot: no window, no state that others could see.
+Matplotlib's figures are used without pyplot: no window and no global state.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _MOST_BOOTS = 4
 _DATUMS = {"msl": "above sea level", "ellipsoid": "above the ellipsoid"}
 _MARK_SIZE = 18.0
 _LEAST_JUMP_M, _FASTEST = 5.0, 60.0
-"""What moves farther than that from one row to the next, and faster [m/s], is no flight."""
+"""Largest step [m] and speed [m/s] from one row to the next that can be a flight."""
 
 
 def log_plot_png(summary: LogSummary) -> bytes:
@@ -76,12 +76,12 @@ def _draw_boot(part: SubFigure, summary: BootSummary, number: int, count: int) -
 
 
 def _rows(summary: BootSummary) -> int:
-    """Rows of panels."""
+    """Return the number of rows of panels."""
     return (len(list(_panels(summary))) + 1) // 2
 
 
 def _panels(summary: BootSummary) -> Iterator[tuple[str, Callable[[Axes], None]]]:
-    """Titles of what this boot has something of, and what draws it."""
+    """Yield title and drawing function of each panel for which the boot has data."""
     boot, sigmas = summary.boot, summary.boot.sigmas
     if boot.positions is not None:
         yield "Track and camera events", partial(_draw_track, summary, boot.positions)
@@ -99,10 +99,11 @@ def _panels(summary: BootSummary) -> Iterator[tuple[str, Callable[[Axes], None]]
 
 
 def _flown(time_s: Floats, values: Floats) -> slice:
-    """Rows of a curve (n, k) [m] from where on the log has places.
+    """Return the rows of a curve (n, k) [m] from the first valid position on.
 
-    Before a receiver or an estimator has one, logs have zeros, or small numbers.
+    Before a receiver or an estimator has a position, logs contain zeros or small numbers.
     """
+    # first jump that no flight can make, after values near zero
     step = np.linalg.norm(np.diff(values, axis=0), axis=1)
     jumps = np.flatnonzero(step > np.maximum(_LEAST_JUMP_M, _FASTEST * np.diff(time_s)))
     if len(jumps) and np.abs(values[: jumps[0] + 1]).max() < 0.1 * step[jumps[0]]:
@@ -111,7 +112,7 @@ def _flown(time_s: Floats, values: Floats) -> slice:
 
 
 def _explain(axis: Axes, height: str, source: str) -> None:
-    """Name what is drawn over time, and where it is from."""
+    """Label the axes of a curve over time, and name its source."""
     axis.set_xlabel("time since boot [s]")
     axis.set_ylabel(height)
     axis.set_title(source, fontsize=9, loc="right", color=_GREY)
@@ -196,7 +197,7 @@ def _draw_quality(sigmas: EstimatorSigmas, axis: Axes) -> None:
     both = np.stack([sigmas.horizontal_m, sigmas.vertical_m])
     for sigma, colour, name in zip(both, (_BLUE, _ORANGE), ("horizontal", "vertical"), strict=True):
         axis.plot(sigmas.time_boot_s, sigma, color=colour, linewidth=1.2, label=name)
-    # receivers state hundreds of metres before they have a place
+    # receivers state hundreds of metres before they have a position
     axis.set_ylim(0.0, 1.3 * float(np.nanpercentile(both, 95)) + 0.01)
     _explain(axis, "1 sigma of positions [m]", sigmas.source)
 

@@ -29,7 +29,7 @@ _MANY = 20
 
 
 def log_summary_lines(summary: LogSummary) -> tuple[str, ...]:
-    """Write down what is in a log: vehicle, boots, clock, tables, events, messages, oddities."""
+    """List the content of a log: vehicle, boots, clock, tables, events, messages, notes."""
     log = summary.log
     lines = [f"{log.path}: {KINDS[log.kind]}"]
     lines.append(_row("vehicle", f"{log.vehicle or 'not stated'}; {log.firmware or 'no firmware'}"))
@@ -40,7 +40,7 @@ def log_summary_lines(summary: LogSummary) -> tuple[str, ...]:
         lines.extend(_boot_lines(boot))
     lines.extend(_row("note", note) for note in log.notes)
     lines.append(f"{sum(m.count for m in log.messages)} messages of {len(log.messages)} types")
-    # with several boots, first and last are of different clocks: no rate
+    # with several boots, first and last time are of different clocks: no rate
     one_clock = len(log.boots) == 1
     lines.extend(_message_line(message, one_clock=one_clock) for message in log.messages)
     return tuple(lines)
@@ -81,7 +81,7 @@ def _clock_text(clock: BootClock, pairs: int) -> str:
 
 
 def _rate(source: str, time_boot_s: Floats) -> str:
-    """Source, number, rate and span of a table."""
+    """Format source, number of rows, span and rate of a table."""
     first, last = time_boot_s[0], time_boot_s[-1]
     text = f"{source}, {len(time_boot_s)}, {first:.1f} to {last:.1f} s after boot"
     if len(time_boot_s) > 1:

@@ -1,1 +1,1 @@
-"""A result in Python and in notebooks: tables of pandas, plots of matplotlib, and its display."""
+"""Result in Python and in notebooks: pandas tables, matplotlib plots, and display."""

@@ -1,6 +1,6 @@
-"""How a notebook shows a result: the verdict first, then what was measured.
+"""Display of a result in a notebook: the verdict first, then the measurements.
 
-The result itself knows nothing of that: IPython is told which function shows it.
+The result itself does not know this module: IPython is given the function that shows it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ COLUMNS = ("measurement", "what", "points", "value ± sigma", "95 % interval", "
 
 
 def register() -> None:
-    """Tell the IPython that is running how to show a result; nothing where none is."""
+    """Register the display of a result with the running IPython, if there is one."""
     module = sys.modules.get("IPython")
     shell = module.get_ipython() if module is not None else None
     if shell is not None:
@@ -28,7 +28,7 @@ def register() -> None:
 
 
 def result_html(result: Result) -> str:
-    """Verdict with its reasons, the measurements, and what was used, as a piece of HTML."""
+    """Render verdict with reasons, measurements, and the data used, as a piece of HTML."""
     words, units, keep = verdict_words(result), units_of(result), names_like_lengths(result)
 
     def converted(text: str) -> str:
@@ -50,7 +50,7 @@ def result_html(result: Result) -> str:
 def _table(result: Result) -> str:
     rows, units = result.measurements, units_of(result)
     if not rows.name:
-        return "<p>Nothing was measured: no measurements were asked for.</p>"
+        return "<p>Nothing was measured: no measurements were requested.</p>"
     head = "".join(f"<th>{escape(column)}</th>" for column in COLUMNS)
     body = []
     for i in worst_first(rows):

@@ -1,4 +1,4 @@
-"""What a result keeps as single numbers, as rows of tables: what all photos share, and noise."""
+"""Single estimates of a result as rows of tables: parameters shared by all photos, and noise."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _PIXELS = ("fx", "fy", "cx", "cy")
 
 
 def shared_rows(result: Result) -> list[Row]:
-    """What all photos share: what it is, adjusted value, sigma, unit."""
+    """List the parameters shared by all photos: name, adjusted value, sigma, unit."""
     shared = result.shared
     single = ("heading_bias_deg", "clock_offset_s", "clock_drift_ppm", "readout_s")
     rows: list[Row] = []
@@ -41,7 +41,7 @@ def _rows(found: Estimate | None, name: str, axes: tuple[str, ...], unit: str) -
 
 
 def camera_rows(result: Result) -> list[Row]:
-    """The lens model: each parameter as stated and as adjusted, with sigmas."""
+    """List the parameters of the lens model as stated and as adjusted, with sigmas."""
     camera, adjusted = result.camera, result.shared.intrinsics
     stated = np.sqrt(np.diag(camera.covariance))
     return [
@@ -58,7 +58,7 @@ def camera_rows(result: Result) -> list[Row]:
 
 
 def orientation_rows(result: Result) -> list[Row]:
-    """Correlations of what photos share among each other, and of each pose with it."""
+    """List the correlations among the shared parameters, and of each pose with them."""
     found = result.orientation
     if found is None:
         return []

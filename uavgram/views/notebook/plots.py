@@ -1,6 +1,6 @@
-"""Plots of a result: residuals, the plan from above, and where uncertainty comes from.
+"""Plots of a result: residuals, the plan from above, and the error budget.
 
-Each draws into the axes that it is given, or into a figure of its own, and returns the axes.
+Each draws into the given axes, or into a figure of its own, and returns the axes.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 ELLIPSE_SHARE = 0.03
-"""Of the plan's width: about as large are the ellipses drawn."""
+"""Approximate size of the drawn ellipses, as a share of the plan's width."""
 
 MOST_NAMED = 12
-"""More measurements than these are drawn thin, and without names."""
+"""Number of measurements above which they are drawn thin and without names."""
 
 MOST_BARS = 25
-"""Measurements whose budget is drawn, those that are known worst."""
+"""Number of measurements whose budget is drawn, the least certain ones."""
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 49)
 
 
 def residuals(result: Result, axes: Axes | None = None) -> Axes:
-    """Residuals of the picks [px], adjusted minus picked, with those that are suspect in red.
+    """Plot the residuals of the picks [px], adjusted minus picked, with suspect ones in red.
 
     Parameters
     ----------
     result
-        Of a run.
+        Result of a run.
     axes
-        Where to draw; left out, in a figure of its own.
+        Axes to draw into; by default in a figure of its own.
     """
     axes = _axes_or_new(axes)
     status = np.array(result.picks.status, dtype=str)
@@ -59,16 +59,16 @@ def residuals(result: Result, axes: Axes | None = None) -> Axes:
 
 
 def plan(result: Result, axes: Axes | None = None) -> Axes:
-    """The survey from above: points with enlarged 95 % ellipses, what was taped and measured.
+    """Plot the survey from above: points with enlarged 95 % ellipses, known and measured lines.
 
-    Coordinates are metres, or feet where the project is in feet.
+    Coordinates are metres, or feet if the project is in feet.
 
     Parameters
     ----------
     result
-        Of a run.
+        Result of a run.
     axes
-        Where to draw; left out, in a figure of its own.
+        Axes to draw into; by default in a figure of its own.
     """
     axes = _axes_or_new(axes)
     measured, units = measured_strips(result), units_of(result)
@@ -82,7 +82,7 @@ def plan(result: Result, axes: Axes | None = None) -> Axes:
             look = {"color": f"C{k % 10}", "linewidth": 2, "linestyle": "-" if k < 10 else "-."}
         for strip in strips:
             axes.plot(*(unit.factor * strip[:, :2]).T, **look)
-        if are_few:  # names on the lines would cover each other
+        if are_few:  # names on the lines would overlap
             axes.plot([], [], label=f"{row.name}: {row.value}", **look)
     for i, strip in reference_strips(result).items():
         ink = INK[result.lines.status[i]]
@@ -101,16 +101,16 @@ def plan(result: Result, axes: Axes | None = None) -> Axes:
 
 
 def budget(result: Result, axes: Axes | None = None) -> Axes:
-    """From where the variance of each measurement comes, as bars that add up to 100 %.
+    """Plot the sources of each measurement's variance, as bars that add up to 100 %.
 
-    Of many measurements, the `MOST_BARS` that are known worst.
+    Of many measurements, only the `MOST_BARS` least certain are shown.
 
     Parameters
     ----------
     result
-        Of a run.
+        Result of a run.
     axes
-        Where to draw; left out, in a figure of its own.
+        Axes to draw into; by default in a figure of its own.
     """
     axes = _axes_or_new(axes)
     axes.set(xlabel="share of the variance [%]", title="Where the uncertainty comes from")
@@ -132,7 +132,7 @@ def budget(result: Result, axes: Axes | None = None) -> Axes:
 
 
 def _axes_or_new(axes: Axes | None) -> Axes:
-    """The axes, or new ones; where pyplot is in use, in its figure, which a notebook shows."""
+    """Return the axes, or new ones; if pyplot is in use, in its figure, which a notebook shows."""
     if axes is not None:
         return axes
     if (pyplot := sys.modules.get("matplotlib.pyplot")) is not None:
@@ -146,13 +146,14 @@ def _axes_or_new(axes: Axes | None) -> Axes:
 
 
 def _ellipses(axes: Axes, result: Result, unit: float) -> int:
-    """Draws the ellipses within the survey; by how much they are enlarged besides the unit."""
+    """Draw the ellipses within the survey; return their enlargement, besides the unit."""
     within, place = result.points.relative, result.points.position_world_m[:, :2]
     if not len(place):
         return 1
     extent_m = max(float(np.ptp(place, axis=0).max()), 1.0)
     factor = nice_factor(float(np.median(within.ellipse_95_m[:, 0])), ELLIPSE_SHARE * extent_m)
     azimuth, half = within.ellipse_azimuth_rad[:, None], factor * within.ellipse_95_m
+    # ellipse by its half axes, turned to the azimuth (clockwise from north)
     along, across = half[:, :1] * np.cos(_TURN), half[:, 1:] * np.sin(_TURN)
     east = place[:, :1] + along * np.sin(azimuth) + across * np.cos(azimuth)
     north = place[:, 1:] + along * np.cos(azimuth) - across * np.sin(azimuth)

@@ -1,4 +1,4 @@
-"""The tables of a result as data frames of pandas, which is only needed here.
+"""Tables of a result as pandas data frames; pandas is needed only here.
 
 The columns follow from the fields of the tables: an array with an axis behind the rows gives a
 column for each entry, a covariance one for each pair. Names end with the unit.
@@ -72,43 +72,43 @@ _RECORDS: dict[str, Callable[[Result], Sequence[object]]] = {
     "messages": lambda result: result.messages,
     "inputs": lambda result: result.provenance.inputs,
 }
-"""Tables that are kept as one object for each row."""
+"""Tables stored as one object per row."""
 
 _EVIDENCE: dict[str, Callable[[Evidence], object]] = {
     "priors": lambda evidence: evidence.priors,
     "line_effects": lambda evidence: evidence.lines,
     "pick_effects": lambda evidence: evidence.picks,
 }
-"""Tables of what errors that no test finds would do; `lines` and `picks` have the same rows."""
+"""Tables of the effects of undetected errors; `lines` and `picks` have the same rows."""
 
 _KEYS = ("name", "label", "frame_id")
-"""Columns that name a row: the first that a table has is its index, where no name is double."""
+"""Columns that name a row: the first that a table has is its index if its names are unique."""
 
 _UNITS = ("m", "m2", "px", "deg", "rad", "s", "percent")
 
 
 def to_pandas(result: Result, table: TableName) -> pd.DataFrame:
-    """One table of a result as a data frame: a row for each measurement, point, photo...
+    """Return one table of a result as a data frame: a row for each measurement, point, photo...
 
     >>> uavgram.to_pandas(result, "measurements")[["value", "sigma", "unit"]]    # doctest: +SKIP
 
     Parameters
     ----------
     result
-        Of `uavgram.run` or `uavgram.load_results`.
+        Result of `uavgram.run` or `uavgram.load_results`.
     table
         ``measurements``, ``points``, ``lines``, ``picks``, ``frames`` and so on (`TableName`).
 
     Returns
     -------
     Rows are named by measurement, label or photo where these are unique. Columns are the fields of
-    the result, with their units; vectors and covariances in a column for each number, NaN where
-    there is none. Values are in SI units.
+    the result, with their units; vectors and covariances in a column for each number, NaN for
+    missing values. Values are in SI units.
 
     Raises
     ------
     UavgramError
-        There is no such table, or pandas is not installed.
+        If there is no such table, or pandas is not installed.
     """
     names = get_args(TableName)
     if table not in names:
@@ -138,7 +138,7 @@ def _indexed(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _of_measurements(result: Result, table: str) -> pd.DataFrame:
-    """Tables with a row for each measurement, which they don't name; empty where there is none."""
+    """Return a table with a row per measurement, without a name column; may be empty."""
     frame, names = _pandas().DataFrame, list(result.measurements.name)
     if table == "correlation":
         return frame(result.measurements.correlation, index=names, columns=names)
@@ -153,11 +153,11 @@ def _of_measurements(result: Result, table: str) -> pd.DataFrame:
 
 
 def columns(table: object, before: str = "") -> Iterator[tuple[str, object]]:
-    """Column names and columns of a table."""
+    """Yield the column names and columns of a table."""
     for field in dataclasses.fields(table):  # type: ignore[arg-type]
         value = getattr(table, field.name)
         if not field.repr:
-            continue  # no column: it is about this computer
+            continue  # no column: the field describes this computer
         if dataclasses.is_dataclass(value):
             yield from columns(value, f"{before}{field.name}_")
         elif isinstance(value, np.ndarray) and value.ndim > 1:
@@ -171,7 +171,7 @@ def columns(table: object, before: str = "") -> Iterator[tuple[str, object]]:
 def _split(
     value: np.ndarray[Any, Any], name: str, column: Column, before: str
 ) -> Iterator[tuple[str, object]]:
-    """Name a column for each number of a row; of a symmetric matrix each once."""
+    """Yield a named column for each number of a row; of a symmetric matrix each number once."""
     if name == "correlation":
         return  # a table of its own
     stem, unit = _unit_of(name)
@@ -185,13 +185,13 @@ def _split(
 
 
 def _unit_of(name: str) -> tuple[str, str]:
-    """``("residual", "px")`` of ``residual_px``."""
+    """Split a name and its unit: ``residual_px`` gives ``("residual", "px")``."""
     stem, _, unit = name.rpartition("_")
     return (stem, unit) if stem and unit in _UNITS else (name, "")
 
 
 def _record(one: object) -> dict[str, object]:
-    """An object as a row; values with their sigma as two columns, or a pair for each number."""
+    """Convert an object to a row; a value with sigma gives two columns, a vector several."""
     row: dict[str, object] = {}
     if isinstance(one, dict):
         return one

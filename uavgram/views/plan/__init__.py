@@ -1,1 +1,1 @@
-"""The plan: what was surveyed, drawn to scale on the ground as the photos show it."""
+"""Plan of the survey, drawn to scale on the ground as the photos show it."""

@@ -1,7 +1,7 @@
-"""Pages of a PDF with pictures as JPEG: as Matplotlib stores them they are ten times as large.
+"""PDF pages with pictures as JPEG; Matplotlib's own storage takes ten times the space.
 
-Matplotlib has no option for it (its issue 25130), so two of its methods are replaced. Were they
-called otherwise one day, the pictures would be stored without loss again.
+Matplotlib has no option for it (its issue 25130), so two of its methods are replaced. If they are
+renamed one day, the pictures are stored without loss again.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ from PIL import Image
 from uavgram.imaging.photos.preview import Pixels
 
 QUALITY = 88
-"""Of libjpeg: on paper, nobody sees a difference."""
+"""Quality for libjpeg at which no difference is visible on paper."""
 
 
 class JpegPages(PdfPages):
-    """`PdfPages` whose pictures in colour are stored as JPEG."""
+    """`PdfPages` that stores colour pictures as JPEG."""
 
     def _ensure_file(self) -> Any:  # noqa: ANN401
         if self._file is None:
-            make: Any = _JpegFile  # Matplotlib's own has no types
+            make: Any = _JpegFile  # Matplotlib's own class has no types
             self._file = make(self._filename, metadata=self._metadata)
         return self._file
 
@@ -40,7 +40,7 @@ class _JpegFile(PdfFile):
         name: Any = Name
         stored = io.BytesIO()
         Image.fromarray(data).save(stored, format="jpeg", quality=QUALITY)
-        with rc_context({"pdf.compression": 0}):  # it is compressed already
+        with rc_context({"pdf.compression": 0}):  # JPEG is compressed already
             file.beginStream(
                 id,
                 file.reserveObject("length of image stream"),

@@ -1,4 +1,4 @@
-"""The strip beside the plan: scale, north, what the signs mean, and what a reader must know."""
+"""Strip beside the plan: scale, north, legend, and notes for the reader."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from uavgram.views.units import round_bar, units_of
 
 TITLE_PT, TEXT_PT, FOOT_PT, NUMBER_PT = 11.0, 6.0, 5.0, 11.0
 BAR_MM, NORTH_MM = 50.0, 59.0
-"""Most length of the scale bar, and where north stands, right of what the bar can take."""
+"""Largest length of the scale bar, and place of the north arrow right of it."""
 
 SIGNS_MM, NOTES_MM = 66.0, 113.0
-"""Where the columns below a frame begin, from its left."""
+"""Left edges of the columns below a frame, from the frame's left."""
 
 BELOW_TITLE_MM = 22.0
 INCH_MM = 25.4
@@ -30,18 +30,18 @@ FOOT_MM = 6.5
 def draw_legend(
     sheet: Sheet, result: Result, title: str, notes: tuple[str, ...], foot: str
 ) -> None:
-    """Fill the paper below the frame, or beside it where the sheet lies.
+    """Fill the paper below the frame, or beside it on a landscape sheet.
 
     Parameters
     ----------
     sheet
-        Where to.
+        The sheet.
     result
-        Whose plan it is.
+        Result shown by the plan.
     title
-        Below the name: which sheet it is.
+        Title of the sheet, below the name.
     notes
-        Sentences beside those that every plan has.
+        Sentences in addition to those of every plan.
     foot
         One line at the very bottom.
     """
@@ -84,7 +84,7 @@ def _write(
 
 
 def _scale_bar(sheet: Sheet, result: Result, left: float, y: float) -> None:
-    """Draw it, with its length on the ground and on paper."""
+    """Draw the scale bar, with its length on the ground and on paper."""
     bar_m, words = round_bar(BAR_MM * sheet.plan.scale / 1000.0, units_of(result))
     long = bar_m * 1000.0 / sheet.plan.scale
     for k in range(5):
@@ -113,7 +113,7 @@ def _north(sheet: Sheet, x: float, y: float) -> None:
 
 
 def _signs(sheet: Sheet, result: Result, x: float, y: float) -> float:
-    """Only those that occur in the survey; where they end."""
+    """Draw the signs that occur in the survey; return the lower end of the list."""
     rows: list[tuple[str, tuple[float, ...], str]] = [
         (INK["measured"], (), "measured ± standard deviation")
     ]
@@ -152,7 +152,7 @@ def _signs(sheet: Sheet, result: Result, x: float, y: float) -> float:
 def _paragraphs(
     sheet: Sheet, told: tuple[str, ...], corner: tuple[float, float], size: tuple[float, float]
 ) -> None:
-    """Write them below each other from an upper left corner on, in a width and height."""
+    """Write paragraphs below each other from an upper left corner on, in a width and height."""
     note = fitted(told, size)
     x, y = corner
     for lines in note.paragraphs:
@@ -163,7 +163,7 @@ def _paragraphs(
 
 
 def _index(sheet: Sheet, x: float, y: float) -> float:
-    """All sheets, small, this one filled; one alone needs none. Where it ends."""
+    """Draw a small index of all sheets, this one filled, if there are several; return its end."""
     plan = sheet.plan
     if len(plan.sheets) == 1:
         return y
@@ -180,7 +180,7 @@ def _index(sheet: Sheet, x: float, y: float) -> float:
 
 
 def outline_sheets(sheet: Sheet, tiled: Plan) -> None:
-    """On an overview: where the sheets of the tiled plan lie, with their numbers."""
+    """Outline the sheets of the tiled plan on an overview, with their numbers."""
     left, bottom, _, up = sheet.plan.frame_mm
     for one in tiled.sheets:
         west, south = one.west_m, one.south_m

@@ -1,4 +1,4 @@
-"""Sentences beside the plan, and how they are set into their place."""
+"""Sentences beside the plan, and their typesetting."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from uavgram.views.unit_words import in_units, names_like_lengths
 from uavgram.views.units import column, units_of
 
 TEXT_PT, LEAST_PT = 7.0, 4.5
-"""Letters of the notes: as large as have room, between these."""
+"""Limits of the font size of the notes, which is as large as the room allows."""
 
 _LINE_MM, _GAP = 0.43, 0.35
-"""Between lines, for each point of the letters; and between paragraphs, as a share of that."""
+"""Line spacing [mm] per point of font size, and gap between paragraphs as a share of that."""
 
 LEANS = (
-    "Picture: the photos, laid onto the plane of the ground. Objects above the ground lean "
-    "away from the camera and are not where they seem: only surveyed points are in their place."
+    "Picture: the photos, projected onto the plane of the ground. Objects above the ground "
+    "appear displaced away from the camera: only surveyed points are at their true place."
 )
 ACTUAL_SIZE = (
-    'Print at "actual size" (100 %) and hold a ruler to the scale bar: it says how long it must be.'
+    'Print at "actual size" (100 %) and check the scale bar with a ruler: its length is stated.'
 )
 JOIN = (
     "To join the sheets: cut along the dashed lines, right and below, and lay each cut edge onto "
@@ -35,7 +35,7 @@ JOIN = (
 
 
 class Note(NamedTuple):
-    """Lines of each paragraph, and how they are set: letters [pt], distances [mm]."""
+    """Lines of each paragraph with font size [pt] and distances [mm]."""
 
     paragraphs: tuple[tuple[str, ...], ...]
     size_pt: float
@@ -44,19 +44,19 @@ class Note(NamedTuple):
 
     @property
     def height_mm(self) -> float:
-        """What all of it takes."""
+        """Height of all lines and gaps."""
         return sum(len(lines) * self.line_mm + self.gap_mm for lines in self.paragraphs)
 
 
 def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
-    """What every plan says, the verdict first.
+    """List the notes of every plan, the verdict first.
 
     Parameters
     ----------
     result
-        Whose plan it is.
+        Result shown by the plan.
     sheet
-        One of it, with all that it shows.
+        One of its sheets, with all its content.
     """
     case = "; ".join(
         f"{word}: {text}" for word, text in case_from_options(result.provenance.options)
@@ -64,7 +64,7 @@ def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
     verdict = in_units(headline(result), units_of(result), names_like_lengths(result))
     told = [case, verdict, accuracy_words(result), LEANS, _grid_note(result)]
     if is_doubtful(result).any():
-        told.append(f"{DOUBT.strip()} after a value: it is in doubt, the report says why.")
+        told.append(f"{DOUBT.strip()} after a value: it is doubtful. The report gives the reason.")
     told.append(ACTUAL_SIZE)
     if len(sheet.plan.sheets) > 1:
         told.append(JOIN)
@@ -83,14 +83,14 @@ def _grid_note(result: Result) -> str:
 
 
 def fitted(told: tuple[str, ...], size_mm: tuple[float, float]) -> Note:
-    """Break sentences into lines, with the largest letters that have room.
+    """Break sentences into lines, with the largest font size that fits.
 
     Parameters
     ----------
     told
-        A paragraph each.
+        The paragraphs.
     size_mm
-        Width and height of their place.
+        Width and height available.
     """
     for size_pt in np.arange(TEXT_PT, LEAST_PT, -0.25).tolist():
         note = _set(told, size_mm[0], size_pt)
@@ -106,7 +106,7 @@ def _set(told: tuple[str, ...], across_mm: float, size_pt: float) -> Note:
 
 
 def _lines(text: str, across: float) -> tuple[str, ...]:
-    """Of a text with letters of one point."""
+    """Break a text into lines for a font size of one point."""
     space = width_mm("a a", 1.0) - 2 * width_mm("a", 1.0)
     lines: list[list[str]] = []
     room = 0.0

@@ -1,4 +1,4 @@
-"""The pages of a plan: plan.pdf with every sheet to scale, plan.png with all on one sheet."""
+"""Pages of a plan: plan.pdf with every sheet to scale, plan.png with all on one sheet."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from uavgram.views.plan.surveyed import draw_grid, draw_surveyed
 
 PNG_DPI = 200
 _FONTS: Any = {"pdf.fonttype": 42, "path.simplify": False, "font.family": "DejaVu Sans"}
-"""Whole fonts, so that texts can be searched; no vertex of a line is left out."""
+"""Font settings: whole fonts, so that texts can be searched; no vertex of a line is left out."""
 
 
 @dataclass(frozen=True, eq=False)
 class GroundPicture:
-    """What photos show of the ground of a sheet: (H, W, 4) RGB and opacity, and where it lies."""
+    """Photo mosaic of the ground of a sheet: (H, W, 4) RGB and opacity, and its place."""
 
     rgba: Pixels
     raster: GroundRaster
@@ -42,18 +42,18 @@ Pictures = Callable[[Plan, PlanSheet], GroundPicture | None]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanContent:
-    """What is drawn.
+    """Content of a plan.
 
     Attributes
     ----------
     result
         The survey.
     plan
-        As it is asked for.
+        The plan as requested.
     overview
-        All of it on one sheet; the same as `plan` where that has one sheet.
+        The whole survey on one sheet; the same as `plan` if that has one sheet.
     pictures
-        What photos show of a sheet; None: nothing.
+        Function that makes the mosaic of a sheet; it may return None.
     notes
         Sentences on the picture.
     digest
@@ -70,17 +70,16 @@ class PlanContent:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlanFiles:
-    """What was drawn.
+    """Files of a plan.
 
     Attributes
     ----------
     pdf, png
         The content of plan.pdf and of plan.png; equal input gives equal bytes.
     map_rgba
-        (H, W, 4) what the frame of plan.png shows.
+        (H, W, 4) pixels within the frame of plan.png.
     map_corners_m
-        (3, 2) where its outer corners lie, in local metres: first row's first and last, last row's
-        first.
+        (3, 2) its outer corners in local metres: first row's first and last, last row's first.
     """
 
     pdf: bytes
@@ -95,7 +94,7 @@ def plan_pages(content: PlanContent) -> PlanFiles:
     Parameters
     ----------
     content
-        What is drawn.
+        The content to draw.
     """
     made = datetime.fromisoformat(content.result.provenance.created_utc)
     pdf = io.BytesIO()
@@ -111,7 +110,7 @@ def plan_pages(content: PlanContent) -> PlanFiles:
 
 
 def _pictures(page: Sheet) -> tuple[bytes, Pixels, Floats]:
-    """A sheet as PNG, and what its frame shows with the corners of that in the world."""
+    """Convert a sheet to PNG; also return the pixels within its frame and their world corners."""
     FigureCanvasAgg(page.figure)
     stored = io.BytesIO()
     page.figure.savefig(stored, format="png", dpi=PNG_DPI, metadata={"Software": "uavgram"})
@@ -129,7 +128,7 @@ def _pictures(page: Sheet) -> tuple[bytes, Pixels, Floats]:
 
 
 def _sheets(content: PlanContent) -> Iterator[Sheet]:
-    """The overview, then each sheet of a plan that has several."""
+    """Yield the overview, then each sheet of a plan that has several."""
     plan, overview = content.plan, content.overview
     is_tiled = len(plan.sheets) > 1
     first = _drawn(content, overview, overview.sheets[0])
@@ -175,7 +174,7 @@ def _finished(content: PlanContent, sheet: Sheet, title: str) -> Sheet:
 
 
 def _show(sheet: Sheet, picture: GroundPicture) -> None:
-    """Lay the picture under the drawing; what no photo shows is white paper."""
+    """Put the picture under the drawing; areas without photos are white."""
     raster = picture.raster
     opacity = picture.rgba[..., 3:].astype(np.uint16)
     rgb = (picture.rgba[..., :3] * opacity + 255 * (255 - opacity)) // 255
@@ -190,7 +189,7 @@ def _show(sheet: Sheet, picture: GroundPicture) -> None:
 
 
 def _seams(sheet: Sheet) -> None:
-    """Where to cut, right and below, and in the strips that sheets share: which is the next one."""
+    """Draw the cut lines, right and below, and the number of the next sheet in shared strips."""
     plan, one = sheet.plan, sheet.sheet
     left, bottom, across, up = plan.frame_mm
     right, top, strip = left + across, bottom + up, plan.overlap_mm
@@ -212,7 +211,7 @@ def _seams(sheet: Sheet) -> None:
 
 
 def _cut(sheet: Sheet, drawn: Floats) -> None:
-    """A line to cut along, with marks outside the frame; no text lies across it."""
+    """Draw a line to cut along, with marks outside the frame; texts keep clear of it."""
     sheet.reserve(drawn.mean(axis=0), np.maximum(np.ptp(drawn, axis=0) / 2, 0.3))
     sheet.line(drawn, PAPER, 6 * THIN_PT)
     sheet.line(drawn, INK, 2 * THIN_PT, (6.0, 3.0))

@@ -1,4 +1,4 @@
-"""A sheet of paper under way: everything is drawn in millimetres from its lower left corner."""
+"""Sheet of paper under construction: coordinates are millimetres from its lower left corner."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ MM_OF_POINT = 25.4 / 72.0
 INK, QUIET, PAPER = "#1d232b", "#5b6470", "#ffffff"
 THIN_PT = 0.4
 _LINE = 1.5
-"""Height of a line of text, of the size of its letters."""
+"""Height of a line of text, relative to the font size."""
 
 _GAP_MM, _FARTHEST = 0.7, 12.0
-"""Between a text and what it names, and how far it may be from that, in its heights."""
+"""Gap between a text and its object [mm], and largest distance in heights of the text."""
 
 
 class _Name(NamedTuple):
-    """A text to be placed: colour and size of its letters, and what it names."""
+    """Text to be placed: colour and font size, and label of its object."""
 
     text: str
     colour: str
@@ -37,18 +37,18 @@ class _Name(NamedTuple):
 
 
 class Sheet:
-    """Paper with a frame that shows the ground; texts in it do not cover each other.
+    """Paper with a frame that shows the ground; texts in it do not overlap.
 
     Attributes
     ----------
     plan, sheet
-        Which ground lies where.
+        Position of the ground on the sheet.
     figure, axes
         The drawing: its coordinates are millimetres on paper.
     """
 
     def __init__(self, plan: Plan, sheet: PlanSheet) -> None:
-        """Take an empty sheet."""
+        """Make an empty sheet."""
         self.plan, self.sheet = plan, sheet
         width, height = plan.paper_mm
         self.figure = Figure(figsize=(width / 25.4, height / 25.4))
@@ -63,11 +63,11 @@ class Sheet:
         self.left_out = 0
 
     def on_paper(self, world_m: Floats) -> Floats:
-        """(..., 2) millimetres of places in the world."""
+        """Convert (..., 2) places in the world to millimetres on paper."""
         return self.plan.on_paper(self.sheet, world_m)
 
     def in_world(self, drawn_mm: Floats) -> Floats:
-        """(..., 2) places in the world of millimetres on paper."""
+        """Convert (..., 2) millimetres on paper to places in the world."""
         corner = np.array([self.sheet.west_m, self.sheet.south_m])
         frame = np.array(self.plan.frame_mm[:2])
         return np.asarray(corner + (drawn_mm - frame) * self.plan.scale / 1000.0)
@@ -75,18 +75,18 @@ class Sheet:
     def line(
         self, drawn: Floats, colour: str, width_pt: float, dashes: tuple[float, ...] = ()
     ) -> None:
-        """Draw a polyline as it is, no vertex left out; what lies off the frame is cut.
+        """Draw a polyline with all its vertices, clipped to the frame.
 
         Parameters
         ----------
         drawn
             (n, 2) millimetres.
         colour, width_pt
-            Of the line.
+            Colour and width of the line.
         dashes
-            Lengths of dashes and gaps in widths of the line; by default it is whole.
+            Lengths of dashes and gaps in widths of the line; by default it is solid.
         """
-        # not by plot(), which takes most of the time to find limits that are known
+        # plot() would spend most of the time on limits that are known
         line = Line2D(*drawn.T, color=colour, linewidth=width_pt, zorder=4)
         self.axes.add_artist(line)
         line.get_path().should_simplify = False
@@ -96,12 +96,12 @@ class Sheet:
         line.set_clip_path(self.frame)
 
     def inside(self, drawn: Floats) -> bool:
-        """Whether a place (2,) lies in the frame."""
+        """Return whether a place (2,) is in the frame."""
         left, bottom, across, up = self.plan.frame_mm
         return bool(left <= drawn[0] <= left + across and bottom <= drawn[1] <= bottom + up)
 
     def reserve(self, middle: Floats, half: Floats) -> None:
-        """Keep a level rectangle free of texts."""
+        """Keep a rectangle parallel to the axes free of texts."""
         self._taken.append(np.array([*middle, *half, 0.0]))
 
     def name(
@@ -115,25 +115,25 @@ class Sheet:
         is_needed: bool = True,
         turn: float = 0.0,
     ) -> None:
-        """Name an object; the text is written by `write_names`, those named first before others.
+        """Name an object; `write_names` writes the texts, in the order of these calls.
 
         Parameters
         ----------
         text
-            What is written.
+            The text.
         colour, size_pt
-            Of its letters.
+            Colour and size of its letters.
         spots
-            (1, 2) the point or (2, 2) the ends of the line that it names.
+            (1, 2) the named point or (2, 2) the ends of the named line.
         where, is_needed, turn
-            As of `Label`.
+            See `Label`.
         """
         half, rank = half_text(text, size_pt), len(self._names)
         label = Label(spots[0], spots[-1], half, _GAP_MM, where, is_needed, rank, turn)
         self._names.append(_Name(text, colour, size_pt, label))
 
     def write_names(self) -> None:
-        """Write all texts that there is room for, on white patches, with lines to their objects."""
+        """Write all texts that have room, on white patches, with lines to their objects."""
         left, bottom, across, up = self.plan.frame_mm
         low, size = np.array([left, bottom]), np.array([across, up])
         placed = place_labels(
@@ -169,18 +169,18 @@ class Sheet:
 
 
 def plain(text: str) -> str:
-    """A text to be written as it is: between dollars, Matplotlib would see a formula."""
+    """Escape dollars, between which Matplotlib would see a formula."""
     return text.replace("$", r"\$")
 
 
 def half_text(text: str, size_pt: float) -> Floats:
-    """(2,) half the width and height that a text takes [mm]."""
+    """Return (2,) half the width and height of a text [mm]."""
     return np.array([width_mm(text, size_pt) + 0.8, _LINE * size_pt * MM_OF_POINT]) / 2
 
 
 @lru_cache(maxsize=2048)
 def width_mm(text: str, size_pt: float) -> float:
-    """Width of a text [mm]."""
+    """Return the width of a text [mm]."""
     if not text.strip():
         return 0.0
     path = TextPath((0.0, 0.0), plain(text), size=size_pt, prop=FontProperties())

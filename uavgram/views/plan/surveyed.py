@@ -1,4 +1,4 @@
-"""What was surveyed, drawn on the ground: measurements, known lengths, points, and a grid."""
+"""Survey drawn on the ground: measurements, known lengths, points, and a grid."""
 
 from __future__ import annotations
 
@@ -20,37 +20,37 @@ from uavgram.views.units import column, round_bar, units_of, value_text
 from uavgram.views.wording import measurement_text, number, worst_first
 
 MEASURED_PT, KNOWN_PT, NAME_PT, GRID_PT = 7.0, 6.0, 6.0, 5.0
-"""Heights of letters."""
+"""Font sizes."""
 
 LINE_PT, CASING_PT = 1.1, 2.4
 DASHES = (4.0, 2.5)
 GRID_MM = 50.0
-"""Most paper between two lines of the grid."""
+"""Largest distance on paper between two lines of the grid."""
 
 GRID_ASIDE_MM = 2.6
-"""Of the frame, its numbers stand outside."""
+"""Distance of the grid's numbers from the frame, outside."""
 
 CROSS_MM = 2.0
-"""Of the grid's crosses, half the width."""
+"""Half width of the grid's crosses."""
 
 MANY = 25
-"""More measurements than these are drawn thin, and named only where there is room beside them."""
+"""Number of measurements above which they are thin, and named only if there is room."""
 
 DOUBT = " ?"
-"""After a value that is contradicted, or another one in another solution that fits as well."""
+"""Mark after a value that is contradicted, or differs in another solution that fits as well."""
 
 DIAMOND_MM = 1.4
 IN_MIDDLE_MM = 0.01
-"""A line so short through the middle of an area: its name may be on it."""
+"""Half length of the short line in the middle of an area that carries its name."""
 
 
 def draw_surveyed(sheet: Sheet, result: Result) -> None:
-    """Draw all that a plan shows of a survey, and write all names; measured values come first.
+    """Draw a survey and write all names; measured values have priority.
 
     Parameters
     ----------
     sheet
-        Where to.
+        The sheet.
     result
         The survey.
     """
@@ -86,7 +86,7 @@ def draw_surveyed(sheet: Sheet, result: Result) -> None:
 
 
 def is_doubtful(result: Result) -> Bools:
-    """(M,) whether a measured value stands with a question mark."""
+    """Mark the (M,) measured values that have a question mark."""
     rows, units = result.measurements, units_of(result)
     return np.array(
         [
@@ -98,7 +98,7 @@ def is_doubtful(result: Result) -> Bools:
 
 
 def draw_grid(sheet: Sheet, result: Result) -> float:
-    """Draw the grid of local metres, or feet: crosses, numbers outside the frame; its step [m]."""
+    """Draw the grid in local metres or feet, with numbers outside the frame; return its step."""
     plan, units = sheet.plan, units_of(result)
     step, _ = round_bar(GRID_MM * plan.scale / 1000.0, units)
     one = column(units)
@@ -134,7 +134,7 @@ def _crosses(sheet: Sheet, step: float) -> None:
 def _cased(
     sheet: Sheet, strip: Floats, colour: str, dashes: tuple[float, ...] = (), share: float = 1.0
 ) -> None:
-    """Draw a line on a white one that is wider, to be seen on any ground."""
+    """Draw a line on a wider white one, to be visible on any ground."""
     drawn = sheet.on_paper(strip)
     sheet.line(drawn, PAPER, share * CASING_PT)
     sheet.line(drawn, colour, share * LINE_PT, dashes)
@@ -151,7 +151,7 @@ def _areas(sheet: Sheet, result: Result, measured: dict[int, list[Floats]]) -> N
 
 
 def _points(sheet: Sheet, result: Result) -> None:
-    """Dots; diamonds on what stands off the ground, where the picture shows something else."""
+    """Draw dots, with diamonds for points off the ground, which the picture shows displaced."""
     points = result.points
     corners = DIAMOND_MM * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
     for spot, is_off in zip(
@@ -181,7 +181,7 @@ def _names(sheet: Sheet, result: Result) -> None:
 
 
 def _name_area(sheet: Sheet, strips: list[Floats], text: str, *, is_needed: bool) -> None:
-    """In the middle of what its points enclose; beside its longest side where that is off."""
+    """Name an area in its middle, or beside its longest side if the middle is off the sheet."""
     middle = sheet.on_paper(np.concatenate([strip[1:] for strip in strips]).mean(axis=0))
     if sheet.inside(middle):
         spots = middle + np.array([[-IN_MIDDLE_MM, 0.0], [IN_MIDDLE_MM, 0.0]])
@@ -193,7 +193,7 @@ def _name_area(sheet: Sheet, strips: list[Floats], text: str, *, is_needed: bool
 def _name_strip(
     sheet: Sheet, strips: list[Floats], text: str, ink: str, *, is_needed: bool = True
 ) -> None:
-    """Along the longest part that this sheet shows; where that is too short, around its middle."""
+    """Name a line along its longest visible part, or around its middle if that is too short."""
     size_pt = MEASURED_PT if ink == "measured" else KNOWN_PT
     parts = [
         part
@@ -215,16 +215,17 @@ def _name_strip(
 def clipped(
     start: Floats, end: Floats, frame: tuple[float, float, float, float]
 ) -> tuple[Floats, Floats] | None:
-    """The part of a straight line in a rectangle (Liang and Barsky 1984); None where there is none.
+    """Clip a line to a rectangle (Liang and Barsky 1984); return None if it is outside.
 
     Parameters
     ----------
     start, end
-        (2,) of the line.
+        (2,) ends of the line.
     frame
         Left, bottom, width and height.
     """
     low, high = np.array(frame[:2]), np.array(frame[:2]) + np.array(frame[2:])
+    # part of the line inside all four half planes, as an interval of its parameter
     way, enter, leave = end - start, 0.0, 1.0
     for axis in range(2):
         for edge, sign in ((low[axis], -1.0), (high[axis], 1.0)):

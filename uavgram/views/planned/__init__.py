@@ -1,1 +1,1 @@
-"""A plan in words and rows of tables, shared by the sheet for the field and the recording."""
+"""Plan in words and rows of tables, shared by the field sheet and the recording."""

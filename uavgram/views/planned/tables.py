@@ -1,4 +1,4 @@
-"""What to lay and what is then known, as rows of tables."""
+"""Lines and plates to lay out, and the expected accuracy, as rows of tables."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from uavgram.views.units import spread_text, value_text
 from uavgram.views.wording import KIND_WORDS
 
 ROUGHLY = 10.0
-"""A wanted value is told to so many of its standard deviations: it is no result yet."""
+"""Rounding of a wanted value, in its standard deviations: it is only approximate."""
 
 ON_THE_SIDE_M = 0.05
 
 
 @dataclass(frozen=True)
 class LineRow:
-    """One line to lay.
+    """Line to lay out.
 
     Attributes
     ----------
@@ -32,13 +32,13 @@ class LineRow:
     start_place, end_place
         How to get there from a corner of the area.
     photos
-        How many show both ends.
+        Number of photos that show both ends.
     mistake
-        The smallest wrong reading that will be noticed; empty where none is.
+        The smallest wrong reading that is detected; empty if none is.
     without
-        The accuracy if this line is lost; empty where it hardly matters.
+        The accuracy if this line is lost; empty if the loss hardly matters.
     is_needed
-        Whether nothing holds the survey without it.
+        Whether the survey has no scale without it.
     """
 
     name: str
@@ -55,7 +55,7 @@ class LineRow:
 
 @dataclass(frozen=True)
 class PlateRow:
-    """One plate to lay: its name, how to get to its middle, photos, and as in `LineRow`."""
+    """Plate to lay out: name, way to its middle, number of photos, and as in `LineRow`."""
 
     name: str
     place: str
@@ -66,16 +66,16 @@ class PlateRow:
 
 @dataclass(frozen=True)
 class ValueRow:
-    """One wanted value.
+    """Wanted value.
 
     Attributes
     ----------
     name, kind, about
-        What it is, and roughly how much.
+        Name, kind and approximate value.
     sigma, wanted
-        How well it will be known, and how well it should be; empty where nobody said.
+        Expected and required accuracy; the latter is empty if not stated.
     is_good
-        Whether that is good enough; None where nobody said.
+        Whether the expected accuracy is sufficient; None if no requirement is stated.
     """
 
     name: str
@@ -87,7 +87,7 @@ class ValueRow:
 
 
 def line_rows(planned: FlightPlanned) -> tuple[LineRow, ...]:
-    """All lines in their order."""
+    """Return the rows of all lines in their order."""
     lines, area = planned.lines, planned.area_world_m
     rows = []
     for k, name in enumerate(lines.name):
@@ -111,7 +111,7 @@ def line_rows(planned: FlightPlanned) -> tuple[LineRow, ...]:
 
 
 def plate_rows(planned: FlightPlanned) -> tuple[PlateRow, ...]:
-    """All plates in their order."""
+    """Return the rows of all plates in their order."""
     plates = planned.plates
     worse = WORTH_SAYING * planned.mean_sigma
     return tuple(
@@ -133,7 +133,7 @@ def plate_rows(planned: FlightPlanned) -> tuple[PlateRow, ...]:
 
 
 def value_rows(planned: FlightPlanned, units: Units) -> tuple[ValueRow, ...]:
-    """All wanted values in their order, in the units that people read."""
+    """Return the rows of all wanted values in their order, in the units of the project."""
     rows = planned.measurements
     made = []
     for k, unit in enumerate(rows.unit):
@@ -157,9 +157,9 @@ def _spread(sigma: float, unit: str, units: Units) -> str:
 
 
 def place_in_area(area_m: Floats, place_m: Floats) -> str:
-    """``1.7 m from corner 1 towards corner 2, then 1.2 m inwards``: how to get to a place.
+    """Describe a place in an area: ``1.7 m from corner 1 towards corner 2, then 1.2 m inwards``.
 
-    Along the side that it is nearest to, from the nearer of its corners.
+    It follows the nearest side, from the nearer of its corners.
 
     Parameters
     ----------
@@ -172,15 +172,17 @@ def place_in_area(area_m: Floats, place_m: Floats) -> str:
     length = np.linalg.norm(side, axis=1)
     along_side = side / length[:, None]
     away = place_m[:2] - start
+    # coordinates of the place along each side, and at a right angle to it
     along = np.einsum("vi,vi->v", away, along_side)
     inwards = along_side[:, 0] * away[:, 1] - along_side[:, 1] * away[:, 0]
     beyond = np.maximum(np.maximum(-along, along - length), 0.0)
+    # nearest side: distance to the segment, beyond its ends to the corner
     k = int(np.argmin(np.hypot(inwards, beyond)))
     ends = (k + 1, (k + 1) % len(area_m) + 1)
     on_way = float(along[k])
     if on_way > length[k] / 2:
         ends, on_way = ends[::-1], float(length[k]) - on_way
-    # where no side runs past it, one goes back from the corner
+    # beyond the end of the side, the way leads back from the corner
     towards = "towards" if on_way >= 0 else "away from"
     told = f"{metres(abs(on_way))} from corner {ends[0]} {towards} corner {ends[1]}"
     aside = float(inwards[k])

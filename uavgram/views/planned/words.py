@@ -1,4 +1,4 @@
-"""What the sheet says in sentences: first what to do and what comes of it, then what to look at."""
+"""Sentences of the plan: first the work and the expected result, then the points to check."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from uavgram.model.planned import FlightPlanned
 from uavgram.views.planned.numbers import centimetres, metres
 
 LOW_CHECK = 0.1
-"""Redundancy of a reading below which a mistake is as good as unchecked (Baarda 1968)."""
+"""Redundancy of a reading below which a mistake is practically unchecked (Baarda 1968)."""
 
 WORTH_SAYING = 1.1
-"""A loss that makes values worse by less than that is none."""
+"""Ratio of sigmas below which a loss of accuracy is not mentioned."""
 
 SAME_DEG, SAME_M = 0.5, 0.5
-"""What differs by less is one number for a pilot."""
+"""Differences below which several values are one number for a pilot."""
 
 LOGS = {
     "none": "no flight log",
@@ -30,7 +30,7 @@ LOGS = {
 
 
 def headline(planned: FlightPlanned) -> str:
-    """What to do, in one sentence."""
+    """State the work in one sentence."""
     lines, photos = len(planned.lines.name), len(planned.frames.name)
     lay = f"Lay and tape {counted(lines, 'line')}, then take" if lines else "Take"
     if planned.plates.name:
@@ -41,12 +41,12 @@ def headline(planned: FlightPlanned) -> str:
 
 
 def plate_side(planned: FlightPlanned) -> str:
-    """Side of the plates, as exactly as it is stated."""
+    """Format the side of the plates, as exactly as it is stated."""
     return f"{100 * planned.plates.side_m:g} cm"
 
 
 def outcome(planned: FlightPlanned) -> tuple[str, ...]:
-    """What will be known then."""
+    """Describe the accuracy to expect."""
     wanted = planned.measurements
     told = []
     asked = np.isfinite(wanted.wanted_sigma)
@@ -67,14 +67,14 @@ def outcome(planned: FlightPlanned) -> tuple[str, ...]:
 
 
 def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
-    """What the pilot sets, as pairs of name and value."""
+    """List the settings for the pilot, as pairs of name and value."""
     flight, frames = planned.flight, planned.frames
     heights, pitch, heading = (
         frames.height_above_ground_m,
         frames.gimbal_pitch_deg,
         frames.heading_deg,
     )
-    turned = (heading - heading[0] + 180.0) % 360.0 - 180.0  # 359.9° and 0.1° are one way
+    turned = (heading - heading[0] + 180.0) % 360.0 - 180.0  # 359.9° and 0.1° are one direction
     is_one_way = float(np.ptp(turned)) < SAME_DEG
     nose = round(float(heading[0] + turned.mean())) % 360
     is_nadir = float((pitch + 90.0).max()) < SAME_DEG
@@ -98,7 +98,7 @@ def flight_facts(planned: FlightPlanned) -> tuple[tuple[str, str], ...]:
 
 
 def corners_on_earth(planned: FlightPlanned) -> tuple[str, ...]:
-    """Latitude and longitude of each corner of the area, as map programs take them, if known."""
+    """Return latitude and longitude of each corner, as map programs take them, if known."""
     if any(message.code == "plan-nowhere" for message in planned.messages):
         return ()
     site = planned.site
@@ -108,7 +108,7 @@ def corners_on_earth(planned: FlightPlanned) -> tuple[str, ...]:
 
 
 def chosen(planned: FlightPlanned) -> str:
-    """What the places of lines or plates were chosen for; empty where none are."""
+    """State the criterion by which lines or plates were placed; empty if there are none."""
     if not planned.laid.name:
         return ""
     what = "plates" if planned.plates.name else "lines"
@@ -117,36 +117,36 @@ def chosen(planned: FlightPlanned) -> str:
         over = "" if planned.measurements.name else " of lengths all over the area"
         return f"{lie} the average ±{over} is smallest."
     wished = np.isfinite(planned.measurements.wanted_sigma).any()
-    against = "what you wish" if wished else "what is usual for it"
+    against = "the ± you wish" if wished else "its usual ±"
     return (
         f"{lie} the ± are smallest on average when each is compared with {against}, so other "
-        f"places may have a smaller plain average. An average ± told here is the plain one"
+        f"places may have a smaller plain average. Each average ± here is the plain one"
         f"{of_lengths(planned)}."
     )
 
 
 def of_lengths(planned: FlightPlanned) -> str:
-    """What averages are of, where there are other values too."""
+    """Specify that averages are of lengths, if there are other values too."""
     unit = planned.measurements.unit
     return " of the lengths" if "m" in unit and set(unit) != {"m"} else ""
 
 
 def unchecked(planned: FlightPlanned) -> tuple[str, ...]:
-    """Lines of which a wrong reading would pass unseen."""
+    """Return the lines for which a wrong reading would not be detected."""
     lines = planned.lines
     weak = ~np.isfinite(lines.mdb_m) | (lines.redundancy < LOW_CHECK)
     return tuple(name for name, is_weak in zip(lines.name, weak, strict=True) if is_weak)
 
 
 def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
-    """What to do where a line or a plate cannot be laid, and which loss is the worst."""
+    """Describe alternatives if a line or plate cannot be laid out, and the worst loss."""
     lines = planned.laid
     if not lines.name:
         return ()
     without = lines.mean_sigma_without
     told = [
-        "Lay it as near to its place as you can, flat and wholly in view: where it lies is found "
-        "from the photos, only its number and its size must be right."
+        "Lay it as near to its place as you can, flat and completely in view. Its position is "
+        "found from the photos; only its number and its size must be right."
         if planned.plates.name
         else "Lay another one of about the same length and direction, as near to it as you can. "
         "Mark and tape it, and draw it into the sheet with its length. Never guess a length.",
@@ -154,7 +154,7 @@ def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
     fatal = [name for name, sigma in zip(lines.name, without, strict=True) if math.isnan(sigma)]
     if fatal:
         told.append(
-            f"Without {listed(fatal, None)} nothing holds the survey to its true size: if it "
+            f"Without {listed(fatal, None)} the survey has no scale: if it "
             "cannot be laid, and nothing in its place, do not fly."
         )
     worst = int(np.nanargmax(without)) if np.isfinite(without).any() else 0
@@ -174,7 +174,7 @@ def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
 
 
 def take_off_words(planned: FlightPlanned) -> str:
-    """What a pilot with a mission file must know."""
+    """Instruct a pilot who flies the mission file."""
     return (
         "With the mission file: take off by hand beside the area, climb to the height of the first "
         "photo, then start the mission. After the last photo the drone hovers: bring it home by "
@@ -185,18 +185,18 @@ def take_off_words(planned: FlightPlanned) -> str:
 
 
 def assumed(planned: FlightPlanned) -> str:
-    """What the prediction rests on."""
+    """List the assumptions of the prediction."""
     rests = planned.assumptions
     log = LOGS.get(rests.telemetry, f"a log of the class {rests.telemetry}")
     pixel = centimetres(planned.flight.ground_sample_m)
     tape = f"tape readings to ± {centimetres(rests.tape_sigma_m)}, "
-    tape = "plates as exact as the scenario says, " if planned.plates.name else tape
+    tape = "plates as exact as the scenario states, " if planned.plates.name else tape
     return (
         f"All ± hold with {log}, {tape if planned.laid.name else ''}points "
         f"clicked to ± {rests.pick_sigma_px:g} pixels (each is {pixel} on the ground), ground that "
         f"departs from a plane by ± {centimetres(rests.roughness_m)}, and a drone within "
         f"± {metres(rests.deviation_m)} and ± {rests.deviation_deg:g}° of the plan. Rougher ground "
-        "or worse readings make them larger: the report after the flight says what was reached."
+        "or worse readings make them larger: the report after the flight states what was reached."
     )
 
 

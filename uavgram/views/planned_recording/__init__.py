@@ -1,1 +1,1 @@
-"""A plan to look at in the Rerun viewer."""
+"""Recording of a plan for the Rerun viewer."""

@@ -1,4 +1,4 @@
-"""Pages of text in the recording of a plan."""
+"""Text pages in the recording of a plan."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units)
     Parameters
     ----------
     recorder
-        Of the recording.
+        The open recording.
     planned
         The plan.
     units
-        Of the lengths that are told.
+        Units of the lengths shown.
     """
     named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
     kept = like_lengths(named)
@@ -46,7 +46,7 @@ def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units)
 
 
 def summary_page(planned: FlightPlanned, units: Units) -> str:
-    """The page that is read first."""
+    """Write the summary page."""
     parts = [f"# {plain(headline(planned))}", *map(plain, outcome(planned))]
     parts += [f"**{plain(m.text)}** `{m.code}`" for m in planned.messages if m.level != "info"]
     if planned.measurements.name:
@@ -66,14 +66,14 @@ def summary_page(planned: FlightPlanned, units: Units) -> str:
     parts += ["## The flight", table(("", ""), facts), plain(take_off_words(planned))]
     if planned.gains:
         more = [(plain(gain.what), f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
-        parts += ["## What something else would bring", table(("with", "on average"), more)]
+        parts += ["## Other choices", table(("with", "on average"), more)]
     parts += [plain(text) for text in (chosen(planned), assumed(planned)) if text]
     parts += [f"{plain(m.text)} `{m.code}`" for m in planned.messages if m.level == "info"]
     return "\n\n".join(parts)
 
 
 def lines_page(planned: FlightPlanned) -> str:
-    """What to lay, and what if that is not possible."""
+    """Write the page of lines and plates to lay out, and of alternatives."""
     rows = [
         (
             plain(row.name),
@@ -96,7 +96,7 @@ def lines_page(planned: FlightPlanned) -> str:
 
 
 def photo_page(planned: FlightPlanned, row: int) -> str:
-    """One photo: where the drone stands, and how it looks."""
+    """Write the sheet of one photo: position and attitude of the drone."""
     frames = planned.frames
     facts = [
         ("height above the ground", metres(float(frames.height_above_ground_m[row]))),

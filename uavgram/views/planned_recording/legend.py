@@ -1,4 +1,4 @@
-"""The legend of a plan as a picture: Rerun has none in 3-D, and no colour bar."""
+"""Legend of a plan as a picture: Rerun has none in 3-D, and no colour bar."""
 
 from __future__ import annotations
 
@@ -33,18 +33,18 @@ def log_plan_legend(recorder: Recorder, planned: FlightPlanned, units: Units) ->
     Parameters
     ----------
     recorder
-        Of the recording.
+        The open recording.
     planned
         The plan.
     units
-        Of the lengths that are told.
+        Units of the lengths shown.
     """
     image = np.asarray(draw_plan_legend(planned, units))
     recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
 
 
 def draw_plan_legend(planned: FlightPlanned, units: Units) -> Image.Image:
-    """Swatches of what occurs, then the colours of the map."""
+    """Draw swatches for the objects that occur, then the colours of the map."""
     image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), BACKGROUND)
     pen, font = ImageDraw.Draw(image), ImageFont.load_default(FONT_PX)
     x = 20.0
@@ -76,7 +76,7 @@ def _entries(planned: FlightPlanned) -> list[tuple[str, Rgb]]:
         entries.append(("line to lay and tape", REFERENCE))
     if planned.plates.name:
         entries.append(("plate to lay", REFERENCE))
-    entries += [("photo to take", REFINED), ("this photo, and what it shows", OBSERVED)]
+    entries += [("photo to take", REFINED), ("this photo and its footprint", OBSERVED)]
     if planned.measurements.name:
         entries.append(("will be measured", MEASURED))
     if planned.no_go_world_m:

@@ -1,4 +1,4 @@
-"""A plan in space: accuracy on the ground, photos in the air, lines to lay."""
+"""Plan in space: accuracy on the ground, photos in the air, lines to lay out."""
 
 from __future__ import annotations
 
@@ -36,23 +36,23 @@ NAMES, FLAT_NAMES = f"{SPACE}/names", f"{SPACE}/names_from_above"
 
 DIM = 0.6
 _DROP = 1e-3
-"""The map is so far below what is drawn on it, as a share of the size of the scene."""
+"""Offset of the map below the objects on it, as a share of the size of the scene."""
 FROM_ABOVE = 1.15
-"""Distance of the eye above the area, in its sizes."""
+"""Distance of the eye above the area, relative to the size of the area."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlanScene:
-    """Sizes that the pictures are scaled by.
+    """Extent of the scene, from which drawings are scaled.
 
     Attributes
     ----------
     size_m
-        Of the area.
+        Size of the area.
     frusta_m
-        (F, 10, 3) of all photos.
+        (F, 10, 3) frusta of all photos.
     eye, top_eye
-        Of the first view, which shows area, lines and photos; of the view from above.
+        Eye of the first view, which shows area, lines and photos; of the view from above.
     """
 
     size_m: float
@@ -62,12 +62,12 @@ class PlanScene:
 
 
 def measure_plan(planned: FlightPlanned) -> PlanScene:
-    """Take the sizes of a plan."""
+    """Measure the extent of a plan."""
     frames, lines, camera = planned.frames, planned.lines, planned.camera
     area = planned.area_world_m
     size = float(np.ptp(area, axis=0).max())
     steps = np.linalg.norm(np.diff(frames.center_world_m, axis=0), axis=1)
-    # as deep as frusta of other recordings, but seen even where one photo is all there is
+    # as deep as frusta of other recordings, but visible even for a single photo
     depth = 2.0 * FRUSTUM_SHARE * planned.flight.height_m
     if len(steps):
         depth = min(depth, SPACING_SHARE * float(np.median(steps)))
@@ -79,7 +79,7 @@ def measure_plan(planned: FlightPlanned) -> PlanScene:
 
 
 def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
-    """Log everything that stands still, and the photo of the timeline.
+    """Log all static objects, and the photo of the timeline.
 
     Parameters
     ----------
@@ -88,9 +88,9 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
     planned
         The plan.
     scene
-        Its sizes.
+        Extent of the scene.
     units
-        Of the names.
+        Units of the names.
     """
     recorder.static(SPACE, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _ground(recorder, planned, scene)
@@ -112,13 +112,13 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
 
 
 def accuracy_range(planned: FlightPlanned) -> tuple[float, float] | None:
-    """The best and the worst standard deviation of the map; None where nothing can be measured."""
+    """Return the best and worst standard deviation of the map; None if nothing can be measured."""
     known = planned.grid.sigma_m[np.isfinite(planned.grid.sigma_m)]
     return (float(known.min()), float(known.max())) if len(known) else None
 
 
 def map_colours(share: Floats) -> Pixels:
-    """(N, 3) colours of the map, from the best (0) to the worst (1): dim, to draw on."""
+    """Return (N, 3) dim colours of the map, from the best (0) to the worst (1), as a background."""
     return (DIM * scale_colours(share)).astype(np.uint8)
 
 
@@ -160,14 +160,14 @@ def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> Non
 
 
 def _one_by_one(recorder: Recorder, path: str, strips: list[Floats], width: float) -> None:
-    """Log one polyline for each photo, white."""
+    """Log one white polyline for each photo."""
     radius = rr.Radius.ui_points(width / 2)
     recorder.static(path, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=radius))
     recorder.each(path, lambda some: rr.LineStrips3D.columns(strips=[strips[k] for k in some]))
 
 
 def _named(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str]]:
-    """(3,) places on the ground, and their names, those that are needed most first."""
+    """Return (3,) places on the ground and their names, the most important first."""
     lines, rows = planned.lines, planned.measurements
     places = list((lines.start_world_m + lines.end_world_m) / 2)
     words = [
@@ -191,7 +191,7 @@ def _named(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str
 
 
 def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
-    """Log names for each of both views: what is free in one is not in the other."""
+    """Log separate names for both views, as their free space differs."""
     places, words = _named(planned, units)
     frames, points = planned.frames, planned.points.world_m
     above = np.array(places)

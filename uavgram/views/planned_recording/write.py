@@ -1,4 +1,4 @@
-"""Write a plan as a recording: one call, one complete file."""
+"""Writer of a plan as a recording: one call, one complete file."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ def write_plan_recording(planned: FlightPlanned, path: Path, units: Units = METR
     path
         The .rrd file.
     units
-        In which lengths are shown.
+        Units in which lengths are shown.
 
     Raises
     ------
     OutputError
-        The file cannot be written.
+        If the file cannot be written.
     """
     scene = measure_plan(planned)
     count = len(planned.frames.name)
     try:
-        path.touch()  # Rerun's own complaint about a missing folder is no OSError
+        path.touch()  # Rerun's own error for a missing folder is no OSError
         identity = ("plan", planned.name, planned.frames.center_world_m.tobytes())
-        times = np.full(count, np.nan)  # nobody knows yet when it will be flown
+        times = np.full(count, np.nan)  # the time of the flight is unknown
         with open_recording(path, identity, f"{planned.name}: plan", times) as recorder:
             log_plan(recorder, planned, scene, units)
             log_plan_legend(recorder, planned, units)
@@ -58,7 +58,7 @@ def write_plan_recording(planned: FlightPlanned, path: Path, units: Units = METR
 
 
 def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:
-    """The plan in space on the left, pages on the right."""
+    """Lay out the plan in space on the left, pages on the right."""
     contents = [f"+ /{SPACE}/**", f"- /{SPACE}/footprints"]
     eye, above = scene.eye, scene.top_eye
     flat = [*contents, f"- /{NAMES}/**", f"- /{SPACE}/photos", f"- /{SPACE}/this_photo"]

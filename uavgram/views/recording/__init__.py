@@ -1,4 +1,4 @@
-"""The review of a survey as a Rerun recording."""
+"""Review of a survey as a Rerun recording."""
 
 from uavgram.views.recording.write import write_recording
 

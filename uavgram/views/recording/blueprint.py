@@ -1,4 +1,4 @@
-"""How the recording is laid out when it opens."""
+"""Layout of the recording when it opens."""
 
 from __future__ import annotations
 
@@ -61,9 +61,9 @@ METRES_PER_PIXEL_AT_ZOOM_0 = 40_075_016.7 / 256
 MAP_PX = 300
 MOST_ZOOM = 19.0
 PHOTO_MARGIN = 0.01
-# Of the eye above the worst point, in half axes of its ellipse.
+# Height of the eye above the worst point, in half axes of its ellipse.
 EYE_ABOVE = 6.0
-# The photo's own drawings lie on the photo, not in space.
+# The photo's own drawings belong to the photo view, not to the space view.
 _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
 
@@ -73,9 +73,9 @@ def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -
     Parameters
     ----------
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     curves, poses
         Curves over the frames, for the ranges of the plots.
     """
@@ -113,7 +113,7 @@ def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -
 
 
 def layout(views: rrb.Container) -> rrb.Blueprint:
-    """These views, with Rerun's own panels folded away and one row of time for each photo."""
+    """Make a blueprint with Rerun's own panels folded away and one time step for each photo."""
     return rrb.Blueprint(
         views,
         rrb.BlueprintPanel(state="collapsed"),
@@ -128,14 +128,14 @@ def _photo(result: Result, scene: Scene) -> rrb.Spatial2DView:
     alone = ", flight log alone orange" if result.has_seed.any() else ""
     return rrb.Spatial2DView(
         origin=PHOTO,
-        name=f"Photo: picks white, what they miss by (drawn ×{scene.residual_factor}) blue{alone}",
+        name=f"Photo: picks white, residuals (drawn ×{scene.residual_factor}) blue{alone}",
         background=BACKGROUND,
         visual_bounds=_whole_photo(result),
     )
 
 
 def _places(result: Result, scene: Scene) -> list[rrb.View]:
-    """List the views of the ground beside those of the overview."""
+    """List the views of the ground other than those of the overview."""
     views: list[rrb.View] = []
     if scene.side_eye is not None:
         views.append(_from_the_side(scene.side_eye))
@@ -155,7 +155,7 @@ def _pages(*pages: tuple[str, str]) -> rrb.Tabs:
 
 
 def _whole_photo(result: Result) -> rrb.VisualBounds2D:
-    """With a margin, so that its edges are seen, and its name above."""
+    """Return the bounds of the photo with a margin for its edges and its name."""
     width, height = result.camera.width_px, result.camera.height_px
     edge, top = PHOTO_MARGIN * width, NAME_ABOVE * height
     return rrb.VisualBounds2D(x_range=[-edge, width + edge], y_range=[-top, height + edge])
@@ -169,7 +169,7 @@ def _survey(scene: Scene) -> rrb.Spatial3DView:
 
 
 def _from_the_side(eye: Eye) -> rrb.Spatial3DView:
-    """Level, so that heights are seen."""
+    """Make a level view from the side, which shows heights."""
     shown = ("survey/ground/**", "survey/points/picked", f"{RULERS}/**", f"{SIDE_TEXTS}/**")
     contents = [f"+ /{one}" for one in (*shown, f"{ELLIPSOIDS}_true_size/**")]
     name = f"From the side, looking {eye.heading}"
@@ -185,16 +185,16 @@ def space_view(
     up: Sequence[float] | Floats = NORTH_UP,
     origin: str = "/",
 ) -> rrb.Spatial3DView:
-    """View of a scene in space.
+    """Make a view of a scene in space.
 
     Parameters
     ----------
     name
-        Shown above it.
+        Title of the view.
     contents
-        What it shows, as Rerun's expressions.
+        Its contents, as Rerun's expressions.
     position, target
-        (3,) places of the eye, and of what it looks at.
+        (3,) places of the eye and of its target.
     up
         Direction that is up on the screen.
     origin
@@ -214,7 +214,7 @@ def space_view(
 
 
 def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
-    """Rows of plots: how well the picks fit, on the ground and in pixels; how the poses changed."""
+    """Lay out rows of plots: fit of the picks on the ground and in pixels; changes of the poses."""
     worst = plot(
         WORST_W,
         "Worst pick [σ]",
@@ -258,16 +258,16 @@ def _pose_plots(result: Result, curves: Curves, poses: PoseCurves) -> list[rrb.T
 
 
 def plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
-    """A plot that begins at zero, so that what looks small is small.
+    """Make a plot that begins at zero, so that small values look small.
 
     Parameters
     ----------
     origin
         Entity of the curves.
     name
-        Shown above them, with the unit.
+        Title of the plot, with the unit.
     values
-        (n,) of all curves, for the range; NaN where not known.
+        (n,) values of all curves, for the range; NaN if not known.
     """
     known = values[np.isfinite(values)]
     top = 1.15 * float(known.max()) if len(known) else 1.0
@@ -307,7 +307,7 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
 
 
 def _zoom(result: Result, scene: Scene) -> float:
-    """Of a map on which the scene is MAP_PX pixels wide."""
+    """Return the zoom of a map on which the scene is MAP_PX pixels wide."""
     latitude = np.radians(float(np.nanmean(result.points.latitude_deg)))
     metres_per_pixel = METRES_PER_PIXEL_AT_ZOOM_0 * np.cos(latitude)
     return float(np.clip(np.log2(metres_per_pixel * MAP_PX / scene.size_m), 1.0, MOST_ZOOM))

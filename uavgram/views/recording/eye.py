@@ -1,4 +1,4 @@
-"""From where a view in space looks, and at what, so that all that matters is seen."""
+"""Eye of a view in space: its position and target, chosen so that the whole scene is seen."""
 
 from __future__ import annotations
 
@@ -16,17 +16,16 @@ WINDS = ("north", "north-east", "east", "south-east", "south", "south-west", "we
 
 @dataclass(frozen=True, eq=False)
 class Eye:
-    """The eye of a view.
+    """Eye of a view.
 
     Attributes
     ----------
     towards
-        (3,) unit vector from what it looks at to the eye; seen from straight above, north
-        is up.
+        (3,) unit vector from the target to the eye; in a vertical view, north is up.
     target_m
-        (3,) what it looks at.
+        (3,) the target.
     distance_m
-        From how far.
+        Distance of the eye from the target.
     """
 
     towards: Floats
@@ -35,16 +34,17 @@ class Eye:
 
     @classmethod
     def fitting(cls, points_m: Floats, towards: Floats) -> Eye:
-        """What to look at, and from how far, to have all (N, 3) points as large as fit into a view.
+        """Place target and eye so that all (N, 3) points are as large as fits into a view.
 
         A point r to the right and n nearer than the target is seen if |r - a| <= W (D - n), where
         the eye is at the distance D and has moved by a: the outermost on both sides give a and D.
-        The same upward; then the larger D serves for both.
+        The same holds upward; then the larger D serves for both.
         """
         middle = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
         right, upward, nearer = _seen(points_m - middle, towards)
         shifts, distances = [], [1.0]
         for aside, share in ((right, HALF_WIDTH), (upward, HALF_HEIGHT)):
+            # outermost points on both sides: largest W n + r (right) and W n - r (left)
             most, least = (share * nearer + aside).max(), (share * nearer - aside).max()
             shifts.append((most - least) / 2)
             distances.append(float(most + least) / (2 * share))
@@ -54,23 +54,23 @@ class Eye:
 
     @property
     def position_m(self) -> Floats:
-        """(3,) where it is."""
+        """(3,) position of the eye."""
         return np.asarray(self.target_m + self.distance_m * self.towards)
 
     @property
     def heading(self) -> str:
-        """Where it looks: one of eight winds."""
+        """Direction of view, one of eight compass points."""
         azimuth = np.arctan2(-self.towards[0], -self.towards[1])
         return WINDS[round(float(azimuth) / (np.pi / 4)) % 8]
 
     def on_screen(self, points_m: Floats) -> Floats:
-        """(N, 2) of (N, 3) points, right and up, as tangents of angles."""
+        """Project (N, 3) points to (N, 2) tangents of angles, right and up."""
         right, upward, nearer = _seen(points_m - self.target_m, self.towards)
         depth = np.maximum(self.distance_m - nearer, 1e-9)
         return np.stack([right / depth, upward / depth], axis=-1)
 
     def in_space(self, points_m: Floats, screen: Floats) -> Floats:
-        """(N, 3) places seen at (N, 2) tangents as of `on_screen`, as far away as (N, 3) points."""
+        """Return (N, 3) places at (N, 2) tangents of `on_screen`, as far away as (N, 3) points."""
         right, up = _axes(self.towards)
         _, _, nearer = _seen(points_m - self.target_m, self.towards)
         aside = screen * np.maximum(self.distance_m - nearer, 1e-9)[:, None]
@@ -79,13 +79,13 @@ class Eye:
 
 
 def _seen(offset_m: Floats, towards: Floats) -> tuple[Floats, Floats, Floats]:
-    """(N,) of (N, 3) offsets from a target: to the right, upward, and towards the eye."""
+    """Split (N, 3) offsets from a target into (N,) parts: right, upward, and towards the eye."""
     right, up = _axes(towards)
     return offset_m @ right, offset_m @ up, offset_m @ towards
 
 
 def _axes(towards: Floats) -> tuple[Floats, Floats]:
-    """(3,) to the right and (3,) upward on the screen."""
+    """Return the directions (3,) right and (3,) upward on the screen."""
     right = np.cross([0.0, 0.0, 1.0], towards)
     length = float(np.linalg.norm(right))
     right = right / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])

@@ -9,21 +9,21 @@ from uavgram.model.arrays import Floats
 from uavgram.views.recording.stream import Columns, Recorder
 from uavgram.views.style import OBSERVED, Rgb
 
-# Rerun puts the corner of the first pixel at (0, 0), we its centre.
+# Rerun puts the corner of the first pixel at (0, 0), this program its centre.
 CENTRE_PX = 0.5
 
 
 def log_camera_poses(
     recorder: Recorder, path: str, center_m: Floats, world_from_camera: Floats
 ) -> None:
-    """Log where the camera of each frame is.
+    """Log the pose of the camera of each frame.
 
     Parameters
     ----------
     recorder
         The open recording.
     path
-        Of the entity.
+        Path of the entity.
     center_m, world_from_camera
         (F, 3) and (F, 3, 3), world from camera.
     """
@@ -40,20 +40,20 @@ def log_camera_poses(
 def log_polylines(
     recorder: Recorder, path: str, per_frame: list[list[Floats]], colour: Rgb, width: float
 ) -> None:
-    """Log polylines that are drawn on the photo, other ones in each frame.
+    """Log polylines on the photo, different ones in each frame.
 
     Parameters
     ----------
     recorder
         The open recording.
     path
-        Of the entity.
+        Path of the entity.
     per_frame
         (F,) lists of (n, 2) polylines in original pixels.
     colour
-        Of all lines.
+        Colour of all lines.
     width
-        In points of the screen.
+        Width in points of the screen.
     """
     radius = rr.Radius.ui_points(width / 2)
     recorder.static(path, rr.LineStrips2D.from_fields(colors=colour, radii=radius))
@@ -68,7 +68,7 @@ def log_polylines(
 
 
 def _packed(strips: list[Floats]) -> rr.components.LineStrip2DArrayLike:
-    """All polylines as one array: Rerun packs them one by one, a tenth of a millisecond each."""
+    """Pack all polylines into one array; Rerun needs a tenth of a millisecond for each."""
     corners = np.concatenate([np.zeros((0, 2)), *strips]) + CENTRE_PX
     pairs = rr.components.Position2DBatch(corners).as_arrow_array()
     ends = np.cumsum([0, *(len(strip) for strip in strips)])
@@ -81,18 +81,18 @@ def _packed(strips: list[Floats]) -> rr.components.LineStrip2DArrayLike:
 def log_dots(
     recorder: Recorder, path: str, per_frame: list[Floats], colour: Rgb, size: float
 ) -> None:
-    """Log dots that are drawn on the photo, other ones in each frame.
+    """Log dots on the photo, different ones in each frame.
 
     Parameters
     ----------
     recorder
         The open recording.
     path
-        Of the entity.
+        Path of the entity.
     per_frame
         (F,) arrays (n, 2) of original pixels.
     colour
-        Of all dots.
+        Colour of all dots.
     size
         Radius in points of the screen.
     """
@@ -109,14 +109,14 @@ def log_dots(
 
 
 def log_texts(recorder: Recorder, path: str, anchors: list[Floats], texts: list[list[str]]) -> None:
-    """Log white texts that are drawn on the photo, other ones in each frame.
+    """Log white texts on the photo, different ones in each frame.
 
     Parameters
     ----------
     recorder
         The open recording.
     path
-        Of the entity.
+        Path of the entity.
     anchors
         (F,) arrays (n, 2) of original pixels.
     texts
@@ -138,18 +138,18 @@ def log_texts(recorder: Recorder, path: str, anchors: list[Floats], texts: list[
 
 
 def log_batches(recorder: Recorder, path: str, lengths: list[int], columns: Columns) -> None:
-    """One row per frame, an empty one too: it wipes out what the frame before has drawn.
+    """Log one row per frame; an empty row clears the drawing of the frame before.
 
     Parameters
     ----------
     recorder
         The open recording.
     path
-        Of the entity.
+        Path of the entity.
     lengths
-        (F,) number of things in each frame.
+        (F,) number of objects in each frame.
     columns
-        What makes rows of the things in some frames.
+        Function that makes the rows of the objects in some frames.
     """
     counts = np.array(lengths, dtype=np.int64)
     if counts.any():

@@ -1,4 +1,4 @@
-"""Sizes of the scene: from them follow the eye, line widths, frusta and exaggerations."""
+"""Sizes of the scene, from which eye, line widths, frusta and exaggerations follow."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uavgram.views.survey.off_ground import OffGround, off_ground
 
 # Share of the scene's size that the median exaggerated ellipse may fill.
 ELLIPSE_SHARE = 0.06
-# The same among many: share of the way from one point to the next.
+# The same with many points: share of the distance from one point to the next.
 CROWD_SHARE = 0.4
 # Ellipses larger than this share of the scene are not filled.
 FILL_SHARE = 0.02
@@ -25,32 +25,32 @@ FILL_SHARE = 0.02
 DEPARTURE_SHARE = 0.05
 # Share of the photo's width that the larger exaggerated residuals may fill.
 RESIDUAL_SHARE = 0.07
-# Depth of a frustum: share of the height, and of the way from one exposure to the next.
+# Depth of a frustum: share of the height, and of the distance between exposures.
 FRUSTUM_SHARE = 0.06
 SPACING_SHARE = 0.7
-# The current camera stands out by its size.
+# The current camera is drawn larger by this factor.
 CURRENT_FRUSTUM = 2.0
-# The mosaic's outline is sampled this often, in its pixels.
+# Sampling step of the mosaic's outline, in its pixels.
 GROUND_STEP_PX = 16
 
-# Just below the plane, so that flat ellipses and lines are not lost in the ground.
+# Just below the plane, so that flat ellipses and lines are not hidden by the ground.
 GROUND_DROP_SHARE = 5e-4
 
 # From the south, a little from the west, and from above.
 TO_THE_EYE = np.array([-0.185, -0.80, 0.572]) / np.linalg.norm([-0.185, -0.80, 0.572])
-# Distance of the eye above the points, in sizes of these.
+# Distance of the eye above the points, relative to their extent.
 TOP_DISTANCE = 1.25
-# The eye of the side view is this much above the level, as a tangent: the ground is no line.
+# Elevation of the eye of the side view, as a tangent: the ground is not seen as a line.
 LEVEL = 0.07
 # Share of the typical height off the ground that the median exaggerated ellipsoid may fill.
 ELLIPSOID_SHARE = 0.5
-# Less is not worth a second drawing.
+# Smaller exaggerations do not need a second drawing.
 LEAST_EXAGGERATION = 5
 
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What the pictures are scaled by.
+    """Extent of the scene, from which drawings are scaled.
 
     Attributes
     ----------
@@ -65,22 +65,22 @@ class Scene:
     ellipse_factor, residual_factor
         Exaggerations, from the 1-2-5 series.
     uneven, departure_factor
-        Where the ground is no plane, None where it is one; exaggeration of its departures.
+        Departures of uneven ground, None for a plane; their exaggeration.
     fill_ellipses
-        Whether ellipses filled at true size leave enough of the ground to be seen.
+        Whether ellipses filled at true size leave enough of the ground visible.
     worst_point
-        Row of the point with the largest ellipse within the survey; None where there is no shape
-        (fewer than two points).
+        Row of the point with the largest ellipse within the survey; None if no ellipse has a
+        shape (fewer than two points).
     ground_drop_m
         By how much the ground is drawn below its plane.
     ground_is_lowered
-        Whether that is so much that it must be said: some points lie below the plane.
+        Whether that must be mentioned, because some points are below the plane.
     eye, top_eye
-        Of the first view, which shows ground, points and cameras; of the view from above.
+        Eye of the first view, which shows ground, points and cameras; of the view from above.
     off_ground, ellipsoid_factor
-        Points off the ground, None where there is none; exaggeration of their ellipsoids.
+        Points off the ground, None if there are none; exaggeration of their ellipsoids.
     side_eye
-        Of the view from the side, None without points off the ground.
+        Eye of the view from the side, None without points off the ground.
     """
 
     middle_m: Floats
@@ -103,7 +103,7 @@ class Scene:
 
 
 def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene:
-    """Take the sizes of a result, and of the ground where photos show it."""
+    """Measure the extent of a result, and of the ground shown by photos."""
     cameras = np.concatenate(
         [result.frames.refined.center_world_m, result.frames.seed.center_world_m]
     )
@@ -156,7 +156,7 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
 
 
 def _pyramids(result: Result, depth_m: float) -> list[Floats]:
-    """(n, 3) corners of all frusta, the current camera's larger one included."""
+    """Return (n, 3) corners of all frusta, including the current camera's larger one."""
     return [
         frusta(result, poses, CURRENT_FRUSTUM * depth_m).reshape(-1, 3)
         for poses in (result.frames.refined, result.frames.seed)
@@ -164,14 +164,14 @@ def _pyramids(result: Result, depth_m: float) -> list[Floats]:
 
 
 def _around_ellipses(result: Result, factor: int) -> Floats:
-    """(4K, 3) to the east, west, north and south of each point, as far as its ellipse reaches."""
+    """Return (4K, 3) places east, west, north and south of points, where their ellipses end."""
     reach = factor * result.points.relative.ellipse_95_m[:, :1]
     ways = np.array([[1.0, 0, 0], [-1.0, 0, 0], [0, 1.0, 0], [0, -1.0, 0]])
     return np.concatenate([result.points.position_world_m + reach * way for way in ways])
 
 
 def _ground(result: Result, texture: GroundTexture | None) -> Floats:
-    """(n, 3) spots all over the ground that the mosaic covers."""
+    """Return (n, 3) spots all over the ground that the mosaic covers."""
     if texture is None:
         return np.zeros((0, 3))
     row, column = GROUND_STEP_PX * np.array(
@@ -183,7 +183,7 @@ def _ground(result: Result, texture: GroundTexture | None) -> Floats:
 
 
 def _frustum_depth(result: Result, height_m: float) -> float:
-    """Short enough that frusta in a row can be told apart."""
+    """Return the depth of frusta, small enough to distinguish consecutive ones."""
     poses = result.frames.refined if result.has_refined.any() else result.frames.seed
     steps = np.linalg.norm(np.diff(track(result, poses), axis=0), axis=1)
     spacing = float(np.median(steps)) if len(steps) else np.inf
@@ -200,10 +200,11 @@ def _ellipsoid_factor(result: Result, standing: OffGround | None) -> int:
 
 
 def _from_the_side(result: Result, standing: OffGround | None) -> Eye | None:
-    """Level, across the longer side of the points off the ground, and rather from the south."""
+    """Place the eye level, across the longer side of the points off the ground, rather south."""
     if standing is None:
         return None
     heads = result.points.position_world_m[standing.rows]
+    # principal axes of the plan positions: the eye looks along the shorter one
     spread = np.cov(heads[:, :2].T, ddof=0)
     _, axes = np.linalg.eigh(spread + 1e-9 * np.diag([2.0, 1.0]))
     across = -axes[:, 0] if axes[1, 0] > 0 else axes[:, 0]

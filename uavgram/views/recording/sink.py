@@ -1,8 +1,8 @@
-"""Where the bytes of a recording go: through a pipe into a file that we write ourselves.
+"""Destination of a recording: a pipe into a file that this program writes itself.
 
-Rerun's own file writer is a thread that ends at the first error (a full disk, say), and a flush or
-a disconnect that waits for it then never returns (rerun-sdk 0.41). A pipe that is always read to
-its end knows no such error; ours is an exception where the file is written.
+Rerun's own file writer is a thread that ends at the first error (such as a full disk), and a flush
+or a disconnect that waits for it then never returns (rerun-sdk 0.41). A pipe that is always read
+to its end has no such error; errors of the file are raised as an exception.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from pathlib import Path
 from typing import BinaryIO
 
 PIECE_BYTES = 1 << 20
-# Opening one of these opens the file descriptor once more (Linux, macOS; not Windows).
+# Opening one of these duplicates the file descriptor (Linux, macOS; not Windows).
 DESCRIPTORS = Path("/dev/fd")
 _HAS_DESCRIPTORS = sys.platform != "win32" and DESCRIPTORS.is_dir()
 
 
 class FileSink:
-    """Copies what is written to `path` into a file.
+    """Copy of the bytes written to `path` into a file.
 
     Open `path` for writing, then `start`; when it is closed, `finish`.
 
     Attributes
     ----------
     path
-        What Rerun writes to; without such pipes (on Windows) the file itself.
+        Path to which Rerun writes; without such pipes (on Windows) the file itself.
     """
 
     def __init__(self, target: Path) -> None:
@@ -39,7 +39,7 @@ class FileSink:
         self.path = target if self._ends is None else DESCRIPTORS / str(self._ends[1])
 
     def start(self) -> None:
-        """Begin to copy; `path` must be open, so that the end of the copy is that of its writer."""
+        """Begin to copy; `path` must be open, so that the copy ends with its writer."""
         if self._ends is None:
             return
         read_end, write_end = self._ends
@@ -56,7 +56,7 @@ class FileSink:
         Raises
         ------
         OSError
-            The file could not be written.
+            If the file could not be written.
         """
         if self._ends is not None:  # never started
             for end in self._ends:

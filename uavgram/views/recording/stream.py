@@ -1,7 +1,7 @@
-"""An open recording: rows by frame and capture time, and what stands still.
+"""Open recording: rows by frame and capture time, and static content.
 
-Entity paths are fixed words: names that people wrote appear in texts only, never in a path, where
-Rerun would complain of blanks and other characters.
+Entity paths are fixed words: names given by people are in texts only, never in a path, where
+Rerun would reject blanks and other characters.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ FIRST = 1
 FOOTER_MARK = b"RRF2FOOT"
 FOOTER_VERSION_BYTES = 4
 
-# Makes the columns of one archetype for some of the frames.
+# Function that makes the columns of one archetype for some of the frames.
 Columns = Callable[[Ints], rr.ComponentColumnList]
 
 
 @contextmanager
 def strict_rerun() -> Iterator[None]:
-    """Rerun raises instead of warning, here and only here: the switch is global."""
+    """Make Rerun raise instead of warn, only within the block: the switch is global."""
     before = rr.strict_mode()
     rr.set_strict_mode(True)
     try:
@@ -48,21 +48,21 @@ def strict_rerun() -> Iterator[None]:
 
 @dataclass(frozen=True, eq=False)
 class Recorder:
-    """A recording stream with the frames' times.
+    """Recording stream with the times of the frames.
 
     Attributes
     ----------
     stream
         Rerun's recording stream.
     time_utc_s
-        (F,) NaN where unknown: such a row is on the timeline ``frame`` only.
+        (F,) times, NaN if unknown: such a row is on the timeline ``frame`` only.
     """
 
     stream: rr.RecordingStream
     time_utc_s: Floats
 
     def static(self, path: str, *archetypes: rr.AsComponents) -> None:
-        """Log what does not change with time."""
+        """Log content that does not change with time."""
         self.stream.log(path, *archetypes, static=True)
 
     def each(self, path: str, *columns: Columns) -> None:
@@ -75,11 +75,11 @@ class Recorder:
         Parameters
         ----------
         path
-            Of the entity.
+            Path of the entity.
         frames
             (n,) rows of the frames.
         columns
-            Each makes the columns of one archetype, for some of these frames.
+            Functions that make the columns of one archetype each, for some of these frames.
         """
         timed = np.isfinite(self.time_utc_s[frames])
         for some in (frames[timed], frames[~timed]):
@@ -98,13 +98,13 @@ class Recorder:
         Parameters
         ----------
         path
-            Of the entity.
+            Path of the entity.
         values
-            (F,) NaN where they are not known: there is no point then.
+            (F,) values; NaN gives no point.
         name
-            That a person understands, with its unit.
+            Name for the legend, with its unit.
         colour
-            Of the line.
+            Colour of the line.
         """
         known = np.flatnonzero(np.isfinite(values))
         if len(known):
@@ -119,11 +119,11 @@ class Recorder:
         Parameters
         ----------
         path
-            Of the entity.
+            Path of the entity.
         states
-            (F,) of the frames.
+            (F,) states of the frames.
         colours, words
-            Of each state that there can be.
+            Colour and text of each possible state.
         """
         labels = [words[state] for state in colours]
         self.static(
@@ -142,7 +142,7 @@ class Recorder:
         self.each(path, lambda some: rr.TextDocument.columns(text=[texts[i] for i in some]))
 
     def after_the_last(self, path: str, column: rr.ComponentColumnList) -> None:
-        """Log one row where the next frame would be."""
+        """Log one row at the place of the next frame."""
         indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=[FIRST + len(self.time_utc_s)])]
         known = np.sort(self.time_utc_s[np.isfinite(self.time_utc_s)])
         if len(known):
@@ -167,14 +167,14 @@ def open_recording(
     identity
         The same for the same program, inputs and options: a rerun replaces the earlier review.
     name
-        Shown by the viewer.
+        Name shown by the viewer.
     time_utc_s
-        (F,) of the frames, NaN where unknown.
+        (F,) times of the frames, NaN if unknown.
 
     Raises
     ------
     OSError
-        The file cannot be written.
+        If the file cannot be written.
     """
     sink = FileSink(path)
     with strict_rerun():

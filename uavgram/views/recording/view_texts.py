@@ -1,4 +1,4 @@
-"""Texts in the recording's views: none over another as a view opens, and lines to their objects.
+"""Texts in the recording's views: without overlaps as a view opens, and lines to their objects.
 
 Rerun writes each text level below its place, in letters of one size on the screen.
 """
@@ -18,14 +18,16 @@ from uavgram.views.recording.world.marks import polylines, texts
 from uavgram.views.style import QUIET
 
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0056, 0.040
-"""In space: half the width of a letter on a usual screen and the height of a line, as tangents of
-angles of view."""
+"""Half the width of a letter on a usual screen, and the height of a line, in views of space.
+
+Both are tangents of angles of view.
+"""
 HALF_VIEW = np.array([0.74, 0.50])
-"""Of such a view, in the same unit."""
+"""Half the size of such a view, as tangents."""
 HALF_DOT, GAP = 0.004, 0.008
-"""Around points, where no text is, and between a text and what it names."""
+"""Margin around points without texts, and gap between a text and its object."""
 REACH = 6.0
-"""A text may be so far from what it names, in its heights: a line leads to it."""
+"""Largest distance of a text from its object, in its heights: a line leads to it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,11 +37,11 @@ class ViewTexts:
     Attributes
     ----------
     rows
-        (n,) which of the texts that were wanted these are.
+        (n,) indices of these texts among those to place.
     place_m, words
         (n, 3) places below which they are written, and (n,) texts.
     leaders_m
-        (2, 3) lines to those that are not beside what they name.
+        (2, 3) lines to texts that are not beside their objects.
     """
 
     rows: Ints
@@ -57,20 +59,20 @@ def place_in_space(
     most: int | None = None,
     spread: float = 1.0,
 ) -> ViewTexts:
-    """Place texts in a view of space, the first ones first; those without room are left out.
+    """Place texts in a view of space, the first ones first; those without room are omitted.
 
     Parameters
     ----------
     eye
-        Of the view as it opens.
+        Eye of the view as it opens.
     anchor_m
-        (N, 3) what they name.
+        (N, 3) named objects.
     words
         (N,) texts.
     dots_m
-        (K, 3) what is drawn and must be seen.
+        (K, 3) points that must not be covered.
     most
-        So many at most; by default all.
+        Largest number of texts; by default all.
     spread
         Factor on the room of each.
     """
@@ -105,12 +107,12 @@ def place_texts(
     most: int | None = None,
     gap: float = GAP / LINE_ON_SCREEN,
 ) -> Placed:
-    """Place level texts in a view whose y goes down, the first ones first, in letters of one size.
+    """Place level texts of one font size in a view whose y goes down, the first ones first.
 
     Parameters
     ----------
     spots
-        (N, 2) what they name.
+        (N, 2) named objects.
     words
         (N,) texts.
     letter
@@ -121,11 +123,11 @@ def place_texts(
         (t, 5) places where no text may be.
     ranks
         (N,) texts of a lower rank come first, by default in their order; those of a negative one
-        must be where they are.
+        must be at their objects.
     most
-        So many at most; by default all.
+        Largest number of texts; by default all.
     gap
-        Between a text and what it names, in heights of a line.
+        Gap between a text and its object, in heights of a line.
     """
     ranks = range(len(words)) if ranks is None else ranks
     labels = [
@@ -143,21 +145,21 @@ def place_texts(
 
 
 def hanging(placed: Placed) -> Floats:
-    """(N, 2) places that texts hang below, where y goes down."""
+    """Return the (N, 2) places below which texts are written, where y goes down."""
     return np.asarray(placed.boxes[:, :2] - placed.boxes[:, 3:4] * [0.0, 1.0])
 
 
 def log_in_space(recorder: Recorder, path: str, placed: ViewTexts) -> None:
-    """Log texts and, below the same entity, the lines to what they name.
+    """Log texts and, below the same entity, the lines to their objects.
 
     Parameters
     ----------
     recorder
         The open recording.
     path
-        Of the entity.
+        Path of the entity.
     placed
-        What has room.
+        The placed texts.
     """
     if placed.words:
         recorder.static(path, texts(placed.place_m, placed.words))

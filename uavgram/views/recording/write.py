@@ -1,4 +1,4 @@
-"""Write the review of a result: one call, one complete file."""
+"""Writer of the review of a result: one call, one complete file."""
 
 from __future__ import annotations
 
@@ -43,33 +43,32 @@ def write_recording(
 ) -> None:
     """Write a Rerun recording with its blueprint inside.
 
-    Photos are written as they come, and not kept.
+    Photos are written as they come, and not kept in memory.
 
     Parameters
     ----------
     result
-        What to show.
+        The result to show.
     photos
-        Frame names and reduced photos, in any order; a frame without one shows only what is drawn
-        on it.
+        Frame names and reduced photos, in any order; a frame without one shows only its overlay.
     texture
-        Asked for the top view of the ground, or None, once all photos have passed.
+        Function that returns the top view of the ground, or None; called after all photos.
     path
         The .rrd file; replaced only once the new one is complete.
     ties
-        Tie points, where there are any.
+        Tie points, if there are any.
 
     Raises
     ------
     OutputError
-        The file cannot be written.
+        If the file cannot be written.
     OSError
-        The disk is full.
+        If the disk is full.
     """
     target = Path(path)
     unfinished = target.with_name(f".{target.name}.unfinished")
     try:
-        unfinished.touch()  # Rerun's own complaint about a missing folder is no OSError
+        unfinished.touch()  # Rerun's own error for a missing folder is no OSError
         made = result.provenance
         identity = (result.name, made.program, made.version, made.inputs, made.options)
         times = result.frames.time_utc_s
@@ -78,7 +77,7 @@ def write_recording(
         unfinished.replace(target)
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise  # who chose the folder knows where else there is room
+            raise  # the caller, who chose the folder, may use another one
         raise OutputError(f"{target}: the recording cannot be written: {error}") from error
     finally:
         unfinished.unlink(missing_ok=True)

@@ -1,4 +1,4 @@
-"""The statistics that an expert asks for: orientations, their correlations, and residuals."""
+"""Statistics for experts: orientations, their correlations, and residuals."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from uavgram.views.survey.drawing import flight_order
 from uavgram.views.wording import number
 
 MOST_POSES, MOST_MATRICES = 120, 16
-"""Photos whose pose, and whose matrix with the camera, is printed; results.json has them all."""
+"""Largest numbers of printed poses and of their matrices; results.json has them all."""
 
 TO_PHOTO_AXES = np.diag([1.0, -1.0, -1.0])
-"""From right, down, forward to photogrammetry's right, up, back."""
+"""Rotation from right, down, forward to photogrammetry's right, up, back."""
 
 
 class Pose(NamedTuple):
-    """An adjusted photo: centre and its sigmas [m], omega, phi, kappa and sigmas [°]."""
+    """Adjusted photo: centre and its sigmas [m], omega, phi, kappa and sigmas [°]."""
 
     name: str
     center_m: Floats
@@ -37,11 +37,11 @@ SHORT = {
     "slope north": "slope N",
     "readout time": "readout",
 }
-"""What stands over a column of a parameter whose name is long."""
+"""Column heads of parameters whose name is long."""
 
 
 class Matrix(NamedTuple):
-    """Correlations: a title, names of the parameters, and rows with theirs."""
+    """Correlations: a title, names of the parameters, and rows of correlations with them."""
 
     title: str
     columns: tuple[str, ...]
@@ -54,7 +54,7 @@ class Matrix(NamedTuple):
 
 
 class Residuals(NamedTuple):
-    """Of the picks in one photo: how many, rms right and down [px], the largest and its label."""
+    """Residuals of a photo: number of picks, rms right and down [px], the largest and its label."""
 
     name: str
     picks: int
@@ -64,18 +64,18 @@ class Residuals(NamedTuple):
 
 
 class Annex(NamedTuple):
-    """Everything in the annex.
+    """Content of the annex.
 
     Attributes
     ----------
     poses, poses_more
-        Adjusted photos, and how many are not shown.
+        Adjusted photos, and the number of those not shown.
     pairs
         Names of the columns of correlations within a pose.
     shared, matrices, matrices_more
-        Correlations of what all photos share; of each pose with it; how many are not shown.
+        Correlations among the shared parameters; of each pose with them; number not shown.
     residuals, residuals_more
-        By photo, the largest where there are many; how many are not shown.
+        Residuals by photo, the largest ones of many; number not shown.
     """
 
     poses: tuple[Pose, ...]
@@ -111,7 +111,7 @@ def annex(result: Result) -> Annex:
 
 
 def omega_phi_kappa_deg(world_from_camera: Floats) -> Floats:
-    """(3,) angles that turn photo axes (right, up, back) into east, north, up.
+    """Compute the (3,) angles that turn photo axes (right, up, back) into east, north, up.
 
     R = Rx(omega) Ry(phi) Rz(kappa): Luhmann et al., Close-Range Photogrammetry, 2.2.2.
 
@@ -121,6 +121,7 @@ def omega_phi_kappa_deg(world_from_camera: Floats) -> Floats:
         (3, 3) of axes right, down, forward.
     """
     turn = world_from_camera @ TO_PHOTO_AXES
+    # R[0,2] = sin(phi); R[1,2] / R[2,2] = -tan(omega); R[0,1] / R[0,0] = -tan(kappa)
     omega = np.arctan2(-turn[1, 2], turn[2, 2])
     phi = np.arcsin(np.clip(turn[0, 2], -1.0, 1.0))
     kappa = np.arctan2(-turn[0, 1], turn[0, 0])
@@ -148,7 +149,7 @@ def _numbers(values: Floats) -> tuple[str, ...]:
 
 
 def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Matrix, ...], int]:
-    """What all photos share, each photo's with it, and how many of these are left out."""
+    """Return the shared parameters' matrix, those of photos with it, and the number left out."""
     known = result.orientation
     if known is None:
         return None, (), 0
@@ -176,7 +177,7 @@ def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Ma
 
 
 def _rows_by_photo(result: Result) -> list[list[int]]:
-    """Of each photo the picks that take part."""
+    """Return the rows of the used picks of each photo."""
     at = {name: k for k, name in enumerate(result.frames.frame_id)}
     rows: list[list[int]] = [[] for _ in at]
     for i, (image, status) in enumerate(zip(result.picks.image, result.picks.status, strict=True)):

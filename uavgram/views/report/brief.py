@@ -1,4 +1,4 @@
-"""The first page, for who reads no other: what was measured, and what nothing checks."""
+"""First page of the report: measurements, and the limits of their checks."""
 
 from __future__ import annotations
 
@@ -18,49 +18,49 @@ from uavgram.views.survey.verdict import verdict_words
 from uavgram.views.wording import shapes_first
 
 MOST_ROWS = 12
-"""Measurements on the first page; the least certain ones, where there are more."""
+"""Largest number of measurements on the first page; of more, the least certain ones."""
 
 LEAST_ROWS = 3
 
 FEW_ROWS = 2
-"""If no more measurements than these have no room, the plan is made lower for them."""
+"""Number of measurements without room up to which the plan is made lower for them."""
 
 PAGE_MM, UNIT_MM = 243.0, 182.0 / WIDTH
-"""What a printed page has for the text and the plan (letter is the lower); a unit of a drawing."""
+"""Height of a printed page for text and plan (letter is lower), and unit of a drawing [mm]."""
 
 LEAST_PLAN, GOOD_PLAN, MOST_PLAN = 220.0, 330.0, 640.0
-"""Height of the plan, in units of its drawing: for a good one rows of the table are left out."""
+"""Limits of the plan's height, in its units; for a good one, rows of the table are left out."""
 
 HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.3, 4.8, 2.0
-"""Of title and legend; of a row of a table; of a line of text; around a paragraph."""
+"""Heights of title and legend, table row and line of text, and gap around a paragraph."""
 
 LINE, STRONG_LINE, TITLE = 96, 76, 20
-"""Letters of a line; of a name beside the other words of the title."""
+"""Letters of a line: of text, of strong text, and of a name beside the words of the title."""
 
 MOST_REASONS = 2
-"""Of the verdict, beside the first; warnings tell them all."""
+"""Number of reasons of the verdict beside the first; the warnings have them all."""
 
 MOST_NAMES = 8
 LIMITS = "What was checked, and what was not. "
 
 
 class Brief(NamedTuple):
-    """What the first page says beside the verdict.
+    """Content of the first page beside the verdict.
 
     Attributes
     ----------
     case
         Names and texts of its head.
     rows, more
-        Rows of the measurements that are shown, and how many are not.
+        Rows of the measurements that are shown, and number of the others.
     plan_height
-        Of the plan, in units of its drawing: what the measurements leave of the page.
+        Height of the plan, in units of its drawing: the room left by the measurements.
     reasons, reasons_more
-        Of the verdict beside the first, and how many are not shown.
+        Reasons of the verdict beside the first, and number of those not shown.
     accuracy
-        How well distances are known, and places on the earth.
+        Accuracy of distances and of coordinates.
     limits
-        Sentences on what was not checked, or cannot be relied on.
+        Sentences on values that were not checked, or are not reliable.
     """
 
     case: tuple[tuple[str, str], ...]
@@ -74,7 +74,7 @@ class Brief(NamedTuple):
 
 
 def brief(result: Result) -> Brief:
-    """Choose what stands on the first page: lengths and angles before places on the earth."""
+    """Choose the content of the first page: lengths and angles before coordinates."""
     order = shapes_first(result.measurements)
     case = case_from_options(result.provenance.options)
     others = [reason.text for reason in result.verdict.reasons[1:]]
@@ -103,7 +103,7 @@ def brief(result: Result) -> Brief:
 
 
 def _text_mm(text: str, letters: int = LINE) -> float:
-    """What a paragraph takes of a page."""
+    """Return the height of a paragraph on paper."""
     return math.ceil(len(text) / letters) * LINE_MM + GAP_MM if text else 0.0
 
 
@@ -112,12 +112,12 @@ def _limits(result: Result) -> list[str]:
     known = np.isfinite(rows.value)
     named = list(zip(rows.name, rows.status, known.tolist(), strict=True))
     several = {
-        "Nothing would show an error in": [n for n, s, ok in named if ok and s == "not-checked"],
-        "Doubtful, as something that they rest on does not fit": [
+        "No check would detect an error in": [n for n, s, ok in named if ok and s == "not-checked"],
+        "Doubtful, as an observation on which they depend does not fit": [
             n for n, s, ok in named if ok and s == "doubtful"
         ],
         "Contradicted, and not to be used": [n for n, s, ok in named if ok and s == "contradicted"],
-        "Asked for, but not computed": [n for n, _, ok in named if not ok],
+        "Requested, but not computed": [n for n, _, ok in named if not ok],
         "No person picked the points of": [
             name for name, alone in zip(rows.name, measured_alone(result), strict=True) if alone
         ],
@@ -125,7 +125,7 @@ def _limits(result: Result) -> list[str]:
     told = [f"{words}: {listed(names, MOST_NAMES)}." for words, names in several.items() if names]
     checks = checks_summary(result)
     if checks is None:
-        none = "No length and no point was withheld, with which to compare the result"
-        alone = ": what is checked is checked by whether the observations agree with one another"
+        none = "No length and no point was withheld for a comparison with the result"
+        alone = ": the only check is the agreement of the observations with one another"
         return [*told, f"{none}{alone if 'ok' in rows.status else ''}."]
     return [*told, f"Of the lengths and points that were withheld as checks, {checks.inside}"]

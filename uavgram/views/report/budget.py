@@ -1,4 +1,4 @@
-"""The error budget: where the variance of each measurement comes from, as bars and in words."""
+"""Error budget: sources of the variance of each measurement, as bars and in words."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from uavgram.model.result.reliability import ErrorBudget
 from uavgram.model.result.result import Result
 from uavgram.views.wording import computed_first, number
 
-# Okabe and Ito (2008): told apart by colour-blind readers; in the order of the bars.
+# Okabe and Ito (2008): distinguishable for colour-blind readers; in the order of the bars.
 COLOURS = {
     "picks": "#0072b2",
     "identification": "#332288",
@@ -29,22 +29,22 @@ COLOURS = {
     "choice of axes": "#999999",
 }
 
-# What a source is, and what would make it smaller.
+# Description of each source, and how to reduce it.
 WORDS = {
     "picks": (
         "how exactly the points were picked in the photos",
         "Picking them in more photos, or with more care, would help there.",
     ),
     "identification": (
-        "how well the points that were picked are the ones that were meant, alike in all photos",
+        "how far the picked points are from the intended ones, the same in all photos",
         "Sharp marks or targets would help there; more photos do not.",
     ),
     "matches": (
         "how exactly picked points were found in other photos",
-        "Sharper photos, or picks on things that stand out, would help there.",
+        "Sharper photos, or picks on distinct objects, would help there.",
     ),
     "tie points": (
-        "how exactly points that nobody picked were found in the photos",
+        "how exactly the program measured tie points in the photos",
         "Photos that overlap more would help there.",
     ),
     "lens": (
@@ -90,14 +90,14 @@ WORDS = {
 }
 
 MOST_ROWS = 40
-"""Measurements whose budget is printed: the least certain ones; results.json has them all."""
+"""Number of measurements whose budget is printed, the least certain; results.json has all."""
 
 FELT = 0.0005
-"""Share that rounds to 0.1 %: what is less is not drawn."""
+"""Share that rounds to 0.1 %: smaller ones are not drawn."""
 
 
 class Segment(NamedTuple):
-    """Of a bar: where it starts and how long it is, in percent, and its colour."""
+    """Segment of a bar: start and length in percent, and colour."""
 
     start: float
     length: float
@@ -105,7 +105,7 @@ class Segment(NamedTuple):
 
 
 class BudgetRow(NamedTuple):
-    """Of one measurement: its name, bar, largest source, and the shares in percent."""
+    """Budget of one measurement: name, bar, largest source, and the shares in percent."""
 
     name: str
     bar: list[Segment]
@@ -123,9 +123,9 @@ class BudgetTable(NamedTuple):
     rows
         The least certain measurement first.
     more
-        How many measurements are not shown.
+        Number of measurements not shown.
     summary
-        For each source that is the largest of some measurement, a sentence.
+        A sentence for each source that is the largest of some measurement.
     """
 
     sources: tuple[tuple[str, str], ...]
@@ -135,7 +135,7 @@ class BudgetTable(NamedTuple):
 
 
 def budget_table(result: Result) -> BudgetTable | None:
-    """Lay out the bars; None where there is no budget or nothing has a value."""
+    """Lay out the bars; return None if there is no budget or no measurement has a value."""
     budget = result.error_budget
     if budget is None or not np.isfinite(budget.share).any():
         return None
@@ -161,6 +161,7 @@ def budget_table(result: Result) -> BudgetTable | None:
 
 
 def _bar(sources: tuple[str, ...], share: Floats) -> list[Segment]:
+    # stack the segments: cumulative shares
     ends = np.cumsum(share)
     return [
         Segment(round(100 * (end - part), 2), round(100 * part, 2), COLOURS[source])
@@ -170,7 +171,7 @@ def _bar(sources: tuple[str, ...], share: Floats) -> list[Segment]:
 
 
 def _summary(budget: ErrorBudget) -> tuple[str, ...]:
-    """The most frequent largest source first."""
+    """Describe the largest sources, the most frequent one first."""
     largest = np.bincount(np.argmax(budget.share, axis=1), minlength=len(budget.source))
     sentences = []
     for s in np.argsort(-largest, kind="stable"):

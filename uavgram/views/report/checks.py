@@ -1,4 +1,4 @@
-"""Withheld lengths and check points against the result, as one compares with a total station."""
+"""Withheld lengths and check points compared with the result, as with a total station."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from uavgram.views.survey.verdict import THREE_SIGMA
 
 
 class ChecksSummary(NamedTuple):
-    """How many are within three times their uncertainty, and all of them together.
+    """Number of checks within three times their uncertainty, and the joint test of all.
 
     Attributes
     ----------
     inside, overall
         The two sentences.
     look
-        "good" where all lie inside and fit together too, "bad" where not; "none" where they fit
-        and the verdict is red all the same.
+        "good" if all are inside and agree together too, "bad" if not; "none" if they agree but the
+        verdict is red.
     line_row
         Row of each withheld length among the lengths, by its name.
     point_z
@@ -36,7 +36,7 @@ class ChecksSummary(NamedTuple):
 
 
 def checks_summary(result: Result) -> ChecksSummary | None:
-    """All checks in two sentences; None where nothing was withheld."""
+    """Describe all checks in two sentences; return None if nothing was withheld."""
     lines, points = result.lines, result.point_checks
     z = points.error_m / points.sigma_m
     outside = [
@@ -47,7 +47,7 @@ def checks_summary(result: Result) -> ChecksSummary | None:
         return None
     bad = int(np.sum(outside))
     inside = f"{len(outside) - bad} of {len(outside)} are within three times their uncertainty"
-    # each alone may lie inside, where all have a large sigma in common
+    # each alone may be inside if all share a large sigma
     off = any(message.code == "checks-misfit" for message in result.messages)
     if bad:
         inside += f", {bad} OUTSIDE"

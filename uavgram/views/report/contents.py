@@ -1,4 +1,4 @@
-"""The contents of a page, made of its own headings: each section that is there, and no other."""
+"""Contents of a page, made from its own headings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ _HEADING = re.compile(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', re.DOTALL)
 
 
 def with_contents(html: str) -> str:
-    """The page with a list of its sections at the place for it; the PDF adds numbers of pages."""
+    """Insert the list of sections at its place in the page; the PDF adds page numbers."""
     rows = [f'<li><a href="#{name}">{words}</a></li>' for name, words in _HEADING.findall(html)]
     listed = "\n".join(rows)
     title = '<p class="title"><b>Contents</b></p>'

@@ -1,4 +1,4 @@
-"""What a result rests on, for people who did not make it: questions and answers."""
+"""Basis of a result for people who did not make it: questions and answers."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uavgram.views.survey.sources import picks_text
 from uavgram.views.wording import place
 
 MOST_FILES = 40
-"""Files whose sums are in the report; the annex has those of all."""
+"""Number of files whose checksums are in the report; the annex has all."""
 
 
 def foundations(result: Result) -> tuple[tuple[str, str], ...]:
@@ -22,7 +22,7 @@ def foundations(result: Result) -> tuple[tuple[str, str], ...]:
 
     Returns
     -------
-    Pairs of question and answer; what there is nothing of is left out or said to be missing.
+    Pairs of question and answer; missing items are omitted, or stated to be missing.
     """
     camera, options = result.camera, dict(result.provenance.options)
     log = options.get("log") or options.get("poses")
@@ -40,7 +40,7 @@ def foundations(result: Result) -> tuple[tuple[str, str], ...]:
 
 
 def files_shown(result: Result) -> tuple[InputDigest, ...]:
-    """Choose the files whose sums the report has: photos after all others."""
+    """Choose the files whose checksums the report has: photos after all others."""
     photos = {Path(path).name for path in result.frames.path}
     files = sorted(result.provenance.inputs, key=lambda one: Path(one.path).name in photos)
     return tuple(files[:MOST_FILES])
@@ -62,7 +62,7 @@ def _lengths(result: Result) -> str:
 
 
 def _largest_source(result: Result) -> str:
-    """Name what most of the measured values are least certain by, and what would help."""
+    """Name the source that is most often the largest in the error budget, and its remedy."""
     budget = result.error_budget
     if budget is None or not np.isfinite(budget.share).any():
         return ""

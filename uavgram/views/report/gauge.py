@@ -1,4 +1,4 @@
-"""A number of sigmas as a mark on a scale."""
+"""Number of sigmas as a mark on a scale."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ from typing import NamedTuple
 import numpy as np
 
 REACH = 6.0
-"""Sigmas from the middle of a gauge to its ends; what lies beyond is drawn there."""
+"""Sigmas from the middle of a gauge to its ends; larger values are drawn at the end."""
 
 
 class Gauge(NamedTuple):
-    """A number of sigmas as a mark on a scale from minus to plus `REACH`.
+    """Number of sigmas as a mark on a scale from minus to plus `REACH`.
 
     Attributes
     ----------
     at, low, high
-        Of the mark, and of the ends of the zone within the limit, in percent of the scale.
+        Positions of the mark and of the ends of the zone within the limit, in percent of the scale.
     outside
         Whether the mark is beyond the limit.
     """
@@ -28,7 +28,7 @@ class Gauge(NamedTuple):
 
 
 def gauge(sigmas: float, limit: float) -> Gauge | None:
-    """Draw a number of sigmas against a limit; None where there is no number."""
+    """Draw a number of sigmas against a limit; return None if it is not finite."""
     if not np.isfinite(sigmas):
         return None
     at = float(np.clip(sigmas, -REACH, REACH))

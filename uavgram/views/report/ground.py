@@ -1,4 +1,4 @@
-"""The ground as photos show it, below the plan of the report."""
+"""Ground as photos show it, below the plan of the report."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from uavgram.views.survey.top_view import TopView, lay_out, top_view, used_point
 
 
 class Backdrop(NamedTuple):
-    """A picture behind a drawing: its place there, and itself."""
+    """Picture behind a drawing: its place there, and its address."""
 
     x: float
     y: float
@@ -25,18 +25,18 @@ class Backdrop(NamedTuple):
 
 
 def shown_ground(result: Result) -> tuple[Floats, Floats] | None:
-    """South-west and north-east corner (2,) of what the report's plan covers; None without one."""
+    """Return south-west and north-east corner (2,) of the report's plan; None without one."""
     plan = lay_out(result, brief(result).plan_height, used_points(result))
     return None if plan is None else plan.sheet.extent_m
 
 
 def report_plan(result: Result, first: Brief) -> TopView | None:
-    """Draw the plan of the first page; None where there is no point to draw."""
+    """Draw the plan of the first page; return None if there is no point to draw."""
     return top_view(result, first.plan_height, used_points(result))
 
 
 def backdrop(view: TopView | None, pictures: Pictures) -> Backdrop | None:
-    """Where the picture of the ground lies in a drawing."""
+    """Place the picture of the ground in a drawing."""
     ground = pictures.ground
     if view is None or ground is None:
         return None

@@ -1,4 +1,4 @@
-"""Pictures inside a page: marks in its text, until it is written, as they are nearly all of it."""
+"""Pictures inside a page: marks in its text until it is written, as pictures take most space."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from itertools import zip_longest
 from uavgram.model.result.pictures import Pictures
 
 GROUND = "ground"
-_MARK = re.compile(r"<!-- picture (\w+) -->")  # what people wrote is escaped: it has no such thing
+_MARK = re.compile(r"<!-- picture (\w+) -->")  # escaped text cannot contain this
 
 
 def picture_mark(which: int | str) -> str:
-    """Stands for the address of a picture: of one of the photos' by its row, or of `GROUND`."""
+    """Return the mark for the address of a picture: a photo by its row, or `GROUND`."""
     return f"<!-- picture {which} -->"
 
 
 def with_pictures(html: str, pictures: Pictures) -> Iterator[bytes]:
-    """The page as pieces of UTF-8, each picture where its mark was, as an address that holds it."""
+    """Yield the page as pieces of UTF-8, with each mark replaced by a data URL of its picture."""
     parts = _MARK.split(html)
     for text, which in zip_longest(parts[::2], parts[1::2]):
         yield text.encode()

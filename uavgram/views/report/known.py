@@ -1,4 +1,4 @@
-"""Everything known beside lengths, and how well it fits: rows of a table, in words."""
+"""Known observations other than lengths and their fit: rows of a table, in words."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from uavgram.views.wording import (
 
 
 class KnownRow(NamedTuple):
-    """One known thing: what it is, and numbers as they are shown."""
+    """Known observation: its kind, and numbers as they are shown."""
 
     name: str
     what: str
@@ -34,7 +34,7 @@ class KnownRow(NamedTuple):
 
 
 def known_table(result: Result) -> tuple[KnownRow, ...]:
-    """Rows of everything known, the worst fit first."""
+    """Return the rows of all known observations, the worst fit first."""
     return tuple(_row(result, int(i)) for i in worst_fit_first(result.known.w))
 
 

@@ -1,4 +1,4 @@
-"""Which rows of a long table a page tells: no browser shows tens of thousands of them well."""
+"""Selection of the rows of a long table: browsers are slow with tens of thousands of rows."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 
 MOST_TOLD = 1_000
-"""Rows of one table."""
+"""Largest number of rows of one table."""
 
 
 def most_doubtful(doubt: Floats) -> tuple[int, ...]:
-    """Rows that are told, in their order: those of which there is most doubt.
+    """Select the rows with the most doubt, in their order.
 
     Parameters
     ----------
     doubt
-        (N,) how much; NaN is none.
+        (N,) amount of doubt; NaN is none.
     """
     first = np.argsort(-np.nan_to_num(doubt, nan=-np.inf), kind="stable")[:MOST_TOLD]
     return tuple(np.sort(first).tolist())
 
 
 def rows_told(result: Result) -> dict[str, tuple[int, ...]]:
-    """Rows of photos, those without a place first; of points, the least certain; of files."""
+    """Select rows of photos, those without a place first; of points, least certain; of files."""
     frames = result.frames
     is_lost = np.array([status in ("rejected", "unmatched") for status in frames.status])
     return {

@@ -1,4 +1,4 @@
-"""The measurements: values, sampled intervals, second order, and other solutions."""
+"""Measurements: values, sampled intervals, second order, and other solutions."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from uavgram.views.units import units_of
 from uavgram.views.wording import computed_first, number, relief_text, shift_text
 
 MOST_RELIEF = 10
-"""Measurements in single photos that have a sentence of their own: those that are least certain."""
+"""Largest number of single-photo measurements with a sentence of their own, the least certain."""
 
 MOST_DIFFERENT = 10
-"""Measurements that are shown under another solution: those that it changes most."""
+"""Number of measurements shown for another solution: those that it changes most."""
 
 LITTLE = 0.05
-"""Relative change of a sigma, or of an error's size, that is not worth a word."""
+"""Relative change of a sigma, or of an error's size, that is not mentioned."""
 
 
 def sampled_words(result: Result) -> str:
-    """What the sampled columns are; empty where nothing was sampled."""
+    """Explain the sampled columns; empty if nothing was sampled."""
     sampled = result.monte_carlo
     if sampled is None:
         return ""
-    left_out = f"; {sampled.failed} more did not come to rest and are left out"
+    left_out = f"; {sampled.failed} more did not converge and are left out"
     return (
         f"Sampled: all observations and everything known beforehand were drawn anew "
         f"{sampled.samples} times (seed {sampled.seed}), and everything adjusted and measured "
@@ -38,14 +38,14 @@ def sampled_words(result: Result) -> str:
 
 
 class ReliefNotes(NamedTuple):
-    """How far single photos hang on the ground's shape: sentences, and how many more there are."""
+    """Dependence of single photos on the ground's shape: sentences, and number of the others."""
 
     sentences: tuple[str, ...]
     more: int
 
 
 def relief_notes(result: Result) -> ReliefNotes:
-    """A sentence on each measurement whose points are seen in one photo only, the worst first."""
+    """Describe each measurement whose points are seen in one photo only, the worst first."""
     rows, points = result.measurements, result.points
     photos = dict(zip(points.label, points.frames, strict=True))
     alone = [
@@ -56,8 +56,8 @@ def relief_notes(result: Result) -> ReliefNotes:
     ]
     relief = relief_text(units_of(result))
     sentences = tuple(
-        f"{rows.name[i]}: each of its points is seen in one photo only, so nothing shows how high "
-        f"the ground is there. If the ground at its points is {relief} higher or lower than taken, "
+        f"{rows.name[i]}: each of its points is seen in one photo only, so no observation "
+        f"checks the height of the ground there. If that is {relief} higher or lower than assumed, "
         f"this value shifts by up to {shift_text(rows.shift_relief_10cm[i], rows.unit[i])}."
         for i in alone[:MOST_RELIEF]
     )
@@ -65,7 +65,7 @@ def relief_notes(result: Result) -> ReliefNotes:
 
 
 def learnt_words(result: Result) -> str:
-    """How much larger uncertainties are than with errors as stated; empty where they are not."""
+    """Compare the uncertainties with those for errors as stated; empty if they are alike."""
     rows, noise = result.measurements, result.noise
     known = np.isfinite(rows.sigma) & (rows.sigma_stated > 0)
     ratio = rows.sigma[known] / rows.sigma_stated[known]
@@ -75,7 +75,7 @@ def learnt_words(result: Result) -> str:
     times = high if low == high else f"{low} to {high}"
     causes = _causes(noise)
     because = f", because {' and '.join(causes)}" if causes else ""
-    return f"The uncertainties are {times} times what they would be with errors as stated{because}."
+    return f"The uncertainties are {times} times as large as with errors as stated{because}."
 
 
 def _causes(noise: Noise) -> list[str]:
@@ -97,11 +97,11 @@ class SecondOrderNote(NamedTuple):
     Attributes
     ----------
     sentence
-        If it is for all measurements.
+        Result for all measurements.
     doubtful
         A sentence for each measurement for which it is not.
     advice
-        What to do about these.
+        How to treat these.
     """
 
     sentence: str
@@ -110,7 +110,7 @@ class SecondOrderNote(NamedTuple):
 
 
 def second_order_note(result: Result) -> SecondOrderNote | None:
-    """The second-order check in words; None where there was none."""
+    """Describe the second-order check; return None if there was none."""
     second, rows = result.second_order, result.measurements
     if second is None or not np.isfinite(rows.value).any():
         return None
@@ -133,7 +133,7 @@ def second_order_note(result: Result) -> SecondOrderNote | None:
 
 
 class AlternativeTable(NamedTuple):
-    """Another solution and what it would do to the measurements.
+    """Another solution and its effect on the measurements.
 
     Attributes
     ----------
@@ -142,7 +142,7 @@ class AlternativeTable(NamedTuple):
     rows
         Row, value there and difference in sigmas of the measurements that it changes most.
     others
-        A sentence on those that it changes less; empty where there are none.
+        A sentence on those that it changes less; empty if there are none.
     """
 
     solution: Alternative
@@ -151,7 +151,7 @@ class AlternativeTable(NamedTuple):
 
 
 def alternative_tables(result: Result) -> list[AlternativeTable]:
-    """The other solutions, each with what it would do to the measurements."""
+    """Return the other solutions, each with its effect on the measurements."""
     return [_alternative(result, one) for one in result.solution.alternatives]
 
 

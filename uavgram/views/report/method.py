@@ -1,4 +1,4 @@
-"""The method: numbers and names that its formulas need."""
+"""Numbers and names that the formulas of the method section need."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uavgram.views.wording import number
 
 
 def method_facts(result: Result) -> dict[str, str | bool]:
-    """What the section on the method fills in, by its names in the template.
+    """Return the values for the section on the method, by their names in the template.
 
     The lens is ``brown``, ``rational`` or ``fisheye``; a log may be photo poses; the ellipse is in
     sigmas; the rest belongs to the tests of single observations.

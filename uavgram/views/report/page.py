@@ -1,4 +1,4 @@
-"""The report and its annex: what their templates show, beside the result itself."""
+"""Report and its annex: values for their templates, beside the result itself."""
 
 from __future__ import annotations
 
@@ -84,16 +84,16 @@ from uavgram.views.wording import (
 )
 
 BESIDE_HEIGHT = 480.0
-"""Of the top view: the key plan fits below it."""
+"""Height of the top view, below which the key plan fits."""
 
 REPORT, ANNEX = "report.html", "report_annex.html"
 """Templates."""
 
 MOST_LENGTHS, MOST_WARNINGS = 12, 12
-"""Known lengths, worst fit first, and warnings in the report; the annex has all."""
+"""Numbers of known lengths, worst fit first, and of warnings in the report; the annex has all."""
 
 MOST_CELLS = 30
-"""Measurements that are a table of cells on paper too: more are lines of text, which cost less."""
+"""Number of measurements printed as a table of cells; more become text, which costs less."""
 
 
 def write_report(
@@ -104,16 +104,16 @@ def write_report(
     Parameters
     ----------
     result
-        What a run computed.
+        Result of a run.
     path
-        The file to write; the annex is beside it, as of `annex_of`.
+        The file to write; the annex is beside it, see `annex_of`.
     pictures
         Parts of its photos.
 
     Raises
     ------
     OutputError
-        A file cannot be written.
+        If a file cannot be written.
     """
     target = Path(path)
     facts = _facts(result, pictures, target)
@@ -127,7 +127,7 @@ def annex_of(report: Path) -> Path:
 
 
 def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
-    """Return the report as text. Names that people wrote are escaped; nothing is loaded."""
+    """Return the report as text; names written by people are escaped, nothing is loaded."""
     return _rendered(REPORT, result, pictures)
 
 
@@ -159,7 +159,7 @@ def _page(template: str, facts: dict[str, Any]) -> str:
 
 
 def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
-    """Compute what both templates show."""
+    """Compute the variables of both templates."""
     units, first = units_of(result), brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
     fits = worst_fit_first(result.lines.w)
@@ -236,7 +236,7 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
 
 
 def _warnings(result: Result) -> tuple[str, ...]:
-    """Problems and warnings that the first page does not state."""
+    """Return the errors and warnings that the first page does not state."""
     stated = tuple(reason.text for reason in result.verdict.reasons[: 1 + MOST_REASONS])
     return tuple(
         message.text
@@ -246,7 +246,7 @@ def _warnings(result: Result) -> tuple[str, ...]:
 
 
 def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object]:
-    """Draw what is seen from above: both plans, and where photos were taken."""
+    """Draw the views from above: both plans, and the key plan of the photos."""
     plan = report_plan(result, first)
     return {
         "plan_view": plan,
@@ -259,7 +259,7 @@ def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object
 
 
 def _made_by(result: Result) -> dict[str, object]:
-    """Who made picks and values, and what ties the photos."""
+    """Return the origin of picks and values, and the ties between photos."""
     return {
         "source_words": SOURCE_WORDS,
         "found_any": has_found(result),
@@ -274,13 +274,13 @@ def _made_by(result: Result) -> dict[str, object]:
 
 
 def options_told(result: Result) -> list[tuple[str, str]]:
-    """Options that have a value: names and texts."""
+    """Return names and texts of the options that have a value."""
     every = result.provenance.options
     return [(key, option_text(value)) for key, value in every if value is not None and value != ""]
 
 
 def option_text(value: object) -> str:
-    """An option as it was understood."""
+    """Format an option as it was understood."""
     if value is None or value == "":
         return "–"
     if isinstance(value, tuple | list):

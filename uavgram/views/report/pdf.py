@@ -1,4 +1,4 @@
-"""Report and annex on paper: of the same pages, for archives (PDF/A-3b) and for printing."""
+"""Report and annex on paper: from the same pages, for archives (PDF/A-3b) and for printing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf, weasyprint_for
 _NAME = "report"
 
 _BESIDE = re.compile(r'href="([^":#]+)\.html"')
-"""A link to the page beside this one: on paper, to its PDF."""
+"""Link to the page beside this one, which on paper becomes a link to its PDF."""
 
 _SHEET = """
 @page {{
@@ -32,12 +32,12 @@ _SHEET = """
 
 
 def check_pdf() -> None:
-    """See whether a PDF can be made here, before anything is computed.
+    """Check that a PDF can be made here, before anything is computed.
 
     Raises
     ------
     UavgramError
-        WeasyPrint, or a library of the system that it needs, is missing.
+        If WeasyPrint, or a library of the system that it needs, is missing.
     """
     weasyprint_for(_NAME)
 
@@ -47,7 +47,7 @@ def report_pdf(
 ) -> bytes:
     """Lay out the report, or its annex, as a PDF/A-3b file.
 
-    Fonts are embedded, colours are those of sRGB. Equal input gives equal bytes.
+    Fonts are embedded, colours are sRGB. Equal input gives equal bytes.
 
     Parameters
     ----------
@@ -56,25 +56,25 @@ def report_pdf(
     results
         The text of ``results.json``; its SHA-256 is at the foot of every page.
     paper
-        Its size.
+        Size of the paper.
     name
-        Of the project.
+        Name of the project.
     made_utc
-        When the result was computed, as it says.
+        Time of the computation, from the result.
     attach
         Whether ``results.json`` is attached.
 
     Raises
     ------
     UavgramError
-        WeasyPrint, or a library of the system that it needs, is missing.
+        If WeasyPrint, or a library of the system that it needs, is missing.
     """
     digest = hashlib.sha256(results.encode()).hexdigest()
     made = datetime.fromisoformat(made_utc)
     attached = weasyprint_for(_NAME).Attachment(
         string=results,
         name="results.json",
-        description="Everything that the report tells, as numbers",
+        description="All results of the report, as numbers",
         created=made,
         modified=made,
         relationship="Data",
@@ -93,7 +93,7 @@ def report_pdf(
 
 
 def _finish(_: object, pdf: Any) -> None:  # noqa: ANN401
-    """Keep two rules of the archive format that WeasyPrint breaks.
+    """Restore two rules of the archive format that WeasyPrint breaks.
 
     ISO 19005-3, 6.2.8: no image may ask to be interpolated; 6.8: each attachment is listed once.
     """

@@ -32,15 +32,15 @@ from uavgram.views.units import units_of
 from uavgram.views.wording import measurement_text, number, shapes_first, size_text
 
 WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "point": 210.0}
-"""Of a picture on the page: marks are drawn as large as they are on a drawing of this width."""
+"""Width of each kind of picture on the page, in units of its marks."""
 SIZES = {0: "half", 1: "single", 2: "half", 4: "half"}
-"""Of the pictures of so many measurements; of other numbers three are side by side."""
+"""Kind of pictures for small numbers of measurements; otherwise three are side by side."""
 MOST_SHOWN = 12
-"""Measurements with a picture in the report, the least certain ones; the annex has the others."""
+"""Number of measurements with a picture in the report, least certain; the annex has the others."""
 DRAWN_OFF = 0.3
-"""A bent line is drawn so exactly, in the same unit."""
+"""Tolerance for drawing a bent line, in the same unit."""
 HALF_MIDDLE = 3.0
-"""Around the middle of a mark, where no name is, in the same unit."""
+"""Half size of the area around the middle of a mark without names, in the same unit."""
 PICKED_BY: dict[Source, str] = {
     "hand": "picked by a person",
     "match": "found by the program (matched)",
@@ -49,7 +49,7 @@ PICKED_BY: dict[Source, str] = {
 
 
 class Look(NamedTuple):
-    """How a line is drawn."""
+    """Style of a line."""
 
     colour: str
     dashed: bool
@@ -59,24 +59,24 @@ ON_MEASURED = Look(hex_colour(MEASURED), dashed=False)
 
 
 class Shown(NamedTuple):
-    """A picture with what is drawn over it, in pixels of the photo.
+    """Picture with its overlay, in pixels of the photo.
 
     Attributes
     ----------
     region
-        Of the photo.
+        Part of the photo.
     data
-        Where the picture itself comes.
+        Mark that is replaced by the picture itself.
     unit
         Pixels of the photo for one unit of a drawing.
     lines
-        Points of polylines, and how these look.
+        Points of polylines, and their style.
     marks, tags, bar
-        Picks, names, and what a length along the photo's rows looks like in the middle.
+        Picks, names, and a scale bar along the photo's rows, valid in the middle.
     name, told
-        What it shows, and what is to be said of that.
+        Subject of the picture, and remark on it.
     photo, origin
-        From which file, and which part of it.
+        Name of the photo, and description of the part of its file.
     """
 
     region: Region
@@ -93,7 +93,7 @@ class Shown(NamedTuple):
 
 
 class PhotoFile(NamedTuple):
-    """A photo that is shown: its name and SHA-256, and how it was brightened."""
+    """Photo that is shown: its name and SHA-256, and how it was brightened."""
 
     name: str
     sha256: str
@@ -110,9 +110,9 @@ class Gallery(NamedTuple):
     brightened
         The names of those photos that are shown brighter than they are stored.
     overview, measurements, size
-        Of the report, and the class of its measurements.
+        Pictures of the report, and the class of its measurements.
     more, points, left_out
-        Of the annex: other measurements, points, and the names of what is not shown.
+        Pictures of the annex: other measurements, points, and names of subjects not shown.
     """
 
     files: tuple[PhotoFile, ...]
@@ -126,20 +126,20 @@ class Gallery(NamedTuple):
 
 
 class _Drawn(NamedTuple):
-    """What every picture draws of, made once.
+    """Content shared by all pictures, made once.
 
     Attributes
     ----------
     lines
-        By region, polylines in pixels of the photo, and how they look.
+        Polylines in pixels of the photo and their style, by region.
     bars
-        Scale bars by region; of some there is none.
+        Scale bars by region; some have none.
     alone
-        What measurements rest on alone, in words.
+        Notes on the picks of each measurement.
     picks
-        By frame, rows of the picks that the adjustment looked at, used ones first.
+        Rows of the picks that the adjustment considered, used ones first, by frame.
     sha256
-        By frame that is shown.
+        Checksums by frame that is shown.
     """
 
     lines: dict[Region, list[tuple[Floats, Look]]]
@@ -150,7 +150,7 @@ class _Drawn(NamedTuple):
 
 
 def gallery(result: Result, pictures: Pictures) -> Gallery | None:
-    """Lay out the pictures; None where there is none."""
+    """Lay out the pictures; return None if there are none."""
     if not pictures.shown:
         return None
     drawn = _drawn(result, [one.region for one in pictures.shown])
@@ -183,7 +183,7 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
 
 
 def _in_report(result: Result, pictures: Pictures) -> set[int]:
-    """Rows of the pictures of the measurements that are least certain for their size."""
+    """Return the rows of the pictures of the measurements with the largest relative uncertainty."""
     rank = {row: k for k, row in enumerate(shapes_first(result.measurements))}
     rows = [k for k, one in enumerate(pictures.shown) if one.region.subject == "measurement"]
     return set(sorted(rows, key=lambda k: rank[pictures.shown[k].region.row])[:MOST_SHOWN])
@@ -205,7 +205,7 @@ def _drawn(result: Result, regions: Sequence[Region]) -> _Drawn:
 
 
 def photo_sha256(result: Result, frame: int) -> str:
-    """Of the photo's file, as the chain of custody has it; empty where that names none."""
+    """Return the checksum of the photo's file from the chain of custody; empty if not listed."""
     digests = {one.path: one.sha256 for one in result.provenance.inputs}
     return digests.get(result.frames.path[frame], "")
 
@@ -257,7 +257,7 @@ def _origin(result: Result, picture: Picture, digest: str) -> str:
 def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) -> tuple[str, str]:
     if region.subject == "overview":
         is_measured = any(look == ON_MEASURED for _, look in drawn.lines[region])
-        most = "shows most of what was measured" if is_measured else "has most of the points"
+        most = "shows most of the measurements" if is_measured else "has most of the points"
         return "Overview", f"The photo that {most}."
     if region.subject == "point":
         label = result.points.label[region.row]
@@ -279,7 +279,7 @@ def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) 
 
 
 def _picks_in(result: Result, drawn: _Drawn, region: Region) -> list[int]:
-    """Rows of the picks in a region that the adjustment looked at, used ones first."""
+    """Return the rows of the picks in a region that the adjustment considered, used ones first."""
     rows = drawn.picks[region.frame]
     low = np.array([region.left_px, region.top_px]) - 0.5
     away = result.picks.pixel_px[rows] - low
@@ -288,7 +288,7 @@ def _picks_in(result: Result, drawn: _Drawn, region: Region) -> list[int]:
 
 
 def _marks(result: Result, region: Region, rows: Sequence[int], unit: float) -> tuple[Mark, ...]:
-    """Marks of all picks."""
+    """Make the marks of all picks."""
     picks, marks = result.picks, []
     half_widths = round(_outline(region) * unit, 2), round(1.6 * unit, 2)
     for i in rows:
@@ -300,7 +300,7 @@ def _marks(result: Result, region: Region, rows: Sequence[int], unit: float) -> 
 
 
 def _outline(region: Region) -> float:
-    """Half the width of a mark."""
+    """Return half the width of a mark."""
     return 15.0 if region.subject == "point" else 7.0
 
 
@@ -311,7 +311,7 @@ def _is_wrong(result: Result, pick: int) -> bool:
 def _tags(
     result: Result, region: Region, rows: Sequence[int], unit: float, bar: Bar | None
 ) -> tuple[Text, ...]:
-    """Names of the picks that a picture is about, and of wrong ones."""
+    """Place the names of the picks of the picture's subject, and of wrong ones."""
     picks, own = result.picks, _own(result, region)
     low = np.array([region.left_px, region.top_px]) - 0.5
     high = low + np.array([region.width_px, region.height_px])
@@ -329,7 +329,7 @@ def _tags(
 
 
 def _own(result: Result, region: Region) -> frozenset[str]:
-    """Labels that a picture is about; an overview is about all that a result rests on."""
+    """Return the labels of a picture's subject; an overview has all that the result depends on."""
     if region.subject == "overview":
         return used_labels(result)
     if region.subject == "point":
@@ -338,7 +338,7 @@ def _own(result: Result, region: Region) -> frozenset[str]:
 
 
 def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tuple[Floats, Look]]]:
-    """Measurements, and in the overview known lengths, where the adjustment puts them."""
+    """Project measurements, and in the overview known lengths, at their adjusted positions."""
     measured = measured_strips(result)
     drawn: dict[Region, list[tuple[Floats, Look]]] = {region: [] for region in regions}
     for frame in sorted({region.frame for region in regions}):
@@ -348,7 +348,7 @@ def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tu
         if not strips:
             continue
         lines = [sampled(strip) for _, strip, _ in strips]
-        # of all lines of a photo at once: there may be hundreds
+        # project all lines of a photo at once: there may be hundreds
         pixel = project_from(result, row_poses(result, frame), np.concatenate(lines))
         ends = np.cumsum([len(line) for line in lines])[:-1]
         for (region, _, look), line in zip(strips, np.split(pixel, ends), strict=True):
@@ -359,7 +359,7 @@ def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tu
 def _strips(
     result: Result, measured: dict[int, list[Floats]], region: Region
 ) -> list[tuple[Floats, Look]]:
-    """(n, 3) what is drawn in a region, and how: known lengths as on the plan."""
+    """Return the (n, 3) lines of a region and their styles: known lengths as on the plan."""
     if region.subject == "point":
         return []
     if region.subject == "measurement":

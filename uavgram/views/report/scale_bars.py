@@ -16,7 +16,7 @@ from uavgram.views.units import round_bar, units_of
 
 
 class Bar(NamedTuple):
-    """A scale bar in pixels of the photo, its length in words, and where its box begins."""
+    """Scale bar in pixels of the photo, its length in words, and the left edge of its box."""
 
     length: float
     text: str
@@ -25,7 +25,7 @@ class Bar(NamedTuple):
 
 
 def scale_bars(result: Result, regions: Sequence[Region]) -> dict[Region, Bar]:
-    """What a length looks like at the depth of what each picture shows; none in an overview."""
+    """Compute scale bars at the depth of each picture's subject; an overview has none."""
     shown = [region for region in regions if region.subject != "overview"]
     if not shown:
         return {}
@@ -34,6 +34,7 @@ def scale_bars(result: Result, regions: Sequence[Region]) -> dict[Region, Bar]:
     around = [[row_of[label] for label in _around(result, region)] for region in shown]
     middle = np.stack([place[rows].mean(axis=0) for rows in around])
     poses = row_poses(result, np.array([region.frame for region in shown]))
+    # ground size of a pixel: depth along the optical axis over the focal length
     depth_m = np.sum((middle - poses.center) * poses.rotation[:, :, 2], axis=1)
     pixel_m = depth_m / float(result.shared.intrinsics.value[0])
     units = units_of(result)
@@ -41,8 +42,9 @@ def scale_bars(result: Result, regions: Sequence[Region]) -> dict[Region, Bar]:
         round_bar(0.35 * region.width_px * size_m, units) if size_m > 0 else (np.nan, "")
         for region, size_m in zip(shown, pixel_m.tolist(), strict=True)
     ]
+    # ends of a bar parallel to the rows of the photo
     half = poses.rotation[:, :, 0] * np.array([[bar_m] for bar_m, _ in bars]) / 2
-    # of all pictures at once: there may be hundreds
+    # project the bars of all pictures at once: there may be hundreds
     ends = project_from(result, poses, np.stack([middle - half, middle + half]))
     length = np.linalg.norm(ends[1] - ends[0], axis=1)
     return {
@@ -53,16 +55,16 @@ def scale_bars(result: Result, regions: Sequence[Region]) -> dict[Region, Bar]:
 
 
 def placed(bar: Bar | None, region: Region, marks: Sequence[Mark], unit: float) -> Bar | None:
-    """The bar at the left end of the lower edge, or at the right one where it would hide less.
+    """Place the bar at the left end of the lower edge, or at the right one if it hides less there.
 
     Parameters
     ----------
     bar
-        To be placed, if there is any.
+        Bar to place, if there is one.
     region
-        Of the photo.
+        Part of the photo.
     marks
-        What it should not hide.
+        Marks that it should not hide.
     unit
         Pixels of the photo for one unit of a drawing.
     """
@@ -78,7 +80,7 @@ def placed(bar: Bar | None, region: Region, marks: Sequence[Mark], unit: float) 
 
 
 def _around(result: Result, region: Region) -> tuple[str, ...]:
-    """Labels in whose middle a scale bar holds."""
+    """Return the labels at whose centre a scale bar is valid."""
     if region.subject == "point":
         return (result.points.label[region.row],)
     return result.measurements.outlines[region.row]

@@ -1,7 +1,7 @@
-"""Shapes of marks as the paths of drawings, in hundredths of their unit.
+"""Shapes of marks as paths of drawings, in hundredths of their unit.
 
-Shapes that look the same are joined to one path: a program that draws sets all that a look is for
-each path of its own.
+Shapes of one style are joined to one path, as programs that draw set the whole style again for
+each path.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class Mark(NamedTuple):
-    """A pick: where, its colour, and two paths: its outline, and a cross in its middle."""
+    """Pick: its place, its colour, and two paths: its outline, and a cross in its middle."""
 
     x: float
     y: float
@@ -29,20 +29,20 @@ def mark(
     Parameters
     ----------
     place
-        Of its middle.
+        Place of its middle.
     kind
-        Who made it, as `Source` has it; or ``removed``, of one that was taken out.
+        Its origin as in `Source`; or ``removed`` for a removed one.
     colour
-        Of its lines.
+        Colour of its lines.
     half_widths
-        Of the outline, and of the cross in its middle.
+        Half widths of the outline, and of the cross in its middle.
     """
     outer, inner = half_widths
     return Mark(*place, colour, _SHAPES[kind](*place, outer), _cross(*place, inner))
 
 
 def rings(places: Iterable[tuple[float, float]], r: float) -> str:
-    """One ring about each place, as one path."""
+    """Draw one ring about each place, as one path."""
     return "".join(_ring(x, y, r) for x, y in places)
 
 
@@ -52,9 +52,9 @@ def _ring(x: float, y: float, r: float) -> str:
 
 @lru_cache(64)
 def _curves(r: float) -> str:
-    """Four, off a circle by 0.03 % of its radius: with arcs some readers take thrice as long.
+    """Return four curves that differ from a circle by 0.03 % of its radius.
 
-    Hundreds of rings of a page are of the same size.
+    With arcs some readers take thrice as long. Hundreds of rings of a page have the same size.
     """
     k = round(0.5523 * r, 2)
     q = round(r - k, 2)

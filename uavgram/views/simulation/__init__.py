@@ -1,1 +1,1 @@
-"""Simulated surveys to look at."""
+"""Views of simulated surveys."""

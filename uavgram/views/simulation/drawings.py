@@ -1,4 +1,4 @@
-"""Drawings of a simulation: ranges of each measurement, and how the simulation came to rest."""
+"""Drawings of a simulation: ranges of each measurement, and convergence of the simulation."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from uavgram.model.simulation import Simulation
 LEFT, WIDTH, RIGHT = 210.0, 1000.0, 30.0
 ROW, TOP, BOTTOM = 26.0, 22.0, 34.0
 LOWEST, HIGHEST = 0.25, 8.0
-"""Ratios at the ends of the axis; what lies beyond is drawn at its end."""
+"""Ratios at the ends of the axis; values beyond are drawn at the end."""
 
 TICKS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 CURVE_HEIGHT = 190.0
 
 
 class Bar(NamedTuple):
-    """A measurement's row: name, its height, then the ends, and the estimate, on the axis."""
+    """Row of a measurement: name, height in the drawing, ends and estimate on the axis."""
 
     name: str
     y: float
@@ -30,7 +30,7 @@ class Bar(NamedTuple):
 
 
 class Ranges(NamedTuple):
-    """A drawing of ranges: sizes, positions of ticks with their texts, rows."""
+    """Drawing of ranges: size, positions of ticks with their texts, rows."""
 
     width: float
     height: float
@@ -39,7 +39,7 @@ class Ranges(NamedTuple):
 
 
 class Curve(NamedTuple):
-    """How spread over prediction came to rest; `band` is what chance does to one value's."""
+    """Convergence of spread over prediction; `band` is the effect of chance on one value."""
 
     width: float
     height: float
@@ -51,18 +51,18 @@ class Curve(NamedTuple):
 
 
 def _across(ratio: float) -> float:
-    """Place on the logarithmic axis."""
+    """Return the position on the logarithmic axis."""
     share = math.log(min(max(ratio, LOWEST), HIGHEST) / LOWEST) / math.log(HIGHEST / LOWEST)
     return LEFT + (WIDTH - LEFT - RIGHT) * share
 
 
 def ranges_of(simulation: Simulation) -> Ranges:
-    """Error over stated sigma of each measurement, with its 95 % range.
+    """Draw the error over stated sigma of each measurement, with its 95 % range.
 
     Parameters
     ----------
     simulation
-        What came out.
+        The simulation.
     """
     accuracy = simulation.accuracy
     known = np.flatnonzero(np.isfinite(accuracy.z)).tolist()
@@ -84,12 +84,12 @@ def ranges_of(simulation: Simulation) -> Ranges:
 
 
 def curve_of(simulation: Simulation) -> Curve | None:
-    """Spread over prediction after more and more repetitions; None where there are too few.
+    """Draw spread over prediction against the number of repetitions; return None if too few.
 
     Parameters
     ----------
     simulation
-        What came out.
+        The simulation.
     """
     points = [(n, ratio) for n, ratio in simulation.running if n > 2 and math.isfinite(ratio)]
     if len(points) < 3:
@@ -102,6 +102,7 @@ def curve_of(simulation: Simulation) -> Curve | None:
     def y(ratio: float) -> float:
         return CURVE_HEIGHT - BOTTOM - (CURVE_HEIGHT - BOTTOM - 12.0) * min(ratio, 2.0) / 2.0
 
+    # 95 % range of a standard deviation from n samples: 1 +- 1.96 / sqrt(2 (n - 1))
     chance = [(n, 1.96 / math.sqrt(2.0 * (n - 1))) for n, _ in points]
     upper = [(x(n), y(1.0 + off)) for n, off in chance]
     lower = [(x(n), y(max(1.0 - off, 0.0))) for n, off in reversed(chance)]

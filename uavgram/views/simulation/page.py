@@ -19,7 +19,7 @@ from uavgram.views.simulation.words import (
 
 
 def render_simulation_page(simulation: Simulation) -> str:
-    """The page as text; nothing is loaded from elsewhere."""
+    """Render the page as text; it loads nothing from elsewhere."""
     found = simulation.repetitions
     return page(
         "simulation.html",

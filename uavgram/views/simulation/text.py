@@ -1,4 +1,4 @@
-"""A simulation for the terminal."""
+"""Simulation for the terminal."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from uavgram.views.simulation.words import (
 )
 from uavgram.views.terminal import aligned
 
-COST_HEADER = ("what is amiss", "error, times", "error/stated", "in 95 %", "green")
+COST_HEADER = ("disturbance", "error, times", "error/stated", "in 95 %", "green")
 
 
 def simulation_lines(simulation: Simulation) -> list[str]:
-    """Table, headline and counts.
+    """Format table, headline and counts.
 
     Parameters
     ----------
     simulation
-        What came out.
+        The simulation.
     """
     rows = rows_of(simulation.repetitions, simulation.accuracy)
     table = aligned([HEADER, *(row[:-1] for row in rows)], right=tuple(range(2, len(HEADER))))

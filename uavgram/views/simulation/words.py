@@ -1,4 +1,4 @@
-"""A simulation in words and cells: the same on the terminal and on the page."""
+"""Simulation in words and cells: the same on the terminal and on the page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from uavgram.views.units import decimals, shown
 from uavgram.views.wording import number
 
 MUCH = 1.5
-"""Errors over stated sigmas from which on a survey is called wrong rather than a little bold."""
+"""Errors over stated sigmas above which a survey is called wrong instead of optimistic."""
 
 WORDS = {
     "slope_deg": "the ground slopes along the road",
@@ -35,11 +35,11 @@ WORDS = {
     "gps_jump_m": "the receiver jumps during the flight",
     "heavy_tails": "some picks are careless",
     "pick_factor": "picks are worse than stated",
-    "raised": "points stand off the ground and nobody says so",
+    "raised": "points are off the ground without being marked so",
     "swapped": "labels are swapped in one photo",
     "wrong_lengths": "a length was misread",
 }
-"""By the scenario's key, without its section."""
+"""Words for errors of a scenario, by key without its section."""
 
 
 PRIORS = {
@@ -51,11 +51,11 @@ PRIORS = {
     "height_sigma_m": ("the height of the ground", " m"),
     "slope_sigma_deg": ("the slope of the ground", "°"),
 }
-"""What a scenario draws and its project states, and its unit, by the key without its section."""
+"""Words and unit of the priors that a scenario draws, by key without its section."""
 
 
 class Cells(NamedTuple):
-    """One measurement's row."""
+    """Row of one measurement."""
 
     name: str
     unit: str
@@ -78,12 +78,12 @@ HEADER = (
 
 
 def rows_of(found: Repetitions, accuracy: Accuracy) -> list[Cells]:
-    """All measurements in the order of the scenario.
+    """Return the rows of all measurements in the order of the scenario.
 
     Parameters
     ----------
     found, accuracy
-        Of the same repetitions.
+        Results of the same repetitions.
     """
     return [_row(found, accuracy, i) for i in range(len(found.name))]
 
@@ -123,7 +123,10 @@ def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
 
 
 def level_of(simulation: Simulation) -> VerdictLevel:
-    """Green: sigmas hold what they say; amber: errors are larger; red: much larger, or no runs."""
+    """Rate the sigmas: green if they hold; amber if errors are larger; red if much larger.
+
+    It is also red if too many repetitions gave no result.
+    """
     accuracy = simulation.accuracy
     known = np.isfinite(accuracy.z)
     lost = simulation.repetitions.failed + simulation.repetitions.unsettled
@@ -136,26 +139,28 @@ def level_of(simulation: Simulation) -> VerdictLevel:
 
 
 def headline(simulation: Simulation) -> str:
-    """What came out, in a sentence that everybody understands."""
+    """Describe the result in a sentence for everyone."""
     if not np.isfinite(simulation.accuracy.z).any():
         return "None of the repetitions gave a result."
     level = level_of(simulation)
     bad = [row.name for row in rows_of(simulation.repetitions, simulation.accuracy) if row.is_bad]
     if level == "green":
-        return "The program's ± can be believed here: the errors were no larger than it said."
+        return "The program's ± are reliable here: the errors were no larger than stated."
     if not bad:
-        return "Too many repetitions gave no result: this survey is too weak, or too much is amiss."
+        return (
+            "Too many repetitions gave no result: the survey is too weak, or its errors too large."
+        )
     which = f"{len(bad)} of {len(simulation.repetitions.name)} measurements"
     z, low = simulation.accuracy.z, simulation.accuracy.z_range[:, 0]
     factor = float(np.median(z[low > 1.0]))
     return (
-        f"The program's ± is too small here: of {which} the errors were larger than it said "
-        f"(typically {factor:.1f} times what they should be)."
+        f"The program's ± are too small here: the errors of {which} were larger than stated "
+        f"(typically {factor:.1f} times as large)."
     )
 
 
 def counts(found: Repetitions) -> str:
-    """How many repetitions gave a result, and of which colour."""
+    """Count the repetitions that gave a result, by colour."""
     colours = Counter(level for level in found.level if level is not None)
     told = ", ".join(f"{colours[one]} {one}" for one in ("green", "amber", "red") if colours[one])
     total = len(found.number)
@@ -163,12 +168,12 @@ def counts(found: Repetitions) -> str:
     if found.failed:
         parts.append(f"{found.failed} gave none")
     if found.unsettled:
-        parts.append(f"{found.unsettled} did not come to rest and are not counted")
+        parts.append(f"{found.unsettled} did not converge and are not counted")
     return "; ".join(parts) + "."
 
 
 def reasons(found: Repetitions, most: int = 5) -> list[tuple[int, str]]:
-    """Why repetitions gave no result: how often, and in the words of the first of its kind."""
+    """Count the reasons of failed repetitions, in the words of the first of each kind."""
     told = [text for text in found.failure if text]
     kinds = Counter(_kind(text) for text in told)
     first = {_kind(text): text for text in reversed(told)}
@@ -176,17 +181,17 @@ def reasons(found: Repetitions, most: int = 5) -> list[tuple[int, str]]:
 
 
 def _kind(text: str) -> str:
-    """A message without its numbers."""
+    """Remove the digits from a message."""
     return "".join(letter for letter in text if not letter.isdigit())
 
 
 def warned(found: Repetitions, most: int = 8) -> list[tuple[str, int]]:
-    """The warnings that were given most often, and in how many repetitions."""
+    """Return the most frequent warnings, and the number of repetitions with each."""
     return Counter(code for codes in found.codes for code in codes).most_common(most)
 
 
 def unlike(simulation: Simulation) -> str:
-    """What is drawn otherwise than stated, in a sentence; empty: nothing."""
+    """Describe the values drawn otherwise than stated, in a sentence; empty if there are none."""
     told = []
     for one in simulation.unlike:
         what, unit = PRIORS[one.key.rpartition(".")[2]]
@@ -195,21 +200,21 @@ def unlike(simulation: Simulation) -> str:
     if not told:
         return ""
     return (
-        f"Drawn otherwise than the project states it: {', '.join(told)}. The errors need not be as "
-        "large as predicted then; --as-stated draws each of these as it is stated."
+        f"Drawn with other sigmas than the project states: {', '.join(told)}. The errors may then "
+        "differ from the prediction; --as-stated draws each of these as stated."
     )
 
 
 def amiss(simulation: Simulation) -> str:
-    """What the scenario has amiss of which its project knows nothing; empty: nothing."""
+    """Describe the errors of the scenario that its project does not state; empty if none."""
     named = [_named(key) for key in simulation.deviations]
     if not named:
         return ""
     told = (
-        f"The scenario has amiss, and its project does not know: {'; '.join(named)}. The ± need "
-        "not hold then"
+        f"The scenario has errors that its project does not state: {'; '.join(named)}. The ± may "
+        "then be wrong"
     )
-    return f"{told}." if simulation.variants else f"{told}; --compare says what each costs."
+    return f"{told}." if simulation.variants else f"{told}; --compare shows the effect of each."
 
 
 def _named(key: str) -> str:
@@ -218,7 +223,7 @@ def _named(key: str) -> str:
 
 
 class Cost(NamedTuple):
-    """What something that is amiss costs."""
+    """Effect of one error of the scenario."""
 
     what: str
     error: str
@@ -228,7 +233,7 @@ class Cost(NamedTuple):
 
 
 def costs(simulation: Simulation) -> list[Cost]:
-    """All variants of a simulation, and itself last; nothing where none was asked for."""
+    """Return all variants of a simulation, and itself last; empty if none were requested."""
     if not simulation.variants:
         return []
     clean = simulation.variants[0]
@@ -256,8 +261,9 @@ def _cost(one: Variant, clean: Variant) -> Cost:
 
 
 def _rms_error(one: Variant) -> Floats:
-    """(M,) root mean square errors."""
+    """Compute the (M,) root mean square errors."""
     n = one.accuracy.count
     with np.errstate(invalid="ignore", divide="ignore"):
+        # mean square error = bias^2 + variance with n instead of n - 1
         spread = one.accuracy.spread**2 * (n - 1) / n
         return np.asarray(np.sqrt(one.accuracy.bias**2 + spread))

@@ -1,1 +1,1 @@
-"""Studies: their figures, what they say in words, and the page of both."""
+"""Views of studies: their figures, their results in words, and the page of both."""

@@ -17,7 +17,7 @@ from uavgram.views.study.words import AGREES, SOURCE_WORDS
 
 COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
 SOURCE_COLOURS = ("#6b7280", "#e0b000", "#17a2a2", "#e377c2", "#8a6d3b", "#a8c686")
-"""Of curves, and of sources of errors: a colour has one meaning."""
+"""Colours of curves, and of sources of errors: each colour has one meaning."""
 MARKERS = ("o", "s", "^", "D", "v")
 MOST_TICKS = 8
 GRID, GREY = "#e3e5e8", "#8a8f98"
@@ -28,16 +28,16 @@ _BELOW: dict[str, Any] = {
     "ncols": 2,
     "frameon": False,
 }
-"""A legend below its own axes."""
+"""Legend below its own axes."""
 
 
 def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
-    """Contents of the files NAME.svg and NAME.png of each study.
+    """Return the contents of the files NAME.svg and NAME.png of each study.
 
     Parameters
     ----------
     studies
-        What was made.
+        The studies.
     """
     files = {}
     # Paths instead of fonts: the same picture wherever it is opened. A fixed salt and no date: the
@@ -56,7 +56,7 @@ def figure_files(studies: tuple[Study, ...]) -> dict[str, bytes]:
 
 
 def _cells(study: Study) -> Figure:
-    """Errors to the left, ratios in the middle, sources to the right."""
+    """Draw errors to the left, ratios in the middle, sources to the right."""
     figure = Figure(figsize=(12.0, 4.6), dpi=110, layout="constrained")
     axes = figure.subplots(1, 3)
     _errors(axes[0], study)
@@ -80,7 +80,7 @@ def _errors(axis: Axes, study: Study) -> None:
 
 
 def _plain_ticks(axis: Axes) -> None:
-    """Numbers that people read, on a logarithmic axis: 1, 2, 5 and tens, more where few are."""
+    """Set plain numbers as ticks of a logarithmic axis: 1, 2, 5 and tens, more if these are few."""
     low, high = axis.get_ylim()
     steps = [m * 10.0**k for k in range(-2, 6) for m in (1, 1.5, 2, 3, 4, 5, 7)]
     shown = [step for step in steps if low <= step <= high]
@@ -114,12 +114,12 @@ def _ratios(axis: Axes, study: Study) -> None:
     _dress(
         axis,
         study,
-        "Errors over what is predicted\ncolours as on the left; bars: 95 %; grey: 0.95 to 1.05",
+        "Errors over predicted errors\ncolours as on the left; bars: 95 %; grey: 0.95 to 1.05",
     )
 
 
 def _beside(at: float, shift: float, study: Study) -> float:
-    """A place beside another, by a share of the axis: so that curves do not hide one another."""
+    """Shift a position by a share of the axis, so that curves do not overlap."""
     every = [cell.at for cell in study.cells]
     if study.is_log:
         return float(at * (max(every) / min(every)) ** shift)
@@ -127,7 +127,7 @@ def _beside(at: float, shift: float, study: Study) -> float:
 
 
 def _sources(axis: Axes, study: Study) -> None:
-    """What each source has of the predicted variance, of the first curve."""
+    """Draw the share of each source in the predicted variance, for the first curve."""
     name, cells = next(iter(study.curves.items()))
     bottom = np.zeros(len(cells))
     for source, colour in zip(SOURCES, SOURCE_COLOURS, strict=True):
@@ -160,7 +160,7 @@ def _dress(axis: Axes, study: Study, title: str) -> None:
 
 
 def _apart(at: list[float], *, is_log: bool) -> list[float]:
-    """Places of ticks whose texts do not run into one another, the last among them."""
+    """Select ticks whose texts do not overlap, including the last."""
     place = np.log(at) if is_log else np.array(at)
     room = 0.06 * (place[-1] - place[0])
     kept = [len(at) - 1]
@@ -171,7 +171,7 @@ def _apart(at: list[float], *, is_log: bool) -> list[float]:
 
 
 def _methods(rows: tuple[MethodRow, ...]) -> Figure:
-    """Errors of each method: the median of scenes, and the range to the worst tenth."""
+    """Draw the errors of each method: the median of scenes, and the range to the worst tenth."""
     figure = Figure(figsize=(9.0, 3.9), dpi=110, layout="constrained")
     axis = figure.subplots()
     for k, row in enumerate(rows):

@@ -1,4 +1,4 @@
-"""What several studies say together: which error matters most, where, and where not."""
+"""Common results of several studies: where each error matters most, and where not."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from uavgram.views.study.words import (
 
 
 def overall(studies: tuple[Study, ...]) -> list[str]:
-    """Which error matters most, where, and where not: over all studies.
+    """Describe over all studies where each error matters most, and where not.
 
     Parameters
     ----------
     studies
-        What was made.
+        The studies.
     """
     cells = [(study, cell) for study in studies for cell in study.cells]
     if len(studies) < 2 or not cells:
@@ -46,12 +46,12 @@ def overall(studies: tuple[Study, ...]) -> list[str]:
 
 
 def ranking(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
-    """What varying each thing does on the first curve of each study, the greatest effect first.
+    """Rank the effect of each varied quantity on the first curve of its study, greatest first.
 
     Parameters
     ----------
     studies
-        What was made.
+        The studies.
     """
     rows = []
     for study in studies:

@@ -12,7 +12,7 @@ from uavgram.views.study.words import AGREES, said
 
 
 def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) -> str:
-    """The page as text; nothing is loaded from elsewhere."""
+    """Render the page as text; it loads nothing from elsewhere."""
     parts = [
         {
             "study": study,
@@ -32,7 +32,7 @@ def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) 
 
 
 def _row(cell: Cell) -> dict[str, object]:
-    """A cell as texts."""
+    """Format a cell as texts."""
     low, high = cell.ratio_range
     return {
         "curve": cell.curve,

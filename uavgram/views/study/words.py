@@ -1,4 +1,4 @@
-"""Studies in words: every sentence is made of the study's numbers."""
+"""Studies in words: every sentence is made from the study's numbers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.model.simulation import SOURCES, Cell, MethodRow, Study
 
 AGREES = (0.95, 1.05)
-"""Errors over predicted ones, between which a prediction is called right."""
+"""Range of errors over predicted ones within which a prediction is called right."""
 
 SOURCE_WORDS = {
     "lengths": "the readings of the lengths",
@@ -27,12 +27,11 @@ LENGTHS = ("lengths", "tape")
 MOST_NAMED = 6
 
 MANY, TOO_FEW = 0.05, 0.9
-"""Share of photos from which on a method is told to fail, and of errors within 95 % up to which its
-sigmas are."""
+"""Share of useless photos of a failing method, and least share of errors within 95 %."""
 
 
 def said(study: Study) -> list[str]:
-    """What a study says, most general first.
+    """Describe the results of a study, the most general first.
 
     Parameters
     ----------
@@ -47,12 +46,12 @@ def said(study: Study) -> list[str]:
 
 
 def agreement(studies: tuple[Study, ...]) -> str:
-    """How well prediction and simulation agree.
+    """Describe the agreement of prediction and simulation.
 
     Parameters
     ----------
     studies
-        Whose cells are taken.
+        Studies whose cells are used.
     """
     cells = [cell for study in studies for cell in study.cells]
     ratios = [cell.ratio for cell in cells]
@@ -61,7 +60,7 @@ def agreement(studies: tuple[Study, ...]) -> str:
     apart = [c for c in cells if c.ratio_range[0] > high or c.ratio_range[1] < low]
     text = (
         f"The errors were {min(ratios):.2f} to {max(ratios):.2f} times the predicted ones; "
-        f"{inside} of {len(cells)} cells lie between {low:.2f} and {high:.2f}"
+        f"{inside} of {len(cells)} cells are between {low:.2f} and {high:.2f}"
     )
     if inside < len(cells):
         text += (
@@ -75,7 +74,7 @@ def agreement(studies: tuple[Study, ...]) -> str:
 
 
 def _lost(cells: list[Cell]) -> str:
-    """How many repetitions gave no result, and where."""
+    """Count the repetitions without a result, by cell."""
     losing = {cell: cell.lost for cell in cells if cell.lost}
     drawn = sum(cell.repetitions for cell in cells)
     text = f"{sum(losing.values())} of {drawn} repetitions gave no result"
@@ -83,26 +82,26 @@ def _lost(cells: list[Cell]) -> str:
 
 
 def _most(number: dict[Cell, int]) -> str:
-    """The cells with the largest numbers, and these."""
+    """List the cells with the largest numbers, and these numbers."""
     by_size = sorted(number, key=lambda cell: -number[cell])[:MOST_NAMED]
     named = (f"{c.curve}, {c.label} ({number[c]} of {c.repetitions})" for c in by_size)
     return "; ".join(named) + (" and others" if len(number) > MOST_NAMED else "")
 
 
 def lengths_share(cell: Cell) -> float:
-    """What the errors of the reference lengths have of the variance, the tape's scale included."""
+    """Return the share of the reference lengths' errors in the variance, including tape scale."""
     return sum(cell.share(source) for source in LENGTHS)
 
 
 def most(cell: Cell) -> str:
-    """The source of most of the variance; readings and tape count together."""
+    """Return the source of most of the variance; readings and tape count together."""
     shares = {source: cell.share(source) for source in SOURCES if source not in LENGTHS}
     shares["lengths"] = lengths_share(cell)
     return max(shares, key=lambda source: shares[source])
 
 
 def _course(name: str, cells: tuple[Cell, ...]) -> str:
-    """How the error goes along a curve, and where it comes from."""
+    """Describe the error along a curve, and its sources."""
     predicted_m = attrgetter("predicted_m")
     first, last = cells[0], cells[-1]
     least, worst = min(cells, key=predicted_m), max(cells, key=predicted_m)
@@ -125,12 +124,12 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
 
 
 def _is_apart(one: Cell, other: Cell) -> bool:
-    """Whether the errors of two cells differ as they are shown."""
+    """Return whether the errors of two cells differ as they are shown."""
     return millimetres(one.predicted_m) != millimetres(other.predicted_m)
 
 
 def _thesis(study: Study) -> Iterator[str]:
-    """For which conditions the length error is the most significant."""
+    """Describe the conditions under which the length error is the most significant."""
     cells = study.cells
     holding = [cell for cell in cells if most(cell) == "lengths"]
     yield (
@@ -152,13 +151,14 @@ def _thesis(study: Study) -> Iterator[str]:
 
 
 def _crossing(cells: tuple[Cell, ...]) -> float | None:
-    """Where along the axis the lengths become the greatest source, by the logarithm of the axis."""
+    """Find where the lengths become the greatest source, by the logarithm of the axis."""
     lead = []
     for cell in cells:
         others = [cell.share(source) for source in SOURCES if source not in LENGTHS]
         lead.append(lengths_share(cell) - max(others))
     for k in range(1, len(cells)):
         if lead[k - 1] < 0 <= lead[k]:
+            # linear interpolation of the zero of the lead, in the logarithm of the axis
             part = -lead[k - 1] / (lead[k] - lead[k - 1])
             return float(cells[k - 1].at ** (1 - part) * cells[k].at ** part)
     return None
@@ -178,16 +178,16 @@ def _of_methods(study: Study) -> Iterator[str]:
         if row.failed > 0:
             yield (
                 f'"{row.method}" gives useless distances in {_percent(row.failed)} of the photos, '
-                f"in {_percent(row.failed_silently)} without saying so."
+                f"in {_percent(row.failed_silently)} without a warning."
             )
     for row in rows:
         if np.isfinite(row.coverage) and not 0.93 <= row.coverage <= 0.97:
             yield (
-                f'"{row.method}" states sigmas that hold {_percent(row.coverage)} of the errors '
-                "where 95 % should lie."
+                f'"{row.method}" states sigmas whose 95 % intervals contain '
+                f"{_percent(row.coverage)} of the errors."
             )
     for ending in limits:
-        # A log alone is no better in any of them.
+        # Poses from a log alone are no better in any of them.
         told = "; ".join(_endings([row for row in ending if row.method != "log"]))
         yield (
             f"{capital(ending[0].setting)} ({ending[0].scenes} photos): "
@@ -196,7 +196,7 @@ def _of_methods(study: Study) -> Iterator[str]:
 
 
 def _endings(rows: list[MethodRow]) -> Iterator[str]:
-    """How methods fail in a setting."""
+    """Describe how methods fail in a setting."""
     none = [row for row in rows if not np.isfinite(row.rms_m)]
     useless = [row for row in rows if row.failed > MANY and row not in none]
     bold = [row for row in rows if row.coverage < TOO_FEW and row not in none]
@@ -205,13 +205,13 @@ def _endings(rows: list[MethodRow]) -> Iterator[str]:
     if useless:
         parts = (
             f"{_quoted(row)} ({_percent(row.failed)}, {_percent(row.failed_silently)} without a "
-            "word)"
+            "warning)"
             for row in useless
         )
         yield f"useless distances by {', '.join(parts)}"
     if bold:
         parts = (f"{_quoted(row)} {_percent(row.coverage)}" for row in bold)
-        yield f"of the errors lie within what should hold 95 %: {', '.join(parts)}"
+        yield f"of the errors are within the 95 % intervals: {', '.join(parts)}"
 
 
 def _quoted(row: MethodRow) -> str:
@@ -223,12 +223,12 @@ def _share(cell: Cell, source: str) -> float:
 
 
 def source_text(source: str) -> str:
-    """What a source of errors is called in a sentence."""
+    """Return the name of a source of errors in a sentence."""
     return "the reference lengths" if source == "lengths" else SOURCE_WORDS[source]
 
 
 def verb(source: str, plural: str, singular: str) -> str:
-    """The form of a verb behind a source.
+    """Return the form of a verb behind a source.
 
     Parameters
     ----------
@@ -241,7 +241,7 @@ def verb(source: str, plural: str, singular: str) -> str:
 
 
 def millimetres(size_m: float) -> str:
-    """An error, to a tenth of a millimetre where it is small."""
+    """Format an error in millimetres, small ones to a tenth."""
     return f"{1e3 * size_m:.1f} mm" if size_m < 0.01 else f"{1e3 * size_m:.0f} mm"
 
 
@@ -255,5 +255,5 @@ def _percents(shares: list[float]) -> str:
 
 
 def capital(text: str) -> str:
-    """As a sentence begins."""
+    """Capitalise the first letter."""
     return text[:1].upper() + text[1:]

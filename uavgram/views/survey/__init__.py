@@ -1,1 +1,1 @@
-"""A result in words and shapes, the same in recording, report and terminal."""
+"""Views of a result in words and shapes, the same in recording, report and terminal."""

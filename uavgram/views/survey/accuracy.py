@@ -1,4 +1,4 @@
-"""How well places are known, told so that nobody takes the receiver's metres for the lengths'."""
+"""Accuracy of positions, with that of distances kept apart from the receiver's metres."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from uavgram.views.units import spread_text, units_of
 
 
 def accuracy_words(result: Result) -> str:
-    """``Distances between neighbouring points are known to about 1 cm ...``: both accuracies."""
+    """State both accuracies: ``Distances between neighbouring points are known to about 1 cm``."""
     points, units = result.points, units_of(result)
     near = points.neighbour_sigma_m
     told = []
@@ -19,16 +19,16 @@ def accuracy_words(result: Result) -> str:
     if not points.label:
         return ""
     if result.world.gauge == "plane":
-        told.append("Nothing ties this survey to the earth: north is arbitrary, lengths hold.")
+        told.append("This survey has no tie to the earth: north is arbitrary, lengths are valid.")
     else:
         sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
         place = spread_text(float(np.median(sigma)), "m", units)
         where = "on the earth"
         if result.world.origin is None:
-            where = "among the control points and lines, whose east and north these are,"
+            where = "relative to the control points and lines, which define east and north,"
         told.append(
-            f"Where the survey as a whole lies {where} is known to about ± {place} (east, "
-            "north): such an error shifts everything together, and changes no length, area or "
+            f"The position of the survey as a whole {where} is known to about ± {place} (east, "
+            "north): an error in it shifts everything together, and changes no length, area or "
             "angle."
         )
     return " ".join(told)

@@ -1,4 +1,4 @@
-"""Where the ground is no plane: how far each point's ground departs from it, and its colour."""
+"""Uneven ground: departure of each point's ground from its plane, and its colour."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.views.style import diverging_colours
 
-# Smaller departures are not worth a picture.
+# Smaller departures do not deserve a picture.
 LEAST_M = 5e-4
-# Sigmas by which one point at least must be off it: ordinary roughness is no news.
+# Sigmas by which at least one point must be off the plane: ordinary roughness is not shown.
 SURE = 3.0
-# Quantile of their sizes at which colours are full: one far off does not pale all others.
+# Quantile of their sizes at which colours are full: one large value does not pale all others.
 FULL_SHARE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class Departures:
-    """Of n points whose ground is no plane.
+    """Departures of n points whose ground is off its plane.
 
     Attributes
     ----------
     rows
-        (n,) which points.
+        (n,) rows of the points.
     value_m, sigma_m
-        (n,) of the ground over the plane of its area.
+        (n,) height of the ground above the plane of its area.
     full_m
         Size from which on colours are full.
     """
@@ -40,17 +40,17 @@ class Departures:
 
     @property
     def colours(self) -> Pixels:
-        """(n, 3) red above the plane, blue below it, pale near it."""
+        """(n, 3) colours: red above the plane, blue below it, pale near it."""
         return diverging_colours(self.value_m / self.full_m)
 
     @property
     def largest(self) -> int:
-        """Which of the n is farthest off."""
+        """Index of the largest departure."""
         return int(np.argmax(np.abs(self.value_m)))
 
 
 def departures(result: Result) -> Departures | None:
-    """How far points' ground departs from its plane; None where no point is surely off it."""
+    """Collect departures of the ground from its plane; return None if none is significant."""
     rows = np.flatnonzero(result.points.departs)
     value, sigma = result.points.departure_m[rows], result.points.departure_sigma_m[rows]
     size = np.abs(value)

@@ -1,4 +1,4 @@
-"""Shapes to draw a result with: outlines, frusta, lines; nothing here estimates anything."""
+"""Shapes to draw a result with: outlines, frusta, lines; no estimation."""
 
 from __future__ import annotations
 
@@ -11,37 +11,37 @@ from uavgram.model.result.tables import PoseTable
 
 NICE_FACTORS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 
-# A straight line bends in a distorted photo: this many samples keep the chord error below a pixel.
+# A straight line bends in a distorted photo: these samples keep the chord error below a pixel.
 LINE_SAMPLES = 49
 
 
 def largest_known(values: Floats) -> float:
-    """Largest finite value; NaN where there is none."""
+    """Return the largest finite value; NaN if there is none."""
     known = values[np.isfinite(values)]
     return float(known.max()) if len(known) else float("nan")
 
 
 def nice_factor(size: float, wanted: float) -> int:
-    """The largest factor of the 1-2-5 series with which `size` stays within `wanted`."""
+    """Return the largest factor of the 1-2-5 series with which `size` stays within `wanted`."""
     if not (size > 0 and np.isfinite(size)):
         return 1
     return max((f for f in NICE_FACTORS if f * size <= wanted), default=1)
 
 
 def round_length(most_m: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not larger."""
+    """Return the largest of 1, 2, 5 times a power of ten that is not larger."""
     power = 10.0 ** np.floor(np.log10(most_m))
     return float(power * max(f for f in (1, 2, 5) if f * power <= most_m * (1 + 1e-9)))
 
 
 def frustum_corners(result: Result) -> Floats:
-    """(4, 3) corners of the photo as rays z = 1 of the undistorted camera, clockwise."""
+    """Return (4, 3) corners of the photo as rays z = 1 of the undistorted camera, clockwise."""
     camera = result.camera
     return corner_rays(result.shared.intrinsics.value, camera.width_px, camera.height_px)
 
 
 def corner_rays(parameters: Floats, width_px: int, height_px: int) -> Floats:
-    """(4, 3) corners of a photo as rays z = 1 of a camera without distortion, clockwise.
+    """Return (4, 3) corners of a photo as rays z = 1 of a camera without distortion, clockwise.
 
     Parameters
     ----------
@@ -57,16 +57,16 @@ def corner_rays(parameters: Floats, width_px: int, height_px: int) -> Floats:
 
 
 def frusta(result: Result, poses: PoseTable, depth_m: float) -> Floats:
-    """(N, 10, 3) one open polyline per frame that has a pose: the photo's frame and four edges.
+    """Draw (N, 10, 3) one open polyline per frame with a pose: image frame and four edges.
 
     Parameters
     ----------
     result
-        Of the run.
+        Result of the run.
     poses
-        (F,) of its frames.
+        (F,) poses of its frames.
     depth_m
-        At which a frustum is cut off.
+        Depth at which a frustum is cut off.
     """
     posed = np.isfinite(poses.center_world_m[:, 0])
     rays = depth_m * frustum_corners(result)
@@ -74,14 +74,14 @@ def frusta(result: Result, poses: PoseTable, depth_m: float) -> Floats:
 
 
 def pyramids(center_m: Floats, world_from_camera: Floats, corners_m: Floats) -> Floats:
-    """(N, 10, 3) open polylines: the base with its four corners, and the edges to the apex.
+    """Draw (N, 10, 3) open polylines: the base with its four corners, and the edges to the apex.
 
     Parameters
     ----------
     center_m, world_from_camera
         (N, 3), (N, 3, 3) poses of the apexes.
     corners_m
-        (4, 3) of the base, in the camera's frame, in their order around it.
+        (4, 3) corners of the base, in the camera's frame, in their order around it.
     """
     apex = center_m[:, None, :]
     corners = apex + np.einsum("nij,kj->nki", world_from_camera, corners_m)
@@ -96,20 +96,20 @@ def pyramids(center_m: Floats, world_from_camera: Floats, corners_m: Floats) -> 
 
 
 def flight_order(result: Result) -> Ints:
-    """(F,) frames by time; by name where no time is known."""
+    """Order the (F,) frames by time; by name if no time is known."""
     time = result.frames.time_utc_s
     key = time if np.isfinite(time).any() else np.arange(len(time), dtype=np.float64)
     return np.argsort(key, kind="stable").astype(np.int64)
 
 
 def track(result: Result, poses: PoseTable) -> Floats:
-    """(N, 3) centres of the frames that have a pose, in the order of flight."""
+    """Return (N, 3) centres of the frames that have a pose, in the order of flight."""
     centers = poses.center_world_m[flight_order(result)]
     return np.asarray(centers[np.isfinite(centers[:, 0])], dtype=np.float64)
 
 
 def largest_sigmas(poses: PoseTable) -> tuple[Floats, Floats]:
-    """(F,) standard deviations in the least certain direction; NaN without a pose.
+    """Compute (F,) standard deviations in the least certain direction; NaN without a pose.
 
     Returns
     -------
@@ -123,7 +123,7 @@ def largest_sigmas(poses: PoseTable) -> tuple[Floats, Floats]:
 
 
 def longest_part(strips: list[Floats]) -> Floats:
-    """(2, D) ends of the longest segment of (n, D) polylines: where a label goes."""
+    """Return the (2, D) ends of the longest segment of (n, D) polylines, to place a label there."""
     starts = np.concatenate([strip[:-1] for strip in strips])
     ends = np.concatenate([strip[1:] for strip in strips])
     longest = int(np.argmax(np.linalg.norm(ends - starts, axis=1)))
@@ -131,12 +131,12 @@ def longest_part(strips: list[Floats]) -> Floats:
 
 
 def longest_middle(strips: list[Floats]) -> Floats:
-    """(D,) middle of the longest segment of (n, D) polylines."""
+    """Return the (D,) middle of the longest segment of (n, D) polylines."""
     return np.asarray(longest_part(strips).mean(axis=0), dtype=np.float64)
 
 
 def in_photo(result: Result, pixel: Floats) -> Bools:
-    """(...) whether (..., 2) pixels lie in the photo; NaN does not."""
+    """Mark (...) the (..., 2) pixels within the photo; NaN is outside."""
     size = np.array([result.camera.width_px, result.camera.height_px])
     return np.asarray(((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=-1), dtype=np.bool_)
 
@@ -148,18 +148,18 @@ def project_from(
     *,
     adjusted_lens: bool = True,
 ) -> Floats:
-    """(..., 2) original pixels of (..., 3) world points in one camera; NaN outside the photo.
+    """Project (..., 3) world points to (..., 2) original pixels; NaN outside the photo.
 
     Parameters
     ----------
     result
-        Whose camera it is.
+        Result with the camera.
     poses
-        The camera's.
+        Poses of the camera.
     points_m
         (..., 3) in the world.
     adjusted_lens
-        Whether through the lens as adjusted, not as calibrated.
+        Whether to use the lens as adjusted, not as calibrated.
     """
     lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
     pixel = project_rows(result.camera, lens, poses, points_m)
@@ -167,30 +167,32 @@ def project_from(
 
 
 def sampled(strip: Floats, samples: int = LINE_SAMPLES) -> Floats:
-    """(m, 3) the polyline with so many points on each segment."""
+    """Sample a polyline to (m, 3) with so many points on each segment."""
     share = np.linspace(0.0, 1.0, samples)[:, None]
     start, step = strip[:-1, None], np.diff(strip, axis=0)[:, None]
     return np.asarray((start + share * step).reshape(-1, strip.shape[1]), dtype=np.float64)
 
 
 def visible_runs(pixel: Floats) -> list[Floats]:
-    """Pieces of a (m, 2) polyline without NaN, each of two points or more."""
+    """Split a (m, 2) polyline into pieces without NaN, each of two points or more."""
     good = np.isfinite(pixel[:, 0])
+    # starts and ends of the runs: changes of a mask padded with False
     edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(int)))
     runs = [pixel[a:b] for a, b in edges.reshape(-1, 2)]
     return [run for run in runs if len(run) >= 2]
 
 
 def thinned(run: Floats, off_px: float) -> Floats:
-    """(k, 2) as few evenly chosen points of a (m, 2) polyline as draw it that exactly.
+    """Thin a (m, 2) polyline to the fewest (k, 2) evenly chosen points within a tolerance.
 
     Parameters
     ----------
     run
         Two points or more.
     off_px
-        No point left out lies farther from the place that the drawn line has for it.
+        Largest distance of an omitted point from its place on the drawn line.
     """
+    # double the number of points until linear interpolation keeps the tolerance
     rows = np.arange(len(run))
     for count in 2 ** np.arange(1, 32):
         if count >= len(run):

@@ -1,4 +1,4 @@
-"""What became of each frame, in one word."""
+"""State of each frame, in one word."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
 
 
 def frame_states(result: Result) -> tuple[FrameState, ...]:
-    """(F,) status of each frame; ``check`` where a refined frame deserves a second look.
+    """Return the (F,) status of each frame; ``check`` if a refined frame deserves a second look.
 
-    That is where one of its picks is suspect or was removed, where a reason of the verdict names it
-    with one, or where the log has it elsewhere.
+    That is the case if one of its picks is suspect or was removed, if a reason of the verdict names
+    it with a pick, or if the log contradicts its pose.
     """
     odd = {
         image
@@ -33,7 +33,7 @@ def frame_states(result: Result) -> tuple[FrameState, ...]:
 
 
 def frame_counts(result: Result) -> str:
-    """``20 photos: 17 refined (1 to check), 1 rejected``; says so where none was rejected."""
+    """Count the frames: ``20 photos: 17 refined (1 to check), 1 rejected``, or none rejected."""
     status, states = Counter(result.frames.status), Counter(frame_states(result))
     check = f" ({states['check']} {FRAME_STATE_WORDS['check']})" if states["check"] else ""
     parts = [f"{status['refined']} refined{check}"]

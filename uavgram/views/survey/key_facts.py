@@ -1,4 +1,4 @@
-"""What a reader wants to know first, as pairs of question and answer."""
+"""Main facts of a result, as pairs of question and answer."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ Fact = tuple[str, str]
 
 
 def key_facts(result: Result) -> tuple[Fact, ...]:
-    """Photos, the least certain length, the known length that fits worst, the least known point."""
+    """List photos, least certain length, known length of worst fit, and least certain point."""
     facts = [
         ("photos", frame_counts(result)),
         ("least certain length for its size", _least_certain(result)),
@@ -33,7 +33,7 @@ def key_facts(result: Result) -> tuple[Fact, ...]:
 
 
 def least_certain_length(result: Result) -> int | None:
-    """Row of the measured length with the largest sigma relative to its value."""
+    """Return the row of the measured length with the largest relative sigma."""
     rows = result.measurements
     for i in worst_first(rows):
         is_length = rows.unit[i] == "m" and rows.kind[i] not in SIGNED_KINDS
@@ -43,7 +43,7 @@ def least_certain_length(result: Result) -> int | None:
 
 
 def largest_ellipse(result: Result) -> int | None:
-    """Row of the point that is least certain within the survey; None where there is no shape."""
+    """Return the row of the least certain point within the survey; None if there is no shape."""
     major = result.points.relative.ellipse_95_m[:, 0]
     return int(np.argmax(major)) if major.any() else None
 
@@ -61,7 +61,7 @@ def _least_certain(result: Result) -> str:
 def _worst_fit(result: Result) -> str:
     lines = result.lines
     removed = np.array([status == "removed" for status in lines.status], dtype=np.bool_)
-    # a length that was taken out early has no test statistic, and may be off by metres
+    # a length that was removed early has no test statistic, and may be off by metres
     alone = lines.residual_m / np.hypot(lines.sigma_m, np.nan_to_num(lines.adjusted_sigma_m))
     w = np.nan_to_num(np.abs(np.where(removed & np.isnan(lines.w), alone, lines.w)), nan=-1.0)
     if not len(w) or w.max() < 0:
@@ -81,7 +81,7 @@ def _least_known_point(result: Result) -> Fact:
         sigma, around = size_text(float(points.neighbour_sigma_m[row])), points.neighbours[row]
         told = f"{points.label[row]}: ± {sigma} ({', '.join(around)})"
         return "point least known against its neighbours", told
-    widest = largest_ellipse(result)  # a point that is alone has no neighbours
+    widest = largest_ellipse(result)  # a single point has no neighbours
     axes = "" if widest is None else axes_text(points.relative.ellipse_95_m[widest])
     told = f"{points.label[widest]}: {axes}" if widest is not None else ""
     return "largest 95 % ellipse within the survey (half axes)", told

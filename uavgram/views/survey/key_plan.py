@@ -1,4 +1,4 @@
-"""The key plan: where each photo was taken and what ground it shows, from above."""
+"""Key plan: camera positions and footprints of the photos, from above."""
 
 from __future__ import annotations
 
@@ -24,27 +24,27 @@ from uavgram.views.units import round_bar, units_of
 
 MOST_HEIGHT = 340.0
 MOST_FOOTPRINTS = 40
-"""Of more photos only the cameras are drawn."""
+"""Number of photos above which only the cameras are drawn."""
 ROOM = 0.08
-"""Around what is drawn, as a share of its extent."""
+"""Margin around the drawing, as a share of its extent."""
 REACH = 0.15
-"""Footprints count for the extent so far beyond cameras and points, as a share of theirs."""
+"""Reach of footprints that counts for the extent, as a share of that of cameras and points."""
 LEAST_PREFIX = 3
-"""Names of photos are shown without what all begin with, where that is so long or longer."""
+"""Least length of a common prefix that is omitted from the names of photos."""
 ARROW = 30.0
-"""Of a look straight ahead; shorter, the steeper it goes down."""
+"""Length of the arrow of a level view; steeper views have shorter ones."""
 LEAST_ARROW = 5.0
-"""A camera that looks down more steeply than that shows has none."""
+"""Least length of an arrow; a camera that looks down more steeply has none."""
 HEAD = 4.5
 HALF_CAMERA, HALF_DOT = 4.5, 2.0
-"""Around marks, where no text is."""
+"""Half sizes of the areas around marks without texts."""
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A camera: its place, its arrow as SVG points and head, and whether it was adjusted.
+    """Camera: its place, its arrow as SVG points and head, and whether it was adjusted.
 
-    `arrow` and `head` are empty where it looks down.
+    `arrow` and `head` are empty if it looks down.
     """
 
     x: float
@@ -56,24 +56,24 @@ class Camera:
 
 @dataclass(frozen=True)
 class KeyPlan:
-    """Everything the template draws.
+    """Content of the drawing for the template.
 
     Attributes
     ----------
     width, height
-        Of the drawing.
+        Size of the drawing.
     footprints
-        SVG points of the border of the ground that each adjusted photo shows.
+        SVG points of the footprint of each adjusted photo.
     cameras, dots
         Photos, and points on the ground.
     texts
-        Names of photos and of points, none of which covers another.
+        Names of photos and of points, without overlaps.
     prefix
-        What names of all photos begin with, which is left out of the texts.
+        Common prefix of the names of all photos, which is omitted from the texts.
     unnamed
-        How many photos and points have no name for want of room.
+        Number of photos and points without a name for lack of room.
     grid, bar, bar_text, north_known
-        As of the top view.
+        As in the top view.
     """
 
     width: float
@@ -91,7 +91,7 @@ class KeyPlan:
 
 
 def key_plan(result: Result) -> KeyPlan | None:
-    """Lay out the drawing; None where no photo has a pose."""
+    """Lay out the drawing; return None if no photo has a pose."""
     rows, poses = shown_poses(result)
     if not len(rows):
         return None
@@ -126,7 +126,7 @@ def key_plan(result: Result) -> KeyPlan | None:
 
 
 def _extent(places: Floats, rings: dict[int, Floats]) -> tuple[Floats, Floats]:
-    """Corners (2,) of the ground to be drawn: an oblique photo may show more than is of use."""
+    """Return the corners (2,) of the drawn ground, limiting the footprints of oblique photos."""
     low, high = places.min(axis=0), places.max(axis=0)
     reach = REACH * max(float((high - low).max()), 1.0)
     if rings:
@@ -138,7 +138,7 @@ def _extent(places: Floats, rings: dict[int, Floats]) -> tuple[Floats, Floats]:
 
 
 def _cameras(sheet: Sheet, centers: Floats, forward: Floats, adjusted: Bools) -> Iterator[Camera]:
-    """Arrows are the level part of the unit vector along the optical axis."""
+    """Draw the cameras; arrows are the level part of the unit vector along the optical axis."""
     for (x, y), axis, is_adjusted in zip(sheet(centers), forward, adjusted, strict=True):
         along = ARROW * axis[:2] * [1.0, -1.0]
         length, arrow, head = float(np.linalg.norm(along)), "", ""
@@ -160,7 +160,7 @@ def _texts(
     cameras: tuple[Camera, ...],
     taken: list[Floats],
 ) -> tuple[tuple[Text, ...], int]:
-    """Names of photos and of points, and how many had no room."""
+    """Place the names of photos and of points; return also the number without room."""
     dots = sheet(result.points.position_world_m)
     wanted = [
         Wanted(name, "photo", np.array([[one.x, one.y]]))
@@ -176,7 +176,7 @@ def _texts(
 
 
 def _common_prefix(names: tuple[str, ...]) -> str:
-    """What all names begin with; empty where that is short, or a name would be left with none."""
+    """Return the common prefix of all names; empty if it is short, or is a complete name."""
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
     prefix = "".join(letters[0] for letters in alike)
     short = len(prefix) < LEAST_PREFIX or len(names) == 1

@@ -1,4 +1,4 @@
-"""Beyond which test statistics a run suspects observations: see `level_of_each`."""
+"""Limits of test statistics beyond which a run suspects observations: see `level_of_each`."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from uavgram.model.result.result import Result
 
 
 def significance_of(result: Result) -> float:
-    """Significance that a run took; the default where its result does not say."""
+    """Return the significance that a run used; the default if its result does not state it."""
     stated = dict(result.provenance.options).get("solve.significance")
     return stated if isinstance(stated, float) else SolveOptions().significance
 
 
 def pick_limit(result: Result) -> float:
-    """Critical |w| of the picks under test, of two coordinates each.
+    """Return the critical absolute w of the picks under test, of two coordinates each.
 
-    For one in a thousand: 3.29 up to five picks, 4.1 for a hundred.
+    For a significance of one in a thousand: 3.29 up to five picks, 4.1 for a hundred.
     """
     return _limit(result, 2 * int(np.isfinite(result.picks.w).sum()))
 
 
 def line_limits(result: Result) -> Floats:
-    """(L,) critical |w| of each known length; every withheld one is tested by itself."""
+    """Return the (L,) critical absolute w of known lengths; each withheld one is tested alone."""
     checked = np.array([status == "checked" for status in result.lines.status], dtype=bool)
     together = int((np.isfinite(result.lines.w) & ~checked).sum())
     return np.where(checked, _limit(result, 1), _limit(result, together))
 
 
 def prior_limits(result: Result) -> Floats:
-    """(N,) critical |w| of each prior of the evidence; control points share their own."""
+    """Return the (N,) critical absolute w of priors; control points share a limit of their own."""
     if result.evidence is None:
         return np.zeros(0)
     control = np.array([kind == "control" for kind in result.evidence.priors.kind], dtype=bool)

@@ -17,19 +17,19 @@ from uavgram.views.wording import height_text, number, with_sigma
 
 @dataclass(frozen=True, eq=False)
 class OffGround:
-    """Of n points off the ground.
+    """n points off the ground.
 
     Attributes
     ----------
     rows
-        (n,) which points.
+        (n,) rows of the points.
     foot_m
         (n, 3) places on the ground straight below (or above) them.
     half_axes_m, directions
-        (n, 3) and (n, 3, 3) of the ellipsoids that hold them with 95 % within the survey, the
-        largest axis first, along the columns; 0 where it is not known.
+        (n, 3) and (n, 3, 3) of their 95 % ellipsoids within the survey, the largest axis first,
+        along the columns; 0 if not known.
     source
-        (n,) whether the height was ``stated``, left ``free``, or ``found`` though nobody said so.
+        (n,) whether the height was ``stated``, left ``free``, or ``found`` without being stated.
     """
 
     rows: Ints
@@ -39,12 +39,12 @@ class OffGround:
     source: tuple[HeightSource, ...]
 
     def of(self, source: HeightSource) -> Ints:
-        """Which of the n have their heights from there."""
+        """Return the indices of the points whose heights are from a source."""
         return np.flatnonzero([one == source for one in self.source])
 
 
 def off_ground(result: Result) -> OffGround | None:
-    """Points off the ground; None where all are on it."""
+    """Collect the points off the ground; return None if all are on it."""
     points = result.points
     rows = np.flatnonzero(points.is_off_ground)
     if not len(rows):
@@ -57,22 +57,22 @@ def off_ground(result: Result) -> OffGround | None:
 
 
 def height_of(points: PointResults, row: int) -> str:
-    """``1.402 ± 0.021 m, found``: how high a point stands over the ground, and who says so."""
+    """Format a point's height above the ground with its source: ``1.402 ± 0.021 m, found``."""
     height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
     return height_text(height, sigma, points.height_source[row])
 
 
 def height_label(points: PointResults, row: int, units: Units = METRIC) -> str:
-    """``V21 1.40 ± 0.03 m``, short enough for pictures; and where it was not left free.
+    """Format a short label, ``V21 1.40 ± 0.03 m``, with the source unless the height was free.
 
     Parameters
     ----------
     points
-        Of a result.
+        Points of a result.
     row
-        Of the point.
+        Row of the point.
     units
-        In which it is shown.
+        Units in which it is shown.
     """
     height, sigma = float(points.height_above_ground_m[row]), float(points.height_sigma_m[row])
     source = points.height_source[row]

@@ -16,10 +16,10 @@ from uavgram.views.wording import decimals_for, number
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 720.0, 70.0, 30.0, 34.0, 30.0
 MOST_HEIGHT, LEAST_HEIGHT = 200.0, 24.0
-"""Of what is drawn: heights are exaggerated as far as the first allows."""
+"""Limits of the drawn height: heights are exaggerated as far as the first allows."""
 
 HALF_DOT, HALF_BAR = 2.5, 1.5
-"""Around points and bars, where no name is."""
+"""Half sizes of the areas around points and bars without names."""
 GRID_LINES = 4
 WIDE = 1.959964
 """Half of a 95 % interval, in sigmas."""
@@ -29,14 +29,14 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class ProfileDrawing:
-    """Everything the template draws of one profile.
+    """Content of the drawing of one profile for the template.
 
     Attributes
     ----------
     name
-        Of the profile.
+        Name of the profile.
     width, height
-        Of the drawing.
+        Size of the drawing.
     dots, ground
         Places of the points in their order, and of the smooth ground below them along the line.
     bars
@@ -44,15 +44,15 @@ class ProfileDrawing:
     rulers
         (x, top, bottom) from the ground to each point off it.
     labels, names
-        Of all points, and those texts of them that there is room for.
+        Labels of all points, and those texts of them that have room.
     grid
         y of level lines, and their heights over the first point as texts.
     exaggeration
-        Of heights against stations.
+        Exaggeration of heights against stations.
     bar_text, bar
         Length of the scale bar in words, and in the drawing.
     rows
-        Of the table: label, then a cell for each of `COLUMNS`.
+        Rows of the table: label, then a cell for each of `COLUMNS`.
     """
 
     name: str
@@ -72,13 +72,13 @@ class ProfileDrawing:
 
 
 def profile_drawings(result: Result) -> tuple[ProfileDrawing, ...]:
-    """All profiles of a result."""
+    """Draw all profiles of a result."""
     return tuple(_drawn(result, name, rows) for name, rows in result.profiles.each())
 
 
 @dataclass(frozen=True)
 class _Sheet:
-    """Where metres along and up go."""
+    """Mapping of metres along and up to the drawing."""
 
     first_m: float
     high_m: float
@@ -99,6 +99,7 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     low = min((up - reach).min(), ground.min())
     high = max((up + reach).max(), ground.max())
     rise, run = max(high - low, 1e-6), max(float(np.ptp(station)), 1e-6)
+    # scale along from the width; exaggeration of heights from the 1-2-5 series
     scale = (WIDTH - LEFT - RIGHT) / run
     factor = nice_factor(rise * scale, MOST_HEIGHT)
     sheet = _Sheet(float(station.min()), float(high), scale, scale * factor)
@@ -131,7 +132,7 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
 def _names(
     labels: tuple[str, ...], bars: tuple[Floats, Floats, Floats], y: Floats, height: float
 ) -> tuple[Text, ...]:
-    """Labels around the tops of their bars, as far as there is room above the scale bar."""
+    """Place labels around the tops of their bars, as far as there is room above the scale bar."""
     x, top, bottom = bars
     wanted = [
         Wanted(label, "name", np.array([spot]), is_needed=False, rank=rank)
@@ -149,7 +150,7 @@ def _names(
 
 
 def _grid(sheet: _Sheet, low: float, high: float, one: Shown) -> tuple[tuple[float, str], ...]:
-    """Level lines at round heights in the unit that is shown."""
+    """Return level lines at round heights in the unit that is shown."""
     low, high = low * one.factor, high * one.factor
     step = round_length(max(high - low, 1e-6) / GRID_LINES * 2.0)
     levels = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
@@ -169,7 +170,7 @@ def _uprights(x: Floats, top: Floats, bottom: Floats) -> tuple[tuple[float, floa
 
 
 def _cells(result: Result, row: int) -> tuple[str, ...]:
-    """Place and sigma of each of `COLUMNS`; what is so by definition has no sigma."""
+    """Format place and sigma of each of `COLUMNS`; values fixed by definition have no sigma."""
     cells, factor = [], column(units_of(result)).factor
     for k in range(len(COLUMNS)):
         place = factor * float(result.profiles.place_m[row, k])

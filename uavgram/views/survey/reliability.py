@@ -1,4 +1,4 @@
-"""How far to trust the result, in words: undetected errors, priors, removals, second order."""
+"""Reliability of the result in words: undetected errors, priors, removals, second order."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from uavgram.views.units import spread_text, units_of
 from uavgram.views.wording import UNIT_WORDS, chance, computed_first, number
 
 MOST_PRIORS = 20
-"""Priors that are shown: those with the largest test statistics."""
+"""Number of priors shown: those with the largest test statistics."""
 
 MOST_UNCHECKED = 6
-"""Unchecked observations that are named for a measurement."""
+"""Number of unchecked observations named for a measurement."""
 
 MOST_MOVED = 5
-"""Measurements that are named as moved by a removal."""
+"""Number of measurements named as moved by a removal."""
 
 LARGE = 1000.0
-"""From here on numbers are shown whole."""
+"""Size from which on numbers are shown without decimals."""
 
 
 def weakest_links(result: Result) -> list[dict[str, str]]:
-    """For each measurement, the undetected error that moves it most, and what nothing checks.
+    """Describe for each measurement the worst undetected error, and its unchecked observations.
 
-    The least certain one first.
+    The least certain measurement is first.
     """
     if result.evidence is None:
         return []
@@ -41,7 +41,7 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
         if not np.isfinite(rows.value[i]):
             continue
         unit = UNIT_WORDS.get(rows.unit[i], rows.unit[i])
-        weakest = "nothing that is checked moves it"
+        weakest = "no checked observation moves it"
         if links.what[i]:
             weakest = (
                 f"an undetected error of {_amount(links.bias[i], links.unit[i])} in the "
@@ -53,14 +53,14 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
 
 
 def effect_words(result: Result, effects: Effects, i: int) -> str:
-    """``+0.042 m in 'whole'``: what an undetected error of one observation would do.
+    """Format the effect of an undetected error in one observation: ``+0.042 m in 'whole'``.
 
     Parameters
     ----------
     result
-        Of the run.
+        Result of the run.
     effects
-        Of one kind of observation.
+        Effects of one kind of observation.
     i
         Row of the observation.
     """
@@ -72,7 +72,7 @@ def effect_words(result: Result, effects: Effects, i: int) -> str:
 
 
 def prior_rows(result: Result) -> list[dict[str, str | bool]]:
-    """The priors that fit worst."""
+    """Return the priors that fit worst."""
     if result.evidence is None:
         return []
     priors: PriorResults = result.evidence.priors
@@ -94,19 +94,19 @@ def prior_rows(result: Result) -> list[dict[str, str | bool]]:
 
 
 def removal_rows(result: Result) -> list[str]:
-    """What was taken out, a sentence each."""
+    """Describe the removed observations, a sentence each."""
     sentences = []
     for step, one in enumerate(result.removals, start=1):
         what = f"The {one.what}"
         if one.cause:
-            what = f"{one.what} It was mended: {one.mended[0]}; now {one.mended[1]}"
+            what = f"{one.what} It was corrected: {one.mended[0]}; now {one.mended[1]}"
         text = (
             f"{step}. {what} (w = {number(one.w, 1, signed=True)}); variance factor "
             f"{number(one.variance_factor_before, 2)} before, "
             f"{number(one.variance_factor_after, 2)} after."
         )
         if one.group:
-            text += f" No test can part it from: {', '.join(one.group)}."
+            text += f" No test can distinguish it from: {', '.join(one.group)}."
         if one.rivals:
             text += f" It could also have been: {', '.join(one.rivals)}."
         moved = _moved(result, one)
@@ -115,7 +115,7 @@ def removal_rows(result: Result) -> list[str]:
 
 
 def _moved(result: Result, one: RemovalRecord) -> str:
-    """The measurements that a removal moved by most of their sigmas, and how many others."""
+    """List the measurements that a removal moved by most of their sigmas; count the others."""
     rows, change = result.measurements, np.array(one.change, dtype=np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         sigmas = np.abs(change) / rows.sigma
@@ -131,7 +131,7 @@ def _moved(result: Result, one: RemovalRecord) -> str:
 
 
 def second_order_rows(result: Result) -> list[str]:
-    """Measurements for which first order is not good enough, a sentence each."""
+    """Describe the measurements for which first order is not good enough, a sentence each."""
     second, rows = result.second_order, result.measurements
     if second is None:
         return []
@@ -144,14 +144,14 @@ def second_order_rows(result: Result) -> list[str]:
 
 
 def overall_words(result: Result, *, in_statistics: bool = True) -> str:
-    """All checks together, in a sentence; empty where nothing was withheld.
+    """Describe all checks together, in a sentence; empty if nothing was withheld.
 
     Parameters
     ----------
     result
-        Of a run.
+        Result of a run.
     in_statistics
-        Whether for a reader who knows the chi-square test.
+        Whether to mention the chi-square test.
     """
     checks = result.checks_overall
     if checks is None:
@@ -169,7 +169,7 @@ def overall_words(result: Result, *, in_statistics: bool = True) -> str:
 
 
 def _errors_by_kind(result: Result, checks: ChecksOverall) -> Iterator[str]:
-    """Sum up the errors of lengths, and those of points across and up, which differ in kind."""
+    """Summarise the errors of lengths, and those of points in position and height."""
     units = units_of(result)
 
     def size(error_m: Floats) -> str:
@@ -187,6 +187,6 @@ def _errors_by_kind(result: Result, checks: ChecksOverall) -> Iterator[str]:
 def _amount(value: float, unit: str) -> str:
     if not np.isfinite(value):
         return "–"
-    # three digits, but all of a large number: 4920, not 4.92e+03
+    # three digits, but no exponent for a large number: 4920, not 4.92e+03
     text = f"{value:.3g}" if abs(value) < LARGE else f"{value:.0f}"
     return text if unit == "1" else f"{text} {UNIT_WORDS.get(unit, unit)}"

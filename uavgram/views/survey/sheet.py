@@ -1,4 +1,4 @@
-"""A drawing seen from above, north up: world metres to its own units, and the grid behind it."""
+"""Drawing seen from above, north up: world metres to its own units, and the grid behind it."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from uavgram.views.style import ABOVE, BELOW, hex_colour
 from uavgram.views.units import column, round_bar
 
 WIDTH = 720.0
-"""Of every drawing, in its own units; letters are 11 of them high: 8 points on paper."""
+"""Width of every drawing, in its own units; letters are 11 of them high: 8 points on paper."""
 MARGIN, MARGIN_SHARE = 60.0, 0.12
-"""Around what is drawn; of a low drawing such a share of its height."""
+"""Margin around the drawing; for a low drawing a share of its height."""
 LEAST_HEIGHT, MOST_HEIGHT = 260.0, 840.0
 MOST_STEP = 140.0
-"""Between lines of the grid; at least two fifths of that."""
+"""Largest distance of grid lines; the least is two fifths of that."""
 EDGE, LETTER = 4.0, 5.6
-"""Between the side of a drawing and what is written along it; width of a letter there."""
+"""Gap between the side of a drawing and text along it; width of a letter there."""
 COMPASS, SCALE_BAR = 90.0, 44.0
-"""Beside the north arrow, and above the scale bar, no line of the grid is named."""
+"""Sizes of the areas of north arrow and scale bar, where no line of the grid is named."""
 
 INK = {
     "used": "#b0127a",
@@ -47,11 +47,11 @@ class Sheet:
     Attributes
     ----------
     west_m, north_m
-        World coordinates of the corner of what is inside the margins.
+        World coordinates of the upper left corner inside the margins.
     scale
         Units of the drawing for a metre.
     height, margin
-        Of the drawing.
+        Height and margin of the drawing.
     """
 
     west_m: float
@@ -61,7 +61,7 @@ class Sheet:
     margin: float
 
     def __call__(self, world_m: Floats) -> Floats:
-        """(..., 2) drawing coordinates of (..., 2 or 3) world positions."""
+        """Map (..., 2 or 3) world positions to (..., 2) drawing coordinates."""
         east, north = world_m[..., 0], world_m[..., 1]
         x = self.margin + (east - self.west_m) * self.scale
         return np.stack([x, self.margin + (self.north_m - north) * self.scale], axis=-1)
@@ -83,18 +83,19 @@ class Sheet:
 
 
 def lay_sheet(low_m: Floats, high_m: Floats, most_height: float = MOST_HEIGHT) -> Sheet:
-    """Lay ground into a drawing.
+    """Fit a rectangle of ground into a drawing.
 
     Parameters
     ----------
     low_m, high_m
         (2,) its south-western and north-eastern corner, in the world.
     most_height
-        The drawing is not higher.
+        Largest height of the drawing.
     """
     margin = min(MARGIN, MARGIN_SHARE * most_height)
     size = np.maximum(high_m - low_m, 1.0)
     across, up = WIDTH - 2 * margin, most_height - 2 * margin
+    # largest scale at which both sides fit
     scale = float(min(across / size[0], up / size[1]))
     return Sheet(
         west_m=float(low_m[0] - (across / scale - size[0]) / 2),
@@ -107,7 +108,7 @@ def lay_sheet(low_m: Floats, high_m: Floats, most_height: float = MOST_HEIGHT) -
 
 @dataclass(frozen=True)
 class GridLine:
-    """A line of the grid: its ends, and its name, which may be empty, with where that stands."""
+    """Line of the grid: its ends, and its name, which may be empty, with the place of the name."""
 
     x1: float
     y1: float
@@ -119,7 +120,7 @@ class GridLine:
 
 
 def grid_lines(sheet: Sheet, units: Units) -> Iterator[GridLine]:
-    """Lines at round numbers of metres or feet from the origin, named along two sides."""
+    """Draw lines at round numbers of metres or feet from the origin, named along two sides."""
     low, high = sheet.extent_m
     step_m = round_bar(MOST_STEP / sheet.scale, units)[0]
     unit = column(units)

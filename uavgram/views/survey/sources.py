@@ -1,4 +1,4 @@
-"""Who made what a result rests on, in words: people, matching, targets, tie points."""
+"""Origin of the picks in words: people, matching, targets, tie points."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from uavgram.views.wording import number
 SOURCE_WORDS: dict[Source, str] = {"hand": "by hand", "match": "matched", "target": "target"}
 
 ONLY_PROGRAM = "only the program's picks"
-"""Beside a value that rests on no pick of a person."""
+"""Note beside a value that depends on no pick of a person."""
 
 
 def has_found(result: Result) -> bool:
-    """Whether the program made any of the picks."""
+    """Return whether the program made any of the picks."""
     return not result.picks.by_hand.all()
 
 
 def counts_text(counts: Mapping[Source, int]) -> str:
-    """``1 by hand, 4 matched``; empty where a person made all."""
+    """Count picks by source: ``1 by hand, 4 matched``; empty if a person made all."""
     if not set(counts) - {"hand"}:
         return ""
     return ", ".join(
@@ -36,19 +36,19 @@ def counts_text(counts: Mapping[Source, int]) -> str:
 
 
 def picks_text(result: Result) -> str:
-    """Who made all the picks, in a sentence; empty where people alone did."""
+    """Describe the origin of all picks in a sentence; empty if people alone made them."""
     told = counts_text(Counter(result.picks.source))
     return f"Picks: {told}." if told else ""
 
 
 def points_made(result: Result) -> tuple[str, ...]:
-    """(K,) who made the picks of each point; empty where a person made all of them."""
+    """Return the (K,) origins of the picks of points; empty texts if a person made all of them."""
     made = count_picks_by_source(result.picks)
     return tuple(counts_text(made.get(label, {})) for label in result.points.label)
 
 
 def frames_made(result: Result) -> tuple[str, ...]:
-    """(F,) who made the picks in each photo; empty where a person made all of them."""
+    """Return the (F,) origins of the picks in photos; empty texts if a person made all of them."""
     made: dict[str, Counter[Source]] = {}
     for image, source in zip(result.picks.image, result.picks.source, strict=True):
         made.setdefault(image, Counter())[source] += 1
@@ -56,26 +56,26 @@ def frames_made(result: Result) -> tuple[str, ...]:
 
 
 def frames_tied(result: Result) -> tuple[str, ...]:
-    """(F,) ``131 (0.21 px)``: tie points that each photo shows, and the rms of their residuals."""
+    """Format (F,) the tie points of each photo, and rms of their residuals: ``131 (0.21 px)``."""
     frames = result.frames
     pairs = zip(frames.ties.tolist(), frames.ties_rms_px.tolist(), strict=True)
     return tuple(f"{count} ({number(rms, 2)} px)" if count else "0" for count, rms in pairs)
 
 
 def measured_alone(result: Result) -> tuple[str, ...]:
-    """(M,) what is to be said of each value's picks; empty where a person made some."""
+    """Return (M,) the note on each value's picks; empty if a person made some."""
     rows = result.measurements
     alone = is_only_by_program(result.picks, rows.points) & np.isfinite(rows.value)
     return tuple(ONLY_PROGRAM if one else "" for one in alone.tolist())
 
 
 def ties_text(result: Result) -> str:
-    """All tie points in a sentence; empty where none took part."""
+    """Describe all tie points in a sentence; empty if none were used."""
     ties = result.ties
     if ties is None:
         return ""
     return (
-        f"{ties.points} tie points, which nobody picked, hold the photos together: seen "
+        f"{ties.points} tie points found by the program connect the photos: seen "
         f"{ties.sightings} times, residuals {number(ties.rms_px, 2)} px (root mean square of one "
         "coordinate)."
     )

@@ -1,4 +1,4 @@
-"""Texts in drawings on paper: all that are wanted, none over another, each near its object."""
+"""Texts in drawings on paper, without overlaps, each near its object."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uavgram.views.survey.sheet import COMPASS, INK, LETTER, SCALE_BAR, WIDTH, G
 
 
 class Letters(NamedTuple):
-    """Looks of a text: height of its letters in units of the drawing, and colour."""
+    """Style of a text: height of its letters in units of the drawing, and colour."""
 
     size: float
     is_bold: bool = False
@@ -33,40 +33,40 @@ LETTERS = {
     "photo": Letters(10.0, is_bold=True, colour="#0b4f8a"),
     "label": Letters(9.0, colour="#444444"),
 }
-"""By kind of text in the drawings of the report."""
+"""Styles of the texts in the drawings of the report, by kind."""
 
 WIDTHS = {
     "|ijlI.,:;'! ": 0.34, "ftr()[]/-–": 0.42, "²³°_": 0.5, "ABCEFJKLPRSTVXYZ": 0.7,
     "DGHNOQU": 0.79, "Mw+±=<>~": 0.86, "mW@%—…": 1.0,
 }  # fmt: skip
-"""Of letters, as shares of their height, in DejaVu Sans, the widest of the usual fonts."""
+"""Widths of letters, as shares of their height, in DejaVu Sans, the widest of the usual fonts."""
 USUAL_WIDTH, WIDE_WIDTH, BOLD = 0.64, 1.0, 1.1
-"""The same of all other letters, of those of the Far East, and how much wider bold ones are."""
+"""Widths of all other letters, of those of the Far East, and the factor for bold ones."""
 _WIDTH_OF = {letter: width for letters, width in WIDTHS.items() for letter in letters}
 
 ASIDE, HALF_LINE, BASELINE = 2.0, 0.64, 0.32
-"""Around a text in units of the drawing; half a line, and the baseline below it, in letters."""
+"""Margin around a text in units of the drawing; half a line, and the baseline below, in letters."""
 
 HALF_CAPITAL = 0.42
 """Half the height of capitals, in letters: a line from above or below ends there."""
 
 GAP = 4.0
-"""Between a text and what it names."""
+"""Gap between a text and its object."""
 
 REACH = 10.0
-"""A text may be so far from what it names, in its heights: a line leads to it."""
+"""Largest distance of a text from its object, in its heights: a line leads to it."""
 
 MOST_NEEDED = 300
-"""Of more texts only so many are looked at, and none of them may be away from what it names."""
+"""Number of texts above which only the first are placed, and only beside their objects."""
 
 LEAST_SIZE = 0.5
-"""Letters are not made smaller than that share of their size: some texts are left out instead."""
+"""Least font size, as a share of the usual; if texts need less, some are omitted."""
 
 
 class Wanted(NamedTuple):
-    """A text, its kind, and (1, 2) the point or (2, 2) the ends of the line that it names.
+    """Text, its kind, and (1, 2) the point or (2, 2) the ends of the line that it names.
 
-    One that is not needed is left out where there is no room right beside that, at a distance.
+    A text that is not needed is omitted if there is no room beside its object, at `gap`.
     """
 
     text: str
@@ -79,21 +79,21 @@ class Wanted(NamedTuple):
 
 @dataclass(frozen=True)
 class Text:
-    """A text with the middle of its box at x, and its baseline at y.
+    """Text with the middle of its box at x, and its baseline at y.
 
     Attributes
     ----------
     x, y, text, kind
-        Where it is, what it says, and its kind.
+        Its place, content and kind.
     size
-        Of its letters, as a share of what is usual.
+        Font size, as a share of the usual.
     half_width, half_height
-        Of its box.
+        Half the size of its box.
     leader
-        SVG points of a line to what it names; empty where that is beside it.
+        SVG points of a line to its object; empty if that is beside it.
     side
-        Where its letters begin (-1) or end (1) at the side of the box, for a line leads there; 0:
-        they are in the middle.
+        Alignment: -1 if its letters begin and 1 if they end at the side of the box, to which a line
+        leads; 0: they are in the middle.
     """
 
     x: float
@@ -115,29 +115,29 @@ def placed_texts(
     letters: dict[str, Letters] = LETTERS,
     reach: float = REACH,
 ) -> tuple[tuple[Text, ...], int]:
-    """Place texts in a drawing; those that no place was found for are left out.
+    """Place texts in a drawing; those for which no place is found are omitted.
 
     Parameters
     ----------
     wanted
-        What is to be written.
+        Texts to place.
     bounds
         First and last corner (2,) of the drawing.
     taken
-        (5,) places where no text may be, as of `box`.
+        (5,) places where no text may be, see `box`.
     unit
-        Length in it of one unit of a letter's height.
+        Length in the drawing of one unit of a letter's height.
     letters
-        Looks of each kind of text.
+        Style of each kind of text.
     reach
-        How far a text may be from what it names, in its heights.
+        Largest distance of a text from its object, in its heights.
 
     Returns
     -------
     texts
-        What was placed.
+        The placed texts.
     missing
-        How many texts that are needed are not among them.
+        Number of needed texts that are not among them.
     """
     needed = np.array([one.is_needed for one in wanted], np.bool_)
     are_few = needed.sum() <= MOST_NEEDED
@@ -160,7 +160,7 @@ def placed_texts(
         height = size * unit * letters[wanted[k].kind].size
         x, y, half_width, half_height, _ = boxes[k].tolist()
         line = leaders[k].copy()
-        if sides[k] == 0:  # up to the letters
+        if sides[k] == 0:  # shorten the line to end at the letters
             line[1, 1] -= np.sign(line[1, 1] - y) * (half_height - HALF_CAPITAL * height)
         texts.append(
             Text(
@@ -174,7 +174,7 @@ def placed_texts(
 
 
 def half_size(text: str, letters: Letters) -> Floats:
-    """(2,) half the width and height of a text's box, whichever usual font a program has."""
+    """Return (2,) half the width and height of a text's box, for any of the usual fonts."""
     width = sum(
         WIDE_WIDTH if letter >= "\u2e80" else _WIDTH_OF.get(letter, USUAL_WIDTH) for letter in text
     )
@@ -183,12 +183,12 @@ def half_size(text: str, letters: Letters) -> Floats:
 
 
 def svg_points(drawn: Floats) -> str:
-    """(n, 2) places as SVG has them."""
+    """Format (n, 2) places for SVG."""
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn.tolist())
 
 
 def box(middle: Floats | tuple[float, float], half_width: float, half_height: float) -> Floats:
-    """(5,) a level rectangle, as `TextPlaces` has it.
+    """Return (5,) a rectangle parallel to the axes, as in `TextPlaces`.
 
     Parameters
     ----------
@@ -201,7 +201,7 @@ def box(middle: Floats | tuple[float, float], half_width: float, half_height: fl
 
 
 def around_drawing(sheet: Sheet, grid: Sequence[GridLine], bar: float) -> list[Floats]:
-    """(5,) where the scale bar, the north arrow and the names of the grid are.
+    """Return the (5,) boxes of the scale bar, the north arrow and the names of the grid.
 
     Parameters
     ----------

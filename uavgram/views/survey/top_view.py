@@ -1,4 +1,4 @@
-"""The scaled top view of the report: world metres to coordinates of a drawing, nothing more."""
+"""Scaled top view of the report: world metres to coordinates of a drawing, nothing more."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ from uavgram.views.wording import number, worst_first
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MOST_ROOM = 0.3
-# Around a point, where no text is.
+# Half size of the area around a point without text.
 HALF_DOT = 2.5
 # Half the diagonal of the mark of a point off the ground.
 DIAMOND = 5.0
-# Departures from the plane are shown to millimetres where they are known better than this.
+# Departures from the plane are shown to millimetres if their sigma is below this.
 WELL_KNOWN_M = 0.01
-# Many lines are drawn thin, and only so many of the measured ones named.
+# With more lines than this they are thin, and only some of the measured ones are named.
 MANY_LINES, MOST_MEASURED = 20, 12
 BOLD, FINE, THIN = 2.0, 1.0, 0.5
 
 
 @dataclass(frozen=True)
 class Stroke:
-    """A polyline: SVG points, colour, whether it is dashed, and its width."""
+    """Polyline: SVG points, colour, whether it is dashed, and its width."""
 
     points: str
     colour: str
@@ -58,14 +58,14 @@ class Stroke:
 
 @dataclass(frozen=True)
 class TopView:
-    """Everything the template draws.
+    """Content of the drawing for the template.
 
     Attributes
     ----------
     width, height
-        Of the drawing.
+        Size of the drawing.
     sheet
-        From the world to it.
+        Mapping from the world to it.
     grid
         Lines at round distances from the origin.
     lines, ellipses
@@ -73,23 +73,23 @@ class TopView:
     dots
         (x, y) of the points.
     off_plane
-        (x, y) and colour of those whose ground is no plane; empty where it is.
+        (x, y) and colour of those whose ground is off its plane; empty for a plane.
     off_ground
-        SVG points of a diamond around each point that stands off the ground.
+        SVG points of a diamond around each point off the ground.
     full_m
-        Departure from the plane from which on colours are full; 0 where there is none.
+        Departure from the plane from which on colours are full; 0 if there is none.
     texts
-        Names, lengths and heights, none of which covers another.
+        Names, lengths and heights, without overlaps.
     unnamed
-        How many names there was no room for.
+        Number of names without room.
     ellipse_factor, fill_ellipses
         Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
     bar_text, bar
         Length of the scale bar in words, and in the drawing.
     small_unit
-        Of the numbers under points off their plane, in words.
+        Unit of the numbers under points off their plane, in words.
     north_known
-        False with gauge ``plane``, where north is a free choice.
+        False with gauge ``plane``, where north is arbitrary.
     """
 
     width: float
@@ -113,7 +113,7 @@ class TopView:
 
     @property
     def looks(self) -> tuple[Stroke, ...]:
-        """The lines, those that look the same as one, their pieces parted by an M of SVG paths."""
+        """Lines joined by style, their pieces separated by an M of SVG paths."""
         alike: dict[tuple[str, bool, float], list[str]] = {}
         for stroke in self.lines:
             look = stroke.colour, stroke.dashed, stroke.width
@@ -122,14 +122,14 @@ class TopView:
 
 
 class Layout(NamedTuple):
-    """What lies where in the drawing.
+    """Scale and position of the drawing.
 
     Attributes
     ----------
     sheet
-        From the world to it.
+        Mapping from the world to it.
     extent_m
-        Of the points, the larger one of east and north.
+        Extent of the points, the larger one of east and north.
     ellipse_factor, ellipse_m
         Exaggeration of the ellipses within the survey, and half the length of the median one.
     """
@@ -141,13 +141,13 @@ class Layout(NamedTuple):
 
 
 def used_labels(result: Result) -> frozenset[str]:
-    """Find the points that a measurement, a known length or a check rests on."""
+    """Return the labels of the points used by a measurement, a known length or a check."""
     lines, checks = result.lines, result.point_checks.label
     return frozenset((*lines.start, *lines.end, *checks)).union(*result.measurements.points)
 
 
 def used_points(result: Result) -> Bools:
-    """(K,) tell those points from the others; all of them where there is none of these."""
+    """Mark the (K,) points of `used_labels`; all points if there are none."""
     used = used_labels(result)
     found = np.array([label in used for label in result.points.label], np.bool_)
     return found if found.any() else np.ones_like(found)
@@ -156,14 +156,14 @@ def used_points(result: Result) -> Bools:
 def lay_out(
     result: Result, most_height: float = MOST_HEIGHT, shown: Bools | None = None
 ) -> Layout | None:
-    """Lay the points into a drawing, not higher than that; None where there is none.
+    """Fit the points into a drawing; return None if there are none.
 
     Parameters
     ----------
     result
-        Of the run.
+        Result of the run.
     most_height
-        The drawing is not higher.
+        Largest height of the drawing.
     shown
         (K,) the points that it has to show; by default all.
     """
@@ -184,12 +184,13 @@ def lay_out(
 def top_view(
     result: Result, most_height: float = MOST_HEIGHT, shown: Bools | None = None
 ) -> TopView | None:
-    """Lay out the drawing; None where there is no point to draw.
+    """Lay out the drawing; return None if there is no point to draw.
 
     Parameters
     ----------
     result, most_height, shown
-        As of `lay_out`; with `shown` names and places of no other points are drawn, and no heights.
+        See `lay_out`; with `shown`, only these points have names and dots, and there are no
+        heights.
     """
     layout = lay_out(result, most_height, shown)
     if layout is None:
@@ -252,7 +253,7 @@ def _lines(result: Result, sheet: Sheet) -> list[Stroke]:
 
 
 def _lines_of_position(result: Result, sheet: Sheet) -> list[Stroke]:
-    """Lines of known position as they were stated; those that do not fit in red."""
+    """Draw lines of known position as they were stated; those that do not fit in red."""
     bad = ("suspect", "removed")
     return [
         Stroke(
@@ -287,7 +288,7 @@ def _diamonds(spots: Floats) -> Iterator[str]:
 
 
 def _over_ground(result: Result, spots: Floats) -> Iterator[Wanted]:
-    """Heights of points over the ground [m], the highest first."""
+    """Yield heights of points over the ground [m], the highest first."""
     points, units = result.points, units_of(result)
     off, height = np.flatnonzero(points.is_off_ground), points.height_above_ground_m
     for k in off[np.argsort(-np.abs(height[off]), kind="stable")]:
@@ -297,7 +298,7 @@ def _over_ground(result: Result, spots: Floats) -> Iterator[Wanted]:
 
 
 def _off_their_plane(result: Result, spots: Floats, uneven: Departures) -> Iterator[Wanted]:
-    """How far points lie off their plane [cm or in], the farthest first."""
+    """Yield departures of points from their plane [cm or in], the farthest first."""
     small_m = 0.01 if units_of(result).length == "m" else INCH_M
     for k in np.argsort(-np.abs(uneven.value_m), kind="stable"):
         places = int(uneven.sigma_m[k] < WELL_KNOWN_M)
@@ -308,7 +309,7 @@ def _off_their_plane(result: Result, spots: Floats, uneven: Departures) -> Itera
 def _texts(
     result: Result, sheet: Sheet, uneven: Departures | None, named: Bools | None
 ) -> Iterator[Wanted]:
-    """Names and values of all that is drawn; of many measured values the least certain."""
+    """Yield names and values of all objects; of many measured values the least certain."""
     rows, units, measured = result.measurements, units_of(result), measured_strips(result)
     shown = [int(i) for i in worst_first(rows) if measured.get(int(i))]
     for i in shown[: MOST_MEASURED if len(shown) > MANY_LINES else None]:

@@ -1,4 +1,4 @@
-"""The verdict on a result in words, the same wherever it is shown."""
+"""Verdict on a result in words, the same wherever it is shown."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.views.wording import NOT_COMPUTED, with_sigma
 
-# The usual limit of the trade for a check.
+# The usual limit in surveying for a check.
 THREE_SIGMA = 3.0
 
 LEVEL_WORDS: dict[VerdictLevel | None, str] = {
@@ -24,7 +24,7 @@ LEVEL_WORDS: dict[VerdictLevel | None, str] = {
     None: "none, as nothing is measured",
 }
 MOST_VALUES = 1
-"""Measurements up to which the headline gives their values; of more it gives a count."""
+"""Number of measurements up to which the headline gives their values, not their count."""
 
 STATUS_WORDS: dict[MeasurementStatus, str] = {
     "ok": "ok",
@@ -35,25 +35,25 @@ STATUS_WORDS: dict[MeasurementStatus, str] = {
 
 
 def status_text(rows: MeasurementResults, row: int) -> str:
-    """How far a measurement can be trusted, or that there is none."""
+    """Return how far a measurement can be trusted, or that it was not computed."""
     return STATUS_WORDS[rows.status[row]] if isfinite(rows.value[row]) else NOT_COMPUTED
 
 
 class VerdictWords(NamedTuple):
-    """The verdict for the top of a page.
+    """Verdict for the top of a page.
 
     Attributes
     ----------
     level
         Its colour.
     sentence
-        For who has ten seconds: the colour, and the first reason.
+        Summary: the colour, and the first reason.
     reasons
-        All of them, the likeliest cause first; none where it is green.
+        All of them, the likeliest cause first; none if it is green.
     scale
-        What the scale rests on: no test shows an error that all lengths have in common.
+        Source of the scale: no test shows an error common to all lengths.
     counts
-        How much of what was given was used.
+        Number of the given data that were used.
     """
 
     level: VerdictLevel | None
@@ -64,7 +64,7 @@ class VerdictWords(NamedTuple):
 
 
 def verdict_words(result: Result) -> VerdictWords:
-    """The verdict with everything that stands beside it."""
+    """Return the verdict with its sentences."""
     return VerdictWords(
         result.verdict.level,
         verdict_sentence(result),
@@ -75,7 +75,7 @@ def verdict_words(result: Result) -> VerdictWords:
 
 
 def verdict_sentence(result: Result) -> str:
-    """``Verdict: amber: D1 is 24.43 ± 0.79 m. Not checked: ...``: colour, value, reason."""
+    """Return colour, value, reason: ``Verdict: amber: D1 is 24.43 ± 0.79 m. Not checked: ...``."""
     level, reasons = result.verdict.level, result.verdict.reasons
     why = [reason_sentence(reason) for reason in reasons[:1]]
     known = f": {_known(result)}" if level in ("green", "amber") else "."
@@ -85,18 +85,18 @@ def verdict_sentence(result: Result) -> str:
 
 
 def reason_sentence(reason: Reason) -> str:
-    """What is wrong and what to do: plainly where that is known, else as the message has it."""
+    """State error and remedy: in plain words if these exist, else the text of the message."""
     remedies = [one.words for one in (reason.mend, *reason.instead) if one is not None]
     if reason.cause == "nothing-checks" and reason.plain and not remedies:
         return reason.plain
     if not reason.plain or not remedies:
         return reason.text
     todo = ", or ".join(f"{words[0].lower()}{words[1:]}" for words in remedies)
-    return f"{reason.plain} What would put it right: {todo}."
+    return f"{reason.plain} To correct it: {todo}."
 
 
 def headline(result: Result) -> str:
-    """``Check: 3 of 4 measurements are in order.``: what is known, beside the light."""
+    """Summarise the result beside the light: ``Check: 3 of 4 measurements are in order.``."""
     level = result.verdict.level
     if level is None:
         return "Nothing is measured yet"
@@ -106,7 +106,7 @@ def headline(result: Result) -> str:
 
 
 def _known(result: Result) -> str:
-    """The value of the only measurement, or how many are in order."""
+    """Return the value of the only measurement, or the number of those in order."""
     rows = result.measurements
     if len(rows.name) <= MOST_VALUES:
         return (
@@ -120,19 +120,19 @@ def _known(result: Result) -> str:
 
 
 def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
-    """Photo and label of the picks that reasons name."""
+    """Return photo and label of the picks that reasons name."""
     return frozenset(
         pick for reason in verdict.reasons for pick in product(reason.frames, reason.labels)
     )
 
 
 def scale_sentence(result: Result) -> str:
-    """What the scale rests on; empty where nothing is known of that."""
+    """Return the source of the scale; empty if unknown."""
     return next((m.text for m in result.messages if m.code == "scale-basis"), "")
 
 
 def counts_sentence(result: Result) -> str:
-    """How much of what was given was used."""
+    """Count the given data that were used."""
     status = np.array(result.frames.status, dtype=str)
     lines = np.array(result.lines.status, dtype=str)
     used = int(np.isin(lines, ("used", "suspect")).sum())

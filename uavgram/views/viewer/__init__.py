@@ -1,1 +1,1 @@
-"""Starts the Rerun viewer with a recording, on the desktop or in a browser."""
+"""Launcher of the Rerun viewer with a recording, on the desktop or in a browser."""

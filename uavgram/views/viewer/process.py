@@ -1,7 +1,7 @@
-"""The Rerun viewer's program, kept from outliving the process that started it.
+"""Wrapper of the Rerun viewer's program, which ends it with the process that started it.
 
-Run as a script. Its standard input is a pipe that nobody writes to: it is closed when the process
-at the other end wants this to end, or has ended itself, in whatever way (kill -9 too).
+Run as a script. Its standard input is a pipe to which nothing is written: it is closed when the
+process at the other end wants this to end, or has ended itself, in any way (kill -9 too).
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ END_S = 5.0
 
 
 def main() -> int:
-    """Run the viewer with the arguments of this program; its exit status."""
+    """Run the viewer with the arguments of this program; return its exit status."""
     import rerun_cli.__main__ as rerun  # type: ignore[import-untyped]  # noqa: PLC0415
 
-    rerun.subprocess = _Started  # it runs the viewer by `subprocess.call`, whose process is ours
+    rerun.subprocess = _Started  # it runs the viewer by `subprocess.call`
     return int(rerun.main())
 
 
 class _Started:
-    """What Rerun's start script uses of `subprocess`."""
+    """Part of `subprocess` that Rerun's start script uses."""
 
     @staticmethod
     def call(command: list[str]) -> int:
-        """Run a program until it ends, or until nobody wants it any more; its exit status."""
+        """Run a program until it ends, or standard input is closed; return its exit status."""
         with subprocess.Popen(command, stdin=subprocess.DEVNULL) as viewer:  # noqa: S603
             threading.Thread(target=_end_with_who_started, args=(viewer,), daemon=True).start()
             return viewer.wait()

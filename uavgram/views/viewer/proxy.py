@@ -1,10 +1,10 @@
-"""The web viewer behind a gate: its page may talk to the gate alone, and nobody else to the gate.
+"""Gate before the web viewer: its page may access only the gate, and only it may use the gate.
 
-As delivered the viewer's page fetches a font, asks for a newer version and reports its use, all
-from servers elsewhere. The gate hands on what the viewer's own server says, without the links that
-lead away and with a content security policy by which the browser refuses every other request. And
-it hands out the recording itself, to that page only: the viewer's own port would give it to any
-page of the browser, and to any user of the machine, that guesses the port.
+As delivered, the viewer's page fetches a font, asks for a newer version and reports its use, all
+from servers elsewhere. The gate forwards the responses of the viewer's own server, without links
+to other servers and with a content security policy by which the browser refuses every other
+request. It also serves the recording itself, to that page only: the viewer's own port would give
+it to any page of the browser, and to any user of the machine, that guesses the port.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ LOOPBACK = "127.0.0.1"
 RECORDING = "recording.rrd"
 FETCH_S = 30.0
 HEADERS_S = 10.0
-"""A browser of this machine says within milliseconds what it wants."""
+"""Time limit for headers; a browser of this machine sends them within milliseconds."""
 WRITE_S = 15.0
-"""For a reader to take the next `PIECE_BYTES`; one that takes less is let go."""
+"""Time limit for a reader to take the next `PIECE_BYTES`; slower ones are disconnected."""
 PIECE_BYTES = 1 << 18
 MOST_AT_ONCE = 64
 POLICY = (
@@ -40,7 +40,7 @@ POLICY = (
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
     "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-"""What the viewer's page may do: run what it is, and fetch from its own server."""
+"""Permissions of the viewer's page: to run its own code, and to fetch from its own server."""
 
 HEADERS = {
     "content-security-policy": POLICY,
@@ -55,12 +55,12 @@ _OWN_SITE = {"same-origin", "none"}  # https://www.w3.org/TR/fetch-metadata/; no
 
 
 class ViewerGate(ThreadingHTTPServer):
-    """A server on a port of its own before the viewer's.
+    """Server on a port of its own before the viewer's.
 
     Parameters
     ----------
     page_port
-        Of the viewer's own server.
+        Port of the viewer's own server.
     recording
         The file to show.
     """
@@ -71,7 +71,7 @@ class ViewerGate(ThreadingHTTPServer):
     def __init__(self, page_port: int, recording: Path) -> None:
         super().__init__((LOOPBACK, 0), _Handler)
         self.page_port, self.recording = page_port, recording
-        # Other users of this machine can call the port, so the way to the recording is a secret.
+        # Other users of this machine can call the port, so the path of the recording is a secret.
         self.way = f"/{secrets.token_urlsafe(32)}/{RECORDING}"
         self._page: dict[str, tuple[dict[str, str], bytes]] = {}
         self._asking = threading.Lock()
@@ -80,7 +80,7 @@ class ViewerGate(ThreadingHTTPServer):
         self._thread.start()
 
     def process_request(self, request: Any, client_address: Any) -> None:  # noqa: ANN401
-        """Answer in a thread of its own; one too many is closed at once."""
+        """Answer in a thread of its own; a request beyond the limit is closed at once."""
         if self._free.acquire(blocking=False):
             super().process_request(request, client_address)
         else:
@@ -94,17 +94,17 @@ class ViewerGate(ThreadingHTTPServer):
             self._free.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:  # noqa: ANN401
-        """Say nothing of a reader that has left."""
+        """Report an error, except for a reader that has disconnected."""
         if not isinstance(sys.exception(), OSError):
             super().handle_error(request, client_address)
 
     def page_file(self, name: str) -> tuple[dict[str, str], bytes]:
-        """Headers and content of a file of the viewer's page, which is held once for all readers.
+        """Return headers and content of a file of the viewer's page, cached for all readers.
 
         Raises
         ------
         OSError
-            The viewer's server has none of that name, or does not answer.
+            If the viewer's server has no such file, or does not answer.
         """
         with self._asking:
             if name not in self._page:
@@ -118,24 +118,24 @@ class ViewerGate(ThreadingHTTPServer):
             return self._page[name]
 
     def close(self) -> None:
-        """End it."""
+        """Stop the server."""
         self.shutdown()
         self._thread.join()
         self.server_close()
 
 
 class _Handler(BaseHTTPRequestHandler):
-    """Hands on what the viewer's server says, and the recording."""
+    """Handler that forwards the viewer's files, and serves the recording."""
 
     server: ViewerGate
 
     def setup(self) -> None:
-        """Let no read or write take longer."""
+        """Set the time limit for reads and writes."""
         super().setup()
         self.connection.settimeout(WRITE_S)
 
     def handle_one_request(self) -> None:
-        """Answer, where the request is whole in time."""
+        """Answer a request that is complete in time."""
         self._overdue = threading.Timer(HEADERS_S, self._hang_up)
         self._overdue.daemon = True
         self._overdue.start()
@@ -145,7 +145,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._overdue.cancel()
 
     def parse_request(self) -> bool:
-        """Take the headers; from now on there is time."""
+        """Read the headers; afterwards the time limit is off."""
         whole = super().parse_request()
         self._overdue.cancel()
         return whole
@@ -189,7 +189,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(io.BytesIO(body), headers, len(body))
 
     def _answer(self, content: BinaryIO, headers: dict[str, str], size: int) -> None:
-        """Hand out a piece at a time: each must be taken within `WRITE_S`."""
+        """Send a piece at a time: each must be taken within `WRITE_S`."""
         self.send_response(HTTPStatus.OK)
         for name, value in {**headers, "content-length": str(size)}.items():
             self.send_header(name, value)
@@ -198,10 +198,10 @@ class _Handler(BaseHTTPRequestHandler):
             shutil.copyfileobj(content, self.wfile, PIECE_BYTES)
 
     def end_headers(self) -> None:
-        """End the headers of any answer, refusals too, with the strict ones."""
+        """End the headers of any answer, refusals too, with the security headers."""
         for name, value in HEADERS.items():
             self.send_header(name, value)
         super().end_headers()
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Suppress messages."""

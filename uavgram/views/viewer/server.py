@@ -1,4 +1,4 @@
-"""The Rerun viewer as a program of its own, on a screen or in a browser of this machine."""
+"""Rerun viewer as a program of its own, on a screen or in a browser of this machine."""
 
 from __future__ import annotations
 
@@ -23,8 +23,11 @@ START_S = 30.0
 _POLL_S = 0.05
 
 _NO_ANALYTICS = {"CI": "1"}
-"""By which Rerun sends nothing about its use, and keeps no file of it: as in automatic tests. The
-other way, `rerun analytics disable`, would change what the user's own viewers do."""
+"""Environment in which Rerun reports nothing about its use, and keeps no file of it.
+
+It is that of automatic tests. The alternative, `rerun analytics disable`, would change the user's
+own viewers.
+"""
 
 _FORCED = {"FORCE_RERUN_ANALYTICS"}
 
@@ -37,9 +40,9 @@ def open_viewer(recording: Path) -> None:
     Raises
     ------
     InputError
-        There is no such file, or it is no recording.
+        If there is no such file, or it is no recording.
     UavgramError
-        The viewer could not run, for example without a screen.
+        If the viewer could not run, for example without a screen.
     """
     _check(recording)
     viewer = _start(["--bind", LOOPBACK, "--", str(recording)])
@@ -55,7 +58,7 @@ def open_viewer(recording: Path) -> None:
 
 
 class RecordingServer:
-    """The viewer's server of one recording, in a process of its own, for this machine alone.
+    """Viewer's server of one recording, in a process of its own, for this machine alone.
 
     Parameters
     ----------
@@ -65,14 +68,14 @@ class RecordingServer:
     Attributes
     ----------
     address
-        To open in a browser.
+        Address to open in a browser.
 
     Raises
     ------
     InputError
-        There is no such file, or it is no recording.
+        If there is no such file, or it is no recording.
     UavgramError
-        The server could not run.
+        If the server could not run.
     """
 
     def __init__(self, recording: Path) -> None:
@@ -98,16 +101,16 @@ class RecordingServer:
     def _await(self, *ports: int) -> None:
         if not all(_is_up(self._process, port) for port in ports):
             raise UavgramError(
-                "the Rerun viewer's server did not start: see what it said above, and check "
-                "that rerun-sdk is installed whole"
+                "the Rerun viewer's server did not start: see its messages above, and "
+                "check that rerun-sdk is installed completely"
             )
 
     def wait(self) -> int:
-        """Wait until it ends; its exit status."""
+        """Wait until it ends; return its exit status."""
         return self._process.wait()
 
     def stop(self) -> None:
-        """End it, and all that it started."""
+        """Stop it, and all that it started."""
         if self._gate is not None:
             self._gate.close()
             self._gate = None
@@ -127,9 +130,9 @@ def serve_viewer(recording: Path, started: Callable[[str], None]) -> None:
     Raises
     ------
     InputError
-        There is no such file, or it is no recording.
+        If there is no such file, or it is no recording.
     UavgramError
-        The server could not run.
+        If the server could not run.
     """
     server = RecordingServer(recording)
     try:
@@ -142,11 +145,11 @@ def serve_viewer(recording: Path, started: Callable[[str], None]) -> None:
 
 
 def _start(arguments: list[str], **environment: str) -> subprocess.Popen[bytes]:
-    """Start the viewer's program; it ends with this process, however that ends."""
-    # -P: no file of the folder that somebody stands in is taken for a module of the program.
+    """Start the viewer's program; it ends with this process, in any way."""
+    # -P: no file of the working directory is taken for a module of the program.
     command = [sys.executable, "-P", viewer_process.__file__, *arguments]
     given = {name: value for name, value in os.environ.items() if name not in _FORCED}
-    # In a session or group of its own: Ctrl-C comes to us alone.
+    # In a session or group of its own: Ctrl-C reaches this process alone.
     return subprocess.Popen(  # noqa: S603  (our own interpreter)
         command,
         stdin=subprocess.PIPE,
@@ -157,7 +160,7 @@ def _start(arguments: list[str], **environment: str) -> subprocess.Popen[bytes]:
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End the viewer's program, and the viewer that it runs."""
+    """Stop the viewer's program, and the viewer that it runs."""
     if process.stdin is not None:
         process.stdin.close()
     try:
@@ -175,7 +178,7 @@ def _check(recording: Path) -> None:
 
 
 def _free_ports(count: int) -> list[int]:
-    """Ports of this machine that nobody listens on, all different."""
+    """Find ports of this machine that are free, all different."""
     held = [socket.create_server((LOOPBACK, 0)) for _ in range(count)]
     ports = [one.getsockname()[1] for one in held]
     for one in held:
@@ -184,7 +187,7 @@ def _free_ports(count: int) -> list[int]:
 
 
 def _is_up(server: subprocess.Popen[bytes], port: int) -> bool:
-    """Wait until the port answers; False if the server ends, or does not answer in time."""
+    """Wait until the port answers; return False if the server ends, or does not answer in time."""
     end = time.monotonic() + START_S
     while server.poll() is None and time.monotonic() < end:
         try:

@@ -126,8 +126,8 @@ def test_a_check_outside_three_sigma_is_loud(result: Result) -> None:
 def test_without_withheld_numbers_the_page_says_that_nothing_checks() -> None:
     empty = survey.build(lines=(), measures=(), point_count=0)
 
-    assert "nothing outside of the adjustment speaks for it" in checks_page(empty)
-    assert measured_page(empty).endswith("Nothing was asked for.")
+    assert "no independent observation confirms the result" in checks_page(empty)
+    assert measured_page(empty).endswith("No measurements were requested.")
     assert lengths_page(empty).endswith("None were given.")
     assert points_page(empty).endswith("No point was picked.")
 

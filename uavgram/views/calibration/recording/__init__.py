@@ -1,1 +1,1 @@
-"""The review of a calibration in Rerun."""
+"""Review of a calibration in Rerun."""

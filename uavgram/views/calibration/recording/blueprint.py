@@ -1,4 +1,4 @@
-"""How the recording of a calibration is laid out when it opens."""
+"""Layout of the recording of a calibration when it opens."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from uavgram.views.recording.blueprint import BACKGROUND, layout, plot, space_vi
 from uavgram.views.recording.eye import HALF_HEIGHT, HALF_WIDTH
 
 MARGIN = 0.02
-# The photo's own drawings lie on the photo, not in space.
+# The photo's own drawings belong to the photo view, not to the space view.
 _NOT_IN_SPACE = [f"- /{PHOTO}/{name}/**" for name in OVERLAYS]
 
 
 def calibration_blueprint(account: CalibrationAccount, room: Room) -> rrb.Blueprint:
-    """Cameras and photo above, maps and pages below."""
+    """Lay out the views: cameras and photo above, maps and pages below."""
     result = account.result
     left = rrb.Vertical(
         rrb.Tabs(_around(room), _before(room), active_tab=0),
@@ -75,19 +75,21 @@ def _before(room: Room) -> rrb.Spatial3DView:
 
 
 def _eye(points_m: Floats, way: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Places of the eye and of what it looks at: as near as all (N, 3) points allow."""
+    """Place the eye and its target as near as all (N, 3) points allow."""
     back = way / np.linalg.norm(way)
+    # axes of the view: back, right and (by a cross product) up
     right = np.cross(up, back)
     right /= np.linalg.norm(right)
     target = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
     offset = points_m - target
     sideways, upward = np.abs(offset @ right), np.abs(offset @ np.cross(back, right))
+    # each point needs the distance depth + offset / tangent of half the angle of view
     distance = (offset @ back + np.maximum(sideways / HALF_WIDTH, upward / HALF_HEIGHT)).max()
     return target + distance * back, target
 
 
 def _whole(result: CalibrationResult) -> rrb.VisualBounds2D:
-    """With a margin, so that the image's edges are seen."""
+    """Return the bounds of the image with a margin, so that its edges are seen."""
     width, height = result.calibration.width_px, result.calibration.height_px
     edge = MARGIN * width
     return rrb.VisualBounds2D(x_range=[-edge, width + edge], y_range=[-edge, height + edge])

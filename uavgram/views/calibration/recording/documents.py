@@ -1,4 +1,4 @@
-"""Pages of text in the recording of a calibration: summary, camera, and a sheet for every photo."""
+"""Text pages in the recording of a calibration: summary, camera, and a sheet for every photo."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def log_calibration_documents(recorder: Recorder, account: CalibrationAccount) -
 
 
 def summary_page(account: CalibrationAccount) -> str:
-    """The page that is read first."""
+    """Write the summary page."""
     verdict = judge_calibration(account)
     mark = "✔" if verdict.level == "good" else "⚠"
     facts = [(plain(key), f"**{plain(value)}**") for key, value in calibration_facts(account)]
@@ -60,7 +60,7 @@ def _parameters(result: CalibrationResult) -> str:
 
 
 def camera_page(result: CalibrationResult) -> str:
-    """Correlations and lens models."""
+    """Write the page with correlations and lens models."""
     names, matrix = result.calibration.parameter_names, result.calibration.correlation
     rows = [
         (f"**{name}**", *(_correlation(value) for value in values))
@@ -89,7 +89,7 @@ def _correlation(value: float) -> str:
 
 
 def photo_sheet(result: CalibrationResult, k: int) -> str:
-    """One photo: how it fits, and its corners that do not."""
+    """Write the sheet of one photo: how it fits, and its corners that do not fit."""
     photos, corners = result.photos, result.corners
     file = photos.file[k]
     rows = rows_by_photo(result)[file]

@@ -1,4 +1,4 @@
-"""Over the image: coverage, residuals of all photos, and how well a direction is known."""
+"""Maps over the image: coverage, residuals of all photos, and accuracy of a direction."""
 
 from __future__ import annotations
 
@@ -81,12 +81,12 @@ def _uncertainty(recorder: Recorder, result: CalibrationResult) -> None:
     values = result.maps.uncertainty_px
     share, _, _ = uncertainty_shares(values)
     colour = scale_colours(1 - share.ravel()).reshape(*values.shape, 3).astype(np.float64)
-    _cells(recorder, UNCERTAINTY, result, 0.72 * colour)  # white numbers are read on it
+    _cells(recorder, UNCERTAINTY, result, 0.72 * colour)  # darker: white numbers are legible
     _numbers(recorder, UNCERTAINTY, result, [pixels_text(v) for v in values.ravel().tolist()])
 
 
 def _cells(recorder: Recorder, path: str, result: CalibrationResult, colour: Floats) -> None:
-    """A picture of one pixel per cell, as large as the image."""
+    """Log a picture of one pixel per cell, scaled to the size of the image."""
     rows, columns = colour.shape[:2]
     camera = result.calibration
     recorder.static(

@@ -28,7 +28,7 @@ OVERLAYS = ("residual_exaggerated", "residual_exaggerated_odd", "corners", "corn
 def log_board_photos(
     recorder: Recorder, result: CalibrationResult, room: Room, previews: Mapping[str, Preview]
 ) -> None:
-    """Log the moving camera, its photo and all that is drawn on it.
+    """Log the moving camera, its photo and all drawings on it.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def log_board_photos(
 def _pictures(
     recorder: Recorder, result: CalibrationResult, previews: Mapping[str, Preview]
 ) -> None:
-    """JPEGs as they are; the scale puts them back into original pixels."""
+    """Log the JPEGs unchanged; a scale maps them to original pixels."""
     path, names = f"{PHOTO}/picture", result.photos.file
     recorder.static(path, rr.EncodedImage.from_fields(media_type="image/jpeg", draw_order=-10.0))
     scales = np.array([[*previews[name].scale, 1.0] for name in names])

@@ -1,7 +1,7 @@
 """Boards and cameras in space: the cameras around the board, and the boards before the camera.
 
-The board's frame is OpenCV's: x along a row, y down the columns, z into the board. What lies above
-the board has a negative z, so the eye's up is -z.
+The board's frame is OpenCV's: x along a row, y down the columns, z into the board. Points above
+the board have a negative z, so the eye's up is -z.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ BEFORE = "before_the_camera"
 
 FRUSTUM_SHARE = 0.14
 DEPTH_OF_CURRENT = 2.0
-"""Of the current camera, in those of the others."""
+"""Depth of the current camera, relative to that of the others."""
 
 ELLIPSOID_ALPHA = 110
 NEAR_BLACK: Rgb = (34, 38, 44)
@@ -33,15 +33,15 @@ STATUS_COLOURS: dict[str, Rgb] = {"used": REFINED, "suspect": BAD, "removed": QU
 
 @dataclass(frozen=True, eq=False)
 class Room:
-    """What the pictures are scaled by.
+    """Extent of the scene, from which drawings are scaled.
 
     Attributes
     ----------
     frustum_m
         Depth at which cameras are cut off.
     around_m, before_m
-        (N, 3) what has to be seen: of cameras and board, in the board's frame; of camera and
-        boards, in the camera's.
+        (N, 3) points that must be visible: of cameras and board, in the board's frame; of camera
+        and boards, in the camera's.
     frusta_m, boards_m
         (M, 10, 3) polylines of the cameras, (M, 5, 3) outlines of the boards, likewise.
     """
@@ -60,6 +60,7 @@ def measure_room(result: CalibrationResult) -> Room:
     away = np.linalg.norm(center - result.board.corner_board_m.mean(axis=0), axis=1)
     depth = FRUSTUM_SHARE * float(np.median(away))
     outline = depth * _frustum(result)
+    # world to camera: R^T (x - c); camera to world: c + R x
     boards = np.einsum("mji,mkj->mki", turn, rim[None] - center[:, None])
     frusta = center[:, None] + np.einsum("mij,kj->mki", turn, outline)
     # the current camera is drawn larger
@@ -74,7 +75,7 @@ def measure_room(result: CalibrationResult) -> Room:
 
 
 def log_space(recorder: Recorder, result: CalibrationResult, room: Room) -> None:
-    """Log board, cameras, and the boards as the camera saw them.
+    """Log the board, the cameras, and the boards in the camera's frame.
 
     Parameters
     ----------
@@ -123,7 +124,7 @@ def log_space(recorder: Recorder, result: CalibrationResult, room: Room) -> None
 
 
 def _board(recorder: Recorder, result: CalibrationResult) -> None:
-    """Squares and corners, in the board's frame."""
+    """Log squares and rim of the board, in the board's frame."""
     board = result.board
     columns, rows = board.columns + 1, board.rows + 1
     row, column = np.divmod(np.arange(columns * rows), columns)
@@ -150,7 +151,7 @@ def _board(recorder: Recorder, result: CalibrationResult) -> None:
 
 
 def _rim(result: CalibrationResult) -> Floats:
-    """(5, 3) closed outline of the print, in the board's frame."""
+    """Return the (5, 3) closed outline of the print, in the board's frame."""
     board = result.board
     x = np.array([-1.0, board.columns, board.columns, -1.0, -1.0]) * board.square_m
     y = np.array([-1.0, -1.0, board.rows, board.rows, -1.0]) * board.square_m
@@ -158,12 +159,13 @@ def _rim(result: CalibrationResult) -> Floats:
 
 
 def _frustum(result: CalibrationResult) -> Floats:
-    """(10, 3) open polyline of the photo's frame and four edges, one deep, distortion included."""
+    """Return the (10, 3) polyline of the image frame and four edges at depth 1, with distortion."""
     camera = result.calibration
     corner = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * [camera.width_px, camera.height_px] - 0.5
     ray = back_project(camera.model, camera.parameters, corner)
     fx, fy, cx, cy = camera.parameters[:4]
     plain = np.column_stack([(corner - [cx, cy]) / [fx, fy], np.ones(4)])
+    # where the distortion has no inverse, take the ray without distortion
     ray = np.where(np.isfinite(ray), ray, plain)
     depth = np.maximum(ray[:, 2:], 0.2 * np.linalg.norm(ray, axis=1, keepdims=True))
     a, b, c, d = ray / depth

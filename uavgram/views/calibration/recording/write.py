@@ -1,4 +1,4 @@
-"""Write the review of a calibration: one call, one complete file."""
+"""Writer of the review of a calibration: one call, one complete file."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def write_calibration_recording(
     Parameters
     ----------
     account
-        What to show.
+        The calibration to show.
     previews
         Reduced photos by name.
     path
@@ -36,16 +36,16 @@ def write_calibration_recording(
     Raises
     ------
     OutputError
-        The file cannot be written.
+        If the file cannot be written.
     """
     result = account.result
     room = measure_room(result)
     made = account.provenance
     options = sorted(made.options.items())
     identity = (made.program, made.version, made.inputs, made.board, options)
-    times = np.full(len(result.photos.file), np.nan)  # photos of a board count, not their times
+    times = np.full(len(result.photos.file), np.nan)  # numbered photos: no times
     try:
-        path.touch()  # Rerun's own complaint about a missing folder is no OSError
+        path.touch()  # Rerun's own error for a missing folder is no OSError
         with open_recording(path, identity, result.calibration.name, times) as recorder:
             log_space(recorder, result, room)
             log_board_photos(recorder, result, room, previews)

@@ -1,1 +1,1 @@
-"""The recording's curves over the photos: residuals, tests, poses, states."""
+"""Curves of the recording over the photos: residuals, tests, poses, states."""

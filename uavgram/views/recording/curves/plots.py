@@ -37,15 +37,15 @@ class Curves:
     seed_rms_px, refined_rms_px
         (F,) root mean square of the picks' residuals in one coordinate [px]; NaN without picks.
     sigma_px
-        (F,) the same of the picks' own sigmas; where a frame has none, that of all picks.
+        (F,) root mean square of the picks' sigmas; for a frame without picks, that of all picks.
     seed_rms_m, refined_rms_m, sigma_m
-        (F,) the same as seen by the camera at the distance of the points [m]: across its sight.
+        (F,) the same at the distance of the points [m], across the line of sight.
     worst_w
-        (F,) largest |w| of the picks; NaN without picks.
+        (F,) largest absolute w of the picks; NaN without picks.
     limit_w
-        Beyond it a pick is suspect.
+        Absolute w above which a pick is suspect.
     seed_height_m, refined_height_m
-        (F,) of the cameras above the ground below them; NaN without a pose.
+        (F,) heights of the cameras above the ground below them; NaN without a pose.
     """
 
     seed_rms_px: Floats
@@ -61,7 +61,7 @@ class Curves:
 
 
 def frame_curves(result: Result, picks: FramePicks) -> Curves:
-    """Sum up the picks frame by frame."""
+    """Summarise the picks of each frame."""
     seed, own = picks.seed_px - result.picks.pixel_px, result.picks.sigma_px[:, None]
     sigma = np.array([_rms(own[rows]) for rows in picks.rows])
     w = np.abs(result.picks.w)
@@ -84,12 +84,13 @@ def frame_curves(result: Result, picks: FramePicks) -> Curves:
 
 
 def _pixel_sizes(result: Result, picks: FramePicks) -> Floats:
-    """(n,) metres that a pixel spans at each picked point, across the sight; NaN where unknown."""
+    """Compute (n,) metres per pixel at each picked point, across the line of sight; may be NaN."""
     place = dict(zip(result.points.label, result.points.position_world_m, strict=True))
     unknown, focal = np.full(3, np.nan), float(result.shared.intrinsics.value[0])
     size = np.full(len(result.picks.label), np.nan)
     for frame, rows in enumerate(picks.rows):
         at = np.reshape([place.get(result.picks.label[row], unknown) for row in rows], (-1, 3))
+        # size of a pixel at the point: distance over focal length
         away = np.linalg.norm(at - result.frames.refined.center_world_m[frame], axis=1)
         size[rows] = away / focal
     return size
@@ -113,9 +114,9 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     curves
-        Of this result.
+        Curves of this result.
     """
     limit = np.full(len(curves.worst_w), curves.limit_w)
     one = column(units_of(result))
@@ -123,7 +124,12 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
     seeded = one.factor * curves.seed_rms_m
     for path, values, name, colour in (
         (f"{MISS_REFINED}/refined", misses[0], f"after the adjustment [{one.symbol}]", REFINED),
-        (f"{MISS_REFINED}/sigma_of_picks", misses[1], f"as the picks say [{one.symbol}]", OBSERVED),
+        (
+            f"{MISS_REFINED}/sigma_of_picks",
+            misses[1],
+            f"stated sigma of the picks [{one.symbol}]",
+            OBSERVED,
+        ),
         (MISS_SEED, seeded, f"flight log alone [{one.symbol}]", SEED),
         (f"{RESIDUAL_REFINED}/refined", curves.refined_rms_px, "refined [px]", REFINED),
         (f"{RESIDUAL_REFINED}/sigma_of_picks", curves.sigma_px, "σ of the picks [px]", OBSERVED),
@@ -155,6 +161,6 @@ def _heights(
 
 
 def log_status(recorder: Recorder, result: Result) -> None:
-    """Log the state of each frame, and an end: else the last would have no width."""
+    """Log the state of each frame, and an end without which the last would have no width."""
     recorder.states(STATUS, frame_states(result), FRAME_COLOURS, FRAME_STATE_WORDS)
     recorder.after_the_last(STATUS, rr.StateChange.columns(state=[""]))  # "" ends a state

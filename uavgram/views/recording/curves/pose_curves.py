@@ -1,4 +1,4 @@
-"""Curves of the poses over the frames: how far they were corrected, and how certain they are."""
+"""Curves of the poses over the frames: corrections and standard deviations."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ POSITION_SIGMA = "plots/position_sigma"
 
 @dataclass(frozen=True, eq=False)
 class PoseCurves:
-    """Curves over the F frames; NaN where a frame has no such pose.
+    """Curves over the F frames; NaN if a frame has no such pose.
 
     Attributes
     ----------
     tilt_deg
-        (F,) angle between the optical axis after the adjustment and by the flight log.
+        (F,) angle between the optical axes of the adjustment and of the flight log.
     turn_deg
-        (F,) turn of the photo about that axis, not signed.
+        (F,) rotation of the photo about that axis, not signed.
     seed_attitude_deg, refined_attitude_deg
         (F,) standard deviation about the least certain of the camera's axes.
     seed_position_m, refined_position_m
@@ -46,8 +46,9 @@ class PoseCurves:
 def pose_curves(result: Result) -> PoseCurves:
     """Compare the adjusted poses with those of the flight log."""
     seed, refined = result.frames.seed, result.frames.refined
-    # adjusted axes in the camera of the flight log
+    # adjusted axes in the camera frame of the flight log
     change = np.einsum("nji,njk->nik", seed.world_from_camera, refined.world_from_camera)
+    # rotation about the optical axis that is nearest to the change
     turn = np.arctan2(change[:, 1, 0] - change[:, 0, 1], change[:, 0, 0] + change[:, 1, 1])
     seed_position, seed_attitude = largest_sigmas(seed)
     refined_position, refined_attitude = largest_sigmas(refined)
@@ -69,9 +70,9 @@ def log_pose_plots(recorder: Recorder, curves: PoseCurves, units: Units = METRIC
     recorder
         The open recording.
     curves
-        Of the poses.
+        Curves of the poses.
     units
-        In which lengths are shown.
+        Units in which lengths are shown.
     """
     one = column(units)
     for path, values, name, colour in (

@@ -1,1 +1,1 @@
-"""The recording's pages of text: summary, checks, tables, a sheet for each photo."""
+"""Text pages of the recording: summary, checks, tables, a sheet for each photo."""

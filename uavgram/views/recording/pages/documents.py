@@ -1,4 +1,4 @@
-"""Pages of text in the recording: summary, tables, and a sheet for every frame."""
+"""Text pages in the recording: summary, tables, and a sheet for every frame."""
 
 from __future__ import annotations
 
@@ -47,11 +47,11 @@ def log_documents(
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     picks
-        By frame.
+        Picks of each frame.
     curves, poses
         Residuals and corrections of every frame.
     """

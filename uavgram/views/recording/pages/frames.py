@@ -1,4 +1,4 @@
-"""A sheet of text for every frame."""
+"""Text sheet for every frame."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from uavgram.views.wording import FRAME_STATUS_WORDS
 def frame_sheets(
     result: Result, picks: FramePicks, curves: Curves, poses: PoseCurves
 ) -> Iterator[str]:
-    """What there is to know of each frame, in their order.
+    """Yield the text sheet of each frame, in their order.
 
     Parameters
     ----------
     result
-        Of a run.
+        Result of a run.
     picks
-        By frame.
+        Picks of each frame.
     curves, poses
         Residuals and corrections of every frame.
     """

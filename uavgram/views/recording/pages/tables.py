@@ -1,4 +1,4 @@
-"""The pages of text of the recording, each from its template."""
+"""Text pages of the recording, each from its template."""
 
 from __future__ import annotations
 
@@ -44,12 +44,14 @@ from uavgram.views.wording import (
 )
 
 LEVEL_MARKS = {"green": "✔", "amber": "⚠", "red": "⚠", None: "-"}
-"""What stands before the headline. The viewer's font has few signs, and it ends at one that it has
-not."""
+"""Mark before the headline, by level of the verdict.
+
+The viewer's font has few signs, and a text ends at a sign that it does not have.
+"""
 
 
 def _page(name: str, result: Result, **shown: object) -> str:
-    """One page from its template, with what several of them call."""
+    """Render one page from its template, with the variables that several of them use."""
     template = page_environment().get_template(f"recording/{name}.md")
     text = template.render(
         result=result,
@@ -69,16 +71,16 @@ def _page(name: str, result: Result, **shown: object) -> str:
 
 
 def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
-    """Is it good, what is wrong, and what was measured: the page that is read first.
+    """Render the summary: verdict, problems, and measurements.
 
     Parameters
     ----------
     result
-        Of a run.
+        Result of a run.
     verdict
-        On it.
+        Verdict on the result.
     scene
-        How the pictures are scaled.
+        Extent of the scene, from which drawings are scaled.
     """
     return _page(
         "summary",
@@ -98,18 +100,18 @@ def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
 
 
 def measured_page(result: Result) -> str:
-    """Everything measured, and how far an error that nobody notices could move it."""
+    """Render all measurements, with the effect of undetected errors on each."""
     links = weakest_links(result)
     return _page("measured", result, weakest=links, second_order=second_order_rows(result))
 
 
 def lengths_page(result: Result) -> str:
-    """Known lengths, the worst fit first, with what the tests can see."""
+    """Render the known lengths, the worst fit first, with the errors that the tests can detect."""
     return _page("lengths", result, lengths=worst_fit_first(result.lines.w))
 
 
 def checks_page(result: Result) -> str:
-    """Everything that speaks for the result, or against it."""
+    """Render the evidence for and against the result."""
     return _page(
         "checks",
         result,
@@ -122,9 +124,9 @@ def checks_page(result: Result) -> str:
 
 
 def points_page(result: Result) -> str:
-    """Ground points, the least known against their neighbours first."""
+    """Render the ground points, the least certain relative to their neighbours first."""
     within, rated = result.points.relative, result.points.neighbour_sigma_m
-    known = np.isfinite(rated).any()  # a point that is alone has no neighbours
+    known = np.isfinite(rated).any()  # a single point has no neighbours
     order = np.argsort(-(rated if known else within.ellipse_95_m[:, 0]), kind="stable")
     return _page(
         "points",
@@ -134,12 +136,12 @@ def points_page(result: Result) -> str:
 
 
 def heights_page(result: Result, standing: OffGround) -> str:
-    """Heights of points off the ground, the least certain first.
+    """Render the heights of points off the ground, the least certain first.
 
     Parameters
     ----------
     result
-        Of a run.
+        Result of a run.
     standing
         Its points off the ground.
     """
@@ -157,13 +159,13 @@ def heights_page(result: Result, standing: OffGround) -> str:
 
 
 def messages_page(result: Result) -> str:
-    """What the run had to say, the worst first."""
+    """Render the messages of the run, the worst first."""
     ordered = sorted(result.messages, key=lambda message: LEVEL_RANK[message.level])
     return _page("messages", result, messages=ordered)
 
 
 def messages_title(result: Result) -> str:
-    """``Messages: 1 error, 2 warnings``."""
+    """Return the title of the messages: ``Messages: 1 error, 2 warnings``."""
     counts = Counter(message.level for message in result.messages)
     loud = [counted(counts[level], level) for level in ("error", "warning") if counts[level]]
     return "Messages" + (f": {', '.join(loud)}" if loud else "")

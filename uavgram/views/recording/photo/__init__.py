@@ -1,1 +1,1 @@
-"""The recording's view of one photo, and what is drawn on it."""
+"""View of one photo in the recording, and its overlay."""

@@ -1,4 +1,4 @@
-"""The picks of each frame, and where its poses put the adjusted points."""
+"""Picks of each frame, and projections of the adjusted points from its poses."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from uavgram.views.survey.drawing import project_from
 
 @dataclass(frozen=True, eq=False)
 class FramePicks:
-    """Picks of each frame and where the poses put them.
+    """Picks of each frame and their projections.
 
     Attributes
     ----------
     rows
-        Per frame (n,) rows of the picks.
+        (n,) rows of the picks of each frame.
     seed_px, refined_px
         (P, 2) projections of the adjusted point; NaN without a pose or outside the photo.
     """
@@ -60,9 +60,10 @@ def project_picks(result: Result) -> FramePicks:
 
 
 def rows_by_frame(result: Result) -> list[Ints]:
-    """Per frame the rows of its picks, in their order."""
+    """Return the rows of the picks of each frame, in their order."""
     names = {name: i for i, name in enumerate(result.frames.frame_id)}
     frame = np.array([names.get(image, -1) for image in result.picks.image], dtype=np.int64)
+    # group the picks by frame: a stable sort, then the first row of each frame
     order = np.argsort(frame, kind="stable")
     edges = np.searchsorted(frame[order], np.arange(len(names) + 1))
     return [order[a:b] for a, b in pairwise(edges)]

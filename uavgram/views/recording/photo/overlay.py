@@ -1,4 +1,4 @@
-"""What is drawn on the photo: residuals, projections, and lines bent as the lens bends them."""
+"""Overlay of the photo: residuals, projections, and lines with the distortion of the lens."""
 
 from __future__ import annotations
 
@@ -40,12 +40,12 @@ from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.verdict import named_picks
 from uavgram.views.wording import BRIGHTENED, FRAME_STATE_WORDS, worst_first
 
-# Below it the rulers from the ground to points off it, by where their heights are from.
+# Parent of the rulers from the ground to points off it, by the source of their heights.
 HEIGHTS = "heights"
-# Each is short: its bend needs few samples.
+# Rulers are short: their bend needs few samples.
 RULER_SAMPLES, RULER_WIDTH = 9, 2.0
 
-# What is drawn on the photo, by the name of its entity.
+# Entities drawn on the photo.
 OVERLAYS = (
     "residual_exaggerated",
     "residual_exaggerated_suspect",
@@ -63,7 +63,7 @@ OVERLAYS = (
     "name",
     NEIGHBOURS,
 )
-# The name of the photo stands above it, in shares of its height.
+# Height of the photo's name above it, as a share of the photo's height.
 NAME_ABOVE = 0.075
 
 
@@ -75,18 +75,18 @@ def log_overlay(
     photo: str,
     brightened: Collection[int] = (),
 ) -> None:
-    """Log all that is drawn on the photo, below the entity `photo`.
+    """Log all drawings on the photo, below the entity `photo`.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     picks
-        By frame, with their projections [px].
+        Picks of each frame, with their projections [px].
     photo
         Path of the photo's entity.
     brightened
@@ -101,7 +101,7 @@ def log_overlay(
 
 
 def _title(recorder: Recorder, result: Result, photo: str, brightened: Collection[int]) -> None:
-    """Name and state of each photo above it."""
+    """Log name and state of each photo, above it."""
     spot = np.array([[0.5 * result.camera.width_px, -NAME_ABOVE * result.camera.height_px]])
     texts = [
         [f"{name}: {FRAME_STATE_WORDS[state]}{f', {BRIGHTENED}' if k in brightened else ''}"]
@@ -144,10 +144,10 @@ def _residuals(
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """A thing to draw in every frame that sees it: samples of one polyline in the world.
+    """Shape to draw in every frame that sees it: samples of one polyline in the world.
 
-    `ends` are the labels that must all be picked in a frame; known lengths are always drawn. What
-    is contradicted is dashed.
+    `ends` are the labels that must all be picked in a frame; known lengths are always drawn.
+    Contradicted measurements are dashed.
     """
 
     entity: str
@@ -159,7 +159,7 @@ class _Shape:
 
 
 def _shapes(result: Result) -> list[_Shape]:
-    """Known lengths, the suspect ones first; lines; measurements, the least certain first."""
+    """Return known lengths, suspect first; lines; measurements, the least certain first."""
     known, measured = reference_strips(result), measured_strips(result)
     shapes = []
     for row in sorted(known, key=lambda i: result.lines.status[i] not in ("suspect", "removed")):
@@ -190,16 +190,16 @@ def _shapes(result: Result) -> list[_Shape]:
 
 
 def _dashed(pixel: Floats) -> Floats:
-    """(m, 2) the samples of a polyline, every fourth one NaN."""
+    """Return the (m, 2) samples of a polyline, every fourth one NaN."""
     return np.where(np.arange(len(pixel))[:, None] % 4 == 3, np.nan, pixel)
 
 
 def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) -> list[list[Word]]:
-    """Known lengths where they are seen; measurements where all of their points were picked.
+    """Log visible known lengths, and the measurements whose points were all picked in the frame.
 
     Returns
     -------
-    Per frame the texts that belong to them.
+    The texts of the lines of each frame.
     """
     frames, shapes = range(len(result.frames.frame_id)), _shapes(result)
     in_sight = InSight(result, [shape.samples_m for shape in shapes])
@@ -233,7 +233,7 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
 def _rulers(
     recorder: Recorder, result: Result, standing: OffGround, picks: FramePicks, photo: str
 ) -> None:
-    """From the ground to each picked point off it: what its height looks like in the photo."""
+    """Log the line from the ground to each picked point off it, which shows its height."""
     ends = np.stack([standing.foot_m, result.points.position_world_m[standing.rows]], axis=1)
     place = {result.points.label[row]: k for k, row in enumerate(standing.rows.tolist())}
     frames = range(len(result.frames.frame_id))

@@ -22,21 +22,21 @@ PICTURE = f"{PHOTO}/picture"
 # Depth of the frustum of a frame without a pose: too small to be seen.
 HIDDEN_M = 1e-6
 
-# Photos are sent a few at a time, so that a long flight does not lie in memory twice.
+# Photos are sent a few at a time, so that a long flight is not in memory twice.
 PHOTOS_PER_CHUNK = 8
 
 
 def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
-    """Log a pinhole camera that moves with time; where a frame has no pose, too small to be seen.
+    """Log a pinhole camera that moves with time; it is invisibly small for a frame without a pose.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     """
     frames = result.frames
     posed = np.where(
@@ -68,20 +68,20 @@ def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
 def log_photos(
     recorder: Recorder, result: Result, photos: Iterable[tuple[str, Preview]]
 ) -> frozenset[int]:
-    """Log JPEGs as they come, a few at a time; their scale puts them back into original pixels.
+    """Log JPEGs as they come, a few at a time; their scale maps them to original pixels.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     photos
         Frame names and reduced photos, in any order.
 
     Returns
     -------
-    Rows of the frames whose photos are brightened, to be seen.
+    Rows of the frames whose photos are brightened for display.
     """
     row = {name: i for i, name in enumerate(result.frames.frame_id)}
     shown = np.zeros(len(row), dtype=np.float32)
@@ -100,7 +100,7 @@ def log_photos(
 
 
 def _log_some(recorder: Recorder, photos: dict[int, Preview]) -> None:
-    """Log photos by their frames' rows, and leave none in memory."""
+    """Log photos by their frames' rows, and flush them from memory."""
     frames = np.array(sorted(photos), dtype=np.int64)
     recorder.rows(
         PICTURE,

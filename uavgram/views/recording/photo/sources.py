@@ -1,4 +1,4 @@
-"""What the program found in each photo: matches and targets with marks of their own, tie points."""
+"""Automatic picks in each photo: matches and targets with marks of their own, tie points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ MARKS: dict[Source, tuple[Floats, ...]] = {
     ),
     "target": (np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]]),),
 }
-"""Lines of the mark of each source, in halves of its size: a cross that lies down, and a square."""
+"""Lines of the mark of each source, in half sizes: a diagonal cross, and a square."""
 
 MARK_SHARE = 0.009
 """Half size of a mark, as a share of the photo's width."""
@@ -39,11 +39,11 @@ def log_found(
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     picks
-        By frame.
+        Picks of each frame.
     shown
-        (P,) the picks that are no others' concern: those that do not fit are drawn as such.
+        (P,) picks to draw here; picks that do not fit are drawn elsewhere.
     photo
         Path of the photo's entity.
     """
@@ -59,14 +59,14 @@ def log_found(
 
 
 def log_sightings(recorder: Recorder, result: Result, ties: TieCloud, photo: str) -> None:
-    """Log small dots where each photo shows tie points.
+    """Log small dots for the tie points in each photo.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     ties
         Tie points.
     photo

@@ -1,4 +1,4 @@
-"""Texts on the photo: of lines and points, as many as leave it to be seen."""
+"""Texts of lines and points on the photo, few enough to leave the photo visible."""
 
 from __future__ import annotations
 
@@ -22,36 +22,39 @@ Word = tuple[Floats, str]
 """Pixel and text of a label."""
 
 MOST_LINE_WORDS, MOST_WORDS = 10, 22
-"""More labels than this hide the photo: of lines, and of lines and points."""
+"""Largest numbers of labels: of lines, and of lines and points; more would hide the photo."""
 
 HALF_LETTER, LINE_HEIGHT, HALF_DOT = 0.0062, 0.062, 0.004
-"""Half the width of a letter and of a pick in shares of the photo's width, and the height of a
-line in shares of its height, on a usual screen."""
+"""Sizes on a usual screen.
+
+Half the width of a letter and of a pick in shares of the photo's width, and the height of a
+line in shares of its height.
+"""
 
 ON_SMALL_SCREENS = 1.55
-"""Texts are as many times as long there, in shares of the photo: on 1280 x 720 pixels."""
+"""Factor on the length of texts, in shares of the photo, on a screen of 1280 x 720 pixels."""
 
 LEADERS, LEADER_WIDTH = "labels/lines", 1.0
-"""Lines to texts that are not beside what they name, and their width in points of the screen."""
+"""Entity of the lines to texts apart from their objects, and their width in screen points."""
 
 
 def log_names(
     recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
 ) -> None:
-    """Log texts of the lines, then names of the points, with lines to what is not beside them.
+    """Log texts of the lines, then names of the points, with lines to those apart from them.
 
-    Each is wholly in the photo: the view ends with it.
+    Each is completely within the photo, where the view ends.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     picks
-        By frame.
+        Picks of each frame.
     words
-        Per frame the texts of the lines.
+        Texts of the lines of each frame.
     photo
         Path of the photo's entity.
     """
@@ -78,11 +81,11 @@ def place_on_photo(result: Result, words: Sequence[Word], picked_px: Floats) -> 
     Parameters
     ----------
     result
-        Of the run.
+        Result of the run.
     words
-        What is wanted.
+        Texts to place.
     picked_px
-        (n, 2) picks, which must be seen.
+        (n, 2) picks, which must not be covered.
     """
     size = np.array([result.camera.width_px, result.camera.height_px], dtype=np.float64)
     letter = size * [ON_SMALL_SCREENS * HALF_LETTER, LINE_HEIGHT / 2]
@@ -98,7 +101,7 @@ def place_on_photo(result: Result, words: Sequence[Word], picked_px: Floats) -> 
 
 
 def _with_heights(result: Result) -> dict[str, str]:
-    """``V21 +1.40 m`` of each point off the ground."""
+    """Return the text of each point off the ground, such as ``V21 +1.40 m``."""
     points = result.points
     rows = np.flatnonzero(points.is_off_ground).tolist()
     heights = [number(points.height_above_ground_m[row], 2, signed=True) for row in rows]

@@ -1,1 +1,1 @@
-"""The recording's view of the scene in three dimensions, and on the earth."""
+"""View of the scene in three dimensions, and on the earth, in the recording."""

@@ -1,4 +1,4 @@
-"""Where the photos lie: their borders on the ground, and in each other."""
+"""Footprints of the photos: their borders on the ground, and in each other."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def log_footprints(recorder: Recorder, result: Result, photo: str) -> None:
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     photo
         Path of the photo's entity.
     """
@@ -53,12 +53,12 @@ def log_footprints(recorder: Recorder, result: Result, photo: str) -> None:
 
 
 def closed(ring: Floats) -> Floats:
-    """(v + 1, 3) the border with its first corner once more."""
+    """Close a border: (v + 1, 3), with its first corner repeated."""
     return np.concatenate([ring, ring[:1]])
 
 
 def _in_photos(result: Result, rings: dict[int, Floats]) -> list[list[Floats]]:
-    """Per frame the borders of the photos before and after it, in its pixels."""
+    """Return the borders of the photos before and after each frame, in the frame's pixels."""
     flown = [int(frame) for frame in flight_order(result) if int(frame) in rings]
     lines: list[list[Floats]] = [[] for _ in result.frames.frame_id]
     borders = {frame: sampled(ring, SAMPLES) for frame, ring in rings.items()}

@@ -1,4 +1,4 @@
-"""The survey on a map of the earth, where telemetry ties it to one."""
+"""Survey on a map of the earth, if telemetry ties it to the earth."""
 
 from __future__ import annotations
 
@@ -66,12 +66,12 @@ def log_map(recorder: Recorder, result: Result) -> None:
 
 
 def has_map(result: Result) -> bool:
-    """Whether the survey has a place on the earth, and points to show there."""
+    """Return whether the survey has a place on the earth, and points to show there."""
     return result.world.gauge == "world" and bool(np.isfinite(result.points.latitude_deg).any())
 
 
 def log_origin(recorder: Recorder, result: Result) -> None:
-    """State the origin of the local world among the recording's properties."""
+    """Log the origin of the local world among the recording's properties."""
     world = result.world
     place = {} if world.origin is None else world.origin._asdict()
     values = rr.AnyValues(gauge=world.gauge, height_datum=world.height_datum, **place)

@@ -1,4 +1,4 @@
-"""Points off the ground in 3-D: rulers that stand on the ground below them, and ellipsoids."""
+"""Points off the ground in 3-D: rulers from the ground below them, and ellipsoids."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ RULER_WIDTH = 2.5
 
 
 def log_heights(recorder: Recorder, result: Result, scene: Scene, colours: Pixels) -> None:
-    """Log what shows how high points are, and how certain in space.
+    """Log rulers, ellipsoids and texts that show heights and their accuracy.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     colours
-        (K, 3) of all points' ellipses.
+        (K, 3) colours of all points' ellipses.
     """
     standing = scene.off_ground
     if standing is None or scene.side_eye is None:
@@ -53,7 +53,7 @@ def log_heights(recorder: Recorder, result: Result, scene: Scene, colours: Pixel
 
 
 def _rulers(recorder: Recorder, result: Result, standing: OffGround, source: HeightSource) -> None:
-    """From the ground to each point; who points at one reads its height."""
+    """Log the ruler from the ground to each point; its label under the pointer is the height."""
     which = standing.of(source)
     if not len(which):
         return

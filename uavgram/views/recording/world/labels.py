@@ -1,4 +1,4 @@
-"""What the labels in the pictures say, and where they fit."""
+"""Labels in the pictures: their texts, and their places."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from uavgram.views.wording import (
     worst_first,
 )
 
-# Beyond a dozen, tables are read instead.
+# More than a dozen values are easier to read in tables.
 MOST_LABELS = 14
 MOST_MEASURED = 8
 MOST_OF_A_KIND = 3
 # The view from the side shows nothing else.
 MOST_HEIGHTS = 24
-# So many lines that they hide the ground: thin ones, and labels farther apart.
+# With more lines than this, which would hide the ground: thin lines, and labels farther apart.
 MANY_LINES = 20
 SPREAD = 1.5
 # Place in the world, text, and row of the measurement (-1: none).
@@ -38,12 +38,12 @@ Candidate = tuple[Floats, str, int]
 
 
 def line_width(count: int) -> float:
-    """Points on the screen: many lines are drawn thinner."""
+    """Return the line width in points on the screen: many lines are drawn thinner."""
     return 3.5 if count <= MANY_LINES else 0.8
 
 
 def reference_text(result: Result, row: int) -> str:
-    """``R1 lane: 34.00 m (known)``."""
+    """Label a known length: ``R1 lane: 34.00 m (known)``."""
     lines = result.lines
     units = units_of(result)
     length_m, adjusted_m = float(lines.length_m[row]), float(lines.adjusted_m[row])
@@ -55,7 +55,10 @@ def reference_text(result: Result, row: int) -> str:
 
 
 def measured_text(result: Result, row: int) -> str:
-    """``road width 6.31 ± 0.02 m (contradicted)``; also ``or 7.25 m`` where that fits as well."""
+    """Label a measurement: ``road width 6.31 ± 0.02 m (contradicted)``, or with ``or 7.25 m``.
+
+    The latter is the value of another solution that fits as well.
+    """
     rows, units = result.measurements, units_of(result)
     value = with_sigma(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row], units)
     status = status_text(rows, row)
@@ -65,16 +68,16 @@ def measured_text(result: Result, row: int) -> str:
 
 
 def survey_labels(result: Result, scene: Scene) -> tuple[ViewTexts, frozenset[int]]:
-    """Place what deserves to be seen first; the tables have all.
+    """Place the most important labels; the tables have all values.
 
-    Suspect lines, the least certain length, the largest ellipse, rejected frames and suspect
-    picks, other measurements (at most MOST_MEASURED, spread out), then the other known lengths and
-    heights of points.
+    Their order is: suspect lines, the least certain length, the largest ellipse, rejected frames
+    and suspect picks, other measurements (at most MOST_MEASURED, spread out), then the other known
+    lengths and heights of points.
 
     Returns
     -------
     texts
-        What has room.
+        Texts that have room.
     measured
         Rows of the measurements among them.
     """
@@ -96,11 +99,11 @@ def height_labels(result: Result, scene: Scene, eye: Eye) -> ViewTexts:
     Parameters
     ----------
     result
-        Of the run.
+        Result of the run.
     scene
-        What stands off the ground.
+        Scene with the points off the ground.
     eye
-        Of the view.
+        Eye of the view.
     """
     return _placed(_heights(result, scene), eye, result, MOST_HEIGHTS)
 
@@ -115,7 +118,7 @@ def _placed(
 
 
 def _heights(result: Result, scene: Scene) -> list[Candidate]:
-    """Heights of points off the ground, the highest first."""
+    """Return heights of points off the ground, the highest first."""
     if scene.off_ground is None:
         return []
     points, rows, units = result.points, scene.off_ground.rows, units_of(result)
@@ -132,7 +135,7 @@ def _known(result: Result, rows: list[int]) -> list[Candidate]:
 
 
 def _worst_point(result: Result, scene: Scene) -> list[Candidate]:
-    """The largest ellipse."""
+    """Return the label of the largest ellipse."""
     row, points = scene.worst_point, result.points
     if row is None:
         return []
@@ -143,7 +146,10 @@ def _worst_point(result: Result, scene: Scene) -> list[Candidate]:
 
 
 def _trouble(result: Result) -> list[Candidate]:
-    """Rejected frames where the flight log has them, and suspect picks; at most MOST_OF_A_KIND."""
+    """Label rejected frames at their place by the flight log, and suspect picks.
+
+    At most MOST_OF_A_KIND of each are returned.
+    """
     frames, picks, at = result.frames, result.picks, point_index(result)
     rejected = [
         (frames.seed.center_world_m[i], f"REJECTED {frames.frame_id[i]}", -1)
@@ -163,7 +169,7 @@ def _trouble(result: Result) -> list[Candidate]:
 
 
 def _measured(result: Result) -> list[Candidate]:
-    """The worst length first, by name as such, then the others, the least certain first."""
+    """Return the least certain length first, marked as such, then the others in that order."""
     strips, worst = measured_strips(result), least_certain_length(result)
     rows = [int(i) for i in worst_first(result.measurements) if strips.get(int(i))]
     rows.sort(key=lambda i: i != worst)
@@ -178,7 +184,7 @@ def _measured(result: Result) -> list[Candidate]:
 
 
 def _least_certain(result: Result, row: int) -> str:
-    """Why this one: it is not the only value, or its sigma is the largest share of it."""
+    """State why a length is the least certain: not unique, or the largest relative sigma."""
     rows = result.measurements
     if rows.is_ambiguous[row]:
         return "NOT UNIQUE: "

@@ -1,4 +1,4 @@
-"""The legend as a picture: Rerun has neither a legend in 3-D nor a colour bar."""
+"""Legend as a picture: Rerun has neither a legend in 3-D nor a colour bar."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from uavgram.views.units import units_of
 from uavgram.views.wording import size_text
 
 LEGEND = "legend"
-# Twice the size it is shown at, for sharp letters; wider where more must be said.
+# Twice the displayed size, for sharp letters; wider if the texts need it.
 WIDTH_PX, HEIGHT_PX = 2400, 160
 BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
@@ -61,9 +61,9 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene, *, brightened: 
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     brightened
         Whether the ground is brighter than in the photos.
     """
@@ -72,14 +72,14 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene, *, brightened: 
 
 
 def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Image.Image:
-    """The verdict, swatches of the lines that occur, the ellipses' colour scale, and remarks.
+    """Draw the verdict, swatches of the lines that occur, the ellipses' colour scale, and remarks.
 
     Parameters
     ----------
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     brightened
         Whether the ground is brighter than in the photos.
     """
@@ -116,13 +116,13 @@ def _band(
     result: Result,
     width: int,
 ) -> None:
-    """Draw the verdict over everything else: its words on its colour."""
+    """Draw the verdict above everything else: its words on its colour."""
     pen.rectangle((0, 0, width, BAND_PX), fill=LEVEL_COLOURS[result.verdict.level])
     pen.text((20, 4), headline(result), fill=(0, 0, 0), font=font)
 
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
-    """Row, text and colour of each swatch; only of what can be seen."""
+    """Return row, text and colour of each swatch; only of objects that can be seen."""
     on_lines = [(1, "line of known position", REFERENCE)] * bool(result.control_lines.name)
     return [*_cameras_and_lines(result), *on_lines, *_heights(scene), *_found(result)]
 
@@ -167,7 +167,7 @@ def _heights(scene: Scene) -> list[tuple[int, str, Rgb]]:
 
 
 def _found(result: Result) -> list[tuple[int, str, Rgb]]:
-    """What the program found; a survey that people picked alone needs no word on who did."""
+    """Return swatches of automatic picks, and of manual ones if there are any automatic ones."""
     entries: list[tuple[int, str, Rgb]] = []
     marks = [SOURCE_MARKS[s] for s in SOURCE_MARKS if s in result.picks.source]
     if marks:
@@ -178,7 +178,7 @@ def _found(result: Result) -> list[tuple[int, str, Rgb]]:
 
 
 def enlarged(factor: int) -> str:
-    """How large ellipses are drawn, in words that the legend's font has."""
+    """Describe the exaggeration of ellipses, in letters that the legend's font has."""
     return "at true size" if factor == 1 else f"{factor} times too large"
 
 
@@ -189,7 +189,7 @@ def _scale(
     scene: Scene,
     left: int,
 ) -> int:
-    """Draw the colour scale from `left` on; where it ends."""
+    """Draw the colour scale from `left` on; return its right end."""
     _, low, high = sigma_shares(result)
     colours = scale_colours(np.linspace(0, 1, 300))
     words = "points by the half axis of their 95 % ellipses:"

@@ -1,4 +1,4 @@
-"""The picked points in 3-D: dots, names, ellipses, and how far their ground is off its plane."""
+"""Picked points in 3-D: dots, names, ellipses, and departures of the ground from its plane."""
 
 from __future__ import annotations
 
@@ -19,31 +19,31 @@ from uavgram.views.style import OBSERVED, TIE_FAINT, scale_colours
 from uavgram.views.survey.departures import Departures
 from uavgram.views.units import round_bar, units_of
 
-# Outlines are heavy on the viewer.
+# Outlines slow the viewer down.
 MOST_OUTLINES = 5_000
-# Rerun hides the labels of larger batches by itself; say so from here on.
+# Rerun hides the labels of larger batches itself; from this number on it is done explicitly.
 MOST_POINT_LABELS = 30
 # Flat ellipsoids: half a millimetre of height keeps them from flickering with the ground.
 FLAT_M = 1e-3
-# The least certain point from near by: a bar to compare its ellipse with, at true scale, south of
+# Close-up of the least certain point: a bar to compare with its ellipse, at true scale, south of
 # the point, in half axes of the ellipse.
 CLOSE_UP = "close_up"
 BAR_BELOW = 1.6
-# Of the bars that say how far the ground lies off its plane, in points of the screen.
+# Width of the bars for departures of the ground from its plane, in points of the screen.
 BAR_WIDTH = 4.0
 
 
 def has_outlines(result: Result) -> bool:
-    """Whether enlarged ellipses are drawn; more points than that are coloured themselves."""
+    """Return whether enlarged ellipses are drawn; with more points, the points are coloured."""
     return len(result.points.label) <= MOST_OUTLINES
 
 
 def sigma_shares(result: Result) -> tuple[Floats, float, float]:
-    """(K,) place of each point's semi-major axis on a scale, and the ends of the scale [m].
+    """Scale the (K,) semi-major axes of points to 0 to 1; return shares and scale ends [m].
 
-    Of the ellipses within the survey: those on the earth all have the receiver's bias in common
-    and would have one colour. The scale reaches from the smallest to the largest, and at least
-    from half the largest: what is nearly equal has nearly the same colour.
+    The axes are those of the ellipses within the survey: those on the earth all share the
+    receiver's bias and would have one colour. The scale is from the smallest to the largest, and
+    at least from half the largest: nearly equal values have nearly the same colour.
     """
     major = result.points.relative.ellipse_95_m[:, 0]
     high = float(major.max())
@@ -53,16 +53,16 @@ def sigma_shares(result: Result) -> tuple[Floats, float, float]:
 
 
 def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
-    """Log dots, names, and ellipses within the survey: those on the earth are in the tables.
+    """Log dots, names, and ellipses within the survey; ellipses on the earth are in the tables.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     """
     points, position, within = result.points, result.points.position_world_m, result.points.relative
     colours = scale_colours(sigma_shares(result)[0])
@@ -102,7 +102,7 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
 
 
 def log_tie_points(recorder: Recorder, ties: TieCloud) -> None:
-    """Log a faint cloud of tie points: an entity of its own, to be switched off."""
+    """Log a faint cloud of tie points: an entity of its own, which can be switched off."""
     recorder.static(
         "survey/tie_points",
         rr.Points3D(ties.position_world_m, radii=rr.Radius.ui_points(0.7), colors=TIE_FAINT),
@@ -110,20 +110,20 @@ def log_tie_points(recorder: Recorder, ties: TieCloud) -> None:
 
 
 def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Departures) -> None:
-    """Log bars on the ground, as tall as it lies off its plane: red above it, blue below it.
+    """Log bars for departures of the ground from its plane: red above it, blue below it.
 
-    All stand up: what hangs down is hidden by the ground.
+    All bars point up, as the ground would hide bars that point down.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     uneven
-        Where the ground is no plane.
+        Departures of the ground from its plane.
     """
     position = result.points.position_world_m[uneven.rows].copy()
     position[:, 2] -= np.nan_to_num(result.points.height_above_ground_m[uneven.rows])
@@ -136,16 +136,16 @@ def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Dep
 def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
     """Log a bar of a round length beside the ellipse of the least certain point.
 
-    Of a point off the ground the ellipse too: elsewhere it has an ellipsoid.
+    For a point off the ground, which elsewhere has an ellipsoid, the ellipse is logged too.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     """
     if scene.worst_point is None:
         return
@@ -172,7 +172,7 @@ def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
 
 
 def _flat_ellipses(result: Result, rows: Ints, colours: Pixels) -> rr.Ellipsoids3D:
-    """Within the survey, of some points, at true size."""
+    """Make the ellipses of some points within the survey, at true size."""
     within = result.points.relative
     return rr.Ellipsoids3D(
         centers=result.points.position_world_m[rows],
@@ -184,7 +184,8 @@ def _flat_ellipses(result: Result, rows: Ints, colours: Pixels) -> rr.Ellipsoids
 
 
 def _yaw_quaternions(azimuth_rad: Floats) -> Floats:
-    """(K, 4) xyzw: turn the x axis to an azimuth (clockwise from north), about up."""
+    """Return (K, 4) xyzw quaternions that turn x to an azimuth (clockwise from north), about up."""
+    # half of the counterclockwise angle from east
     half = (np.pi / 2 - azimuth_rad) / 2
     zero = np.zeros_like(half)
     return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=-1)

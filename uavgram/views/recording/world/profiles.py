@@ -26,13 +26,13 @@ Word = tuple[Place, str]
 
 
 def shown_height(result: Result) -> float:
-    """How much of the drawings the view opens on."""
+    """Return the height of the drawings on which the view opens."""
     heights = np.cumsum([one.height + GAP for one in profile_drawings(result)])
     return float(heights[heights <= max(MOST_SHOWN, heights[0])][-1])
 
 
 def log_profiles(recorder: Recorder, result: Result) -> None:
-    """Log all of them, if there is any."""
+    """Log all profiles, if there are any."""
     drawings = profile_drawings(result)
     if not drawings:
         return
@@ -72,22 +72,22 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
 
 
 def _lower(places: Floats | tuple[Place, ...], top: float) -> Floats:
-    """(n, 2) the places of one drawing where it stands below others."""
+    """Shift the (n, 2) places of one drawing to below the drawings before it."""
     lowered: Floats = np.asarray(places) + np.array([0.0, top])
     return lowered
 
 
 def _grid(drawing: ProfileDrawing) -> list[Floats]:
-    """Level lines, and a bar to compare lengths along with."""
+    """Return level lines, and a scale bar for stations."""
     below = drawing.height - BAR_UP
     bar = np.array([[LEFT, below], [LEFT + drawing.bar, below]])
     return [*(np.array([[LEFT, y], [WIDTH, y]]) for y, _ in drawing.grid), bar]
 
 
 def _words(drawing: ProfileDrawing, top: float) -> Iterator[tuple[Floats, str, Floats]]:
-    """Title, length of the bar, heights of the level lines, and the names that have room.
+    """Yield title, length of the bar, heights of the level lines, and the names that have room.
 
-    Each with (2,) the place that it hangs below, and the (2, 2) line to it; NaN where none is.
+    Each has the place (2,) below which it is written, and the (2, 2) line to it, NaN if none.
     """
     factor = drawing.exaggeration
     scale = "to one scale" if factor == 1 else f"heights {factor} times too large"

@@ -1,4 +1,4 @@
-"""The survey in 3-D: ground, flight, lines and points."""
+"""Survey in 3-D: ground, flight, lines and points."""
 
 from __future__ import annotations
 
@@ -40,18 +40,18 @@ ODD_FRAMES = {"check": "to_check", "rejected": "rejected"}
 def log_survey(
     recorder: Recorder, result: Result, scene: Scene, texture: GroundTexture | None
 ) -> None:
-    """Log everything that stands still.
+    """Log all static objects.
 
     Parameters
     ----------
     recorder
         The open recording.
     result
-        Of the run.
+        Result of the run.
     scene
-        Sizes that the pictures are scaled by.
+        Extent of the scene, from which drawings are scaled.
     texture
-        Top view of the ground; None where no photo shows it.
+        Top view of the ground; None if no photo shows it.
     """
     recorder.static("survey", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     if texture is not None:
@@ -82,7 +82,7 @@ def _flight(
 
 
 def _odd_frames(recorder: Recorder, result: Result, scene: Scene) -> None:
-    """Frames that deserve a look once more, in their own colour: where to look."""
+    """Log frames that deserve a second look once more, in their own colour."""
     states = np.array(frame_states(result), dtype=str)
     for state, poses in (("check", result.frames.refined), ("rejected", result.frames.seed)):
         cameras = frusta(result, _only(poses, states == state), scene.frustum_m)
@@ -96,9 +96,9 @@ def _only(poses: PoseTable, rows: Bools) -> PoseTable:
 
 
 def _measured(recorder: Recorder, result: Result, named: frozenset[int]) -> None:
-    """Labelled lines stand out; where there are many, the others are thin and quiet.
+    """Log labelled lines thick; if there are many, the others are thin and of a dull colour.
 
-    What does not fit, or is contradicted, has a colour and an entity of its own.
+    Doubtful and contradicted measurements have a colour and an entity of their own.
     """
     strips, status = measured_strips(result), result.measurements.status
     total = sum(len(some) for some in strips.values())
@@ -138,12 +138,12 @@ def _reference_lines(recorder: Recorder, result: Result) -> None:
 
 
 def _dashes(strip: Floats, count: int = 15) -> list[Floats]:
-    """Every other piece of a polyline's segments: of what did not hold anything together."""
+    """Return every other piece of a polyline's segments, as a dashed line."""
     return list(sampled(strip, 2 * count).reshape(-1, 2, 3))
 
 
 def _ground(result: Result, texture: GroundTexture, scene: Scene) -> rr.Mesh3D:
-    """The mosaic on the plane, without the cells that no photo shows."""
+    """Make a mesh of the mosaic on the plane, without the cells that no photo shows."""
     height, width = texture.covered.shape
     rows, columns = height // MESH_CELL_PX, width // MESH_CELL_PX
     cells = texture.covered[: rows * MESH_CELL_PX, : columns * MESH_CELL_PX]
@@ -153,6 +153,7 @@ def _ground(result: Result, texture: GroundTexture, scene: Scene) -> rr.Mesh3D:
     north = texture.north_m - row * MESH_CELL_PX * texture.pixel_size_m
     spots = np.stack([east, north], axis=-1)
     up = result.plane.height_at(spots) - scene.ground_drop_m
+    # two triangles for each cell that the mosaic covers completely
     i, j = np.nonzero(blocks.all(axis=(1, 3)))
     first = i * (columns + 1) + j
     below = first + columns + 1
@@ -162,6 +163,7 @@ def _ground(result: Result, texture: GroundTexture, scene: Scene) -> rr.Mesh3D:
             np.stack([first + 1, below, below + 1], axis=-1),
         ]
     )
+    # texture coordinates of the corners, 0 to 1
     share = np.stack([column * MESH_CELL_PX / width, row * MESH_CELL_PX / height], axis=-1)
     return rr.Mesh3D(
         vertex_positions=np.concatenate([spots, up[..., None]], axis=-1).reshape(-1, 3),
