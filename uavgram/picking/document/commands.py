@@ -139,9 +139,10 @@ class SetSigma:
 
 @dataclass(frozen=True, kw_only=True)
 class SetHeight:
-    """Set a label's height above the ground, or set it free; without either the point is on the ground.
+    """Set a label's height above the ground, or set it free; without either it is on the ground.
 
-    A height with a sigma is an observation in the adjustment; a free height is estimated without one.
+    A height with a sigma is an observation in the adjustment; a free height is estimated without
+    one.
     """
 
     label: str
@@ -211,8 +212,8 @@ class Redo:
 class Snap:
     """Find the exact centre of the corner or round target near a pixel.
 
-    Where the photo is expected to show the label `expected`, the target inside the expected region is
-    taken; the pixel decides between several.
+    Where the photo is expected to show the label `expected`, the target inside the expected region
+    is taken; the pixel decides between several.
     """
 
     image: str

@@ -30,8 +30,8 @@ def rename(state: State, do: c.Rename) -> State:
 def swap(state: State, do: c.Swap) -> State:
     """Exchange the picks of two labels; lengths and measurements stay unchanged.
 
-    In a photo in which only one of them is picked, the pick gets the other label. Stated heights stay
-    with the label, as lengths do: people stated them for the point of that name.
+    In a photo in which only one of them is picked, the pick gets the other label. Stated heights
+    stay with the label, as lengths do: people stated them for the point of that name.
 
     Raises
     ------
@@ -61,7 +61,7 @@ def swap(state: State, do: c.Swap) -> State:
 
 
 def _by_hand(pick: Pick) -> Pick:
-    """Turn a relabelled match into a person's pick: it no longer matches the pick it was found from."""
+    """Turn a relabelled match into a person's pick, no longer a match of its source pick."""
     if pick.source != "match":
         return pick
     return Pick(image=pick.image, label=pick.label, u_px=pick.u_px, v_px=pick.v_px)

@@ -19,23 +19,23 @@ BY_HAND = "what was found there was refused"
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How the search for a label in a photo ended.
+    """Result of the search for a label in a photo.
 
     Attributes
     ----------
     source
-        The pick that was sought: its photo and place. None of what needs no pick, as the corners
-        of a coded plate.
+        Photo and position of the pick that was searched for. None for points that need no pick,
+        such as the corners of a coded plate.
     radius_px
-        Half the length of the region that was searched.
+        Half the side length of the searched region.
     found
-        What would be picked; None where nothing was found, or what was found was refused.
+        Proposed pick; None if nothing was found or the proposal was refused.
     why
-        Why nothing was found, in words.
+        Reason why nothing was found, in words.
     is_alike
-        Whether all that surrounds it looks like what surrounds the pick.
+        Whether the whole surroundings look like those of the pick.
     is_over
-        Somebody refused it, or will not pick it: it is not sought again.
+        Whether a person refused it or will not pick it: it is not searched again.
     is_asked
         Whether it is to be picked by hand.
     """
@@ -113,7 +113,8 @@ def accepted(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.Place
 def refused(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
     """Return the outcomes after a refusal.
 
-    Refused proposals are then to be picked by hand; labels without a proposal are no longer asked for.
+    Refused proposals are then to be picked by hand; labels without a proposal are no longer asked
+    for.
     """
     after = dict(outcomes)
     for pair in pairs:

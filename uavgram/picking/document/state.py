@@ -25,9 +25,9 @@ class Pick:
     """One picked pixel of the original, unrotated photo `image` (a file name).
 
     `sigma_px`, `height_m` and `height_sigma_m` are None, and `area` is empty, where the file has no
-    value; `is_free` marks a height that is to be estimated. `source` and the fields after it give the
-    origin of the pick, as in `Picks`: None and empty for a person's pick. `again` is 0 for the first
-    click of a label in a photo, and counts its independent repetitions.
+    value; `is_free` marks a height that is to be estimated. `source` and the fields after it give
+    the origin of the pick, as in `Picks`: None and empty for a person's pick. `again` is 0 for the
+    first click of a label in a photo, and counts its independent repetitions.
     """
 
     image: str
@@ -57,7 +57,7 @@ class Pick:
         return {name: getattr(self, name) for name in ("height_m", "height_sigma_m", "is_free")}
 
     def is_match_of(self, other: Pick) -> bool:
-        """Return whether the program found this pick from another one at that one's present position."""
+        """Return whether the program found this pick from `other` at its present position."""
         if self.from_u_px is None or self.from_v_px is None:
             return False
         aside = math.hypot(self.from_u_px - other.u_px, self.from_v_px - other.v_px)

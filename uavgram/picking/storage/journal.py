@@ -39,8 +39,8 @@ class Journal:
     path
         The file; made with its folder if it does not exist.
     fresh
-        Whether to start an empty journal; else a line that a kill left unfinished is cut off, and the
-        rest is continued.
+        Whether to start an empty journal; else a line that a kill left unfinished is cut off, and
+        the rest is continued.
 
     Raises
     ------
@@ -120,19 +120,19 @@ _ON_DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, Overf
 
 @dataclass
 class Left:
-    """What earlier sessions left in a journal, while it is read.
+    """Changes of earlier sessions, as read from a journal.
 
     Attributes
     ----------
     session
-        As the last command left it; None before any ``open``.
+        Session after the last command; None before any ``open``.
     saved
-        What the tables held when they were last known to be whole.
+        Content of the tables when they were last known to be complete.
     settled, begun
-        Digests of the tables as last known to be whole, and as a writing that was begun would
-        have made them.
+        Digests of the tables when last known to be complete, and those that an unfinished writing
+        was to produce.
     unsaved
-        Whether commands stand after the last ``saved``, or a writing was not ended.
+        Whether commands follow the last ``saved``, or a writing was not finished.
     """
 
     session: Session | None = None

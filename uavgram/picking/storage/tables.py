@@ -98,8 +98,9 @@ class Tables:
     def save(self, state: State) -> str:
         """Write the tables that changed; return the reason if that failed, else an empty text.
 
-        A table that another program changed since it was read or written here is not overwritten; the
-        tables of the page are then saved beside it. The text may also be advice, see `_unnamed`.
+        A table that another program changed since it was read or written here is not overwritten;
+        the tables of the page are then saved beside it. The text may also be advice, see
+        `_unnamed`.
         """
         if not self._pending:
             return ""
@@ -120,7 +121,7 @@ class Tables:
         return self._unnamed(wanted)
 
     def changed_outside(self) -> tuple[str, ...]:
-        """Return the names of tables that another program changed since they were read or written here."""
+        """Return the names of tables that another program changed since their last use here."""
         try:
             return tuple(
                 path.name
@@ -132,7 +133,7 @@ class Tables:
             return ()
 
     def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
-        """Return the digests of the project's files as they are now; None while changes are unsaved."""
+        """Return the present digests of the project's files; None while changes are unsaved."""
         if self._pending:
             return None
         tables = {self._digest[role] for role in ROLES if self._named[role]}
@@ -169,9 +170,7 @@ class Tables:
     def _write(self, role: str, content: bytes | None) -> None:
         path, before = self._paths[role], self._on_disk[role]
         try:
-            if before is not None and not os.access(
-                path, os.W_OK
-            ):  # replacing a file does not check its own permission
+            if before is not None and not os.access(path, os.W_OK):  # replacing skips this
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
             if role not in self._backed_up and before is not None:
                 replace_bytes(path.with_name(f"{path.name}.bak"), before)
