@@ -14,7 +14,7 @@ import { TOOLS } from "./keys.js";
 /** @typedef {{ u: number, v: number, scale: number, image: number }} Click */
 /** @typedef {{ label: string, words: string, isNew?: boolean, mark?: "pick" | "hollow" }} Choice `mark`: it is one that is there */
 /**
- * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant; `found`: its
+ * A label, and a message about it; `instead`: the name of a new point, which may have been meant; `found`: its
  * place as the program found it, which may have been meant.
  * @typedef {{ label: string, say?: string, instead?: string, found?: boolean, choices?: undefined }} Given
  */
@@ -84,7 +84,7 @@ export class LabelsByPlace {
   }
 
   // A click beside marks may mean one of them, or another point, as two may be closer than a mark is wide. On a
-  // hollow one it is the point's: a person's own observation, which checks what the program found.
+  // hollow mark it means the point: a person's own observation, which checks the program's.
   /** @param {Near[]} near @param {Click} click @returns {Given | Unclear} */
   beside(near, click) {
     const found = this.at(click);

@@ -21,7 +21,7 @@ export async function snap(tools, target) {
   showAlike(tools, null);
   try {
     const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target, ...expected });
-    if (pane.image !== image) { // the pointer is over another photo than the one asked for
+    if (pane.image !== image) { // the pane shows another photo by now
       notice.show("Nothing was placed, as the photo was changed meanwhile. Press the key again.");
       return;
     }

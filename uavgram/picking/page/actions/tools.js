@@ -257,7 +257,7 @@ export class Tools {
     this.box.select();
   }
 
-  // Enter in the label field: selects a known label, or sets the name of the next new point.
+  // Leaves the label field by Enter: selects a known label; a new one is placed by the next click.
   /** @param {string} label */
   name(label) {
     const { active } = this.panes;

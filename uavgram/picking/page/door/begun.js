@@ -2,7 +2,7 @@
 
 const STORED = "uavgram-setup";
 
-/** @typedef {{ number: number, path: string, fields: [string, string][] }} Begun `fields`: names of fields and what they hold */
+/** @typedef {{ number: number, path: string, fields: [string, string][] }} Begun `fields`: names and contents of fields */
 
 /** @returns {Begun | null} */
 function stored() {

@@ -77,7 +77,7 @@ class Door {
     window.scrollTo(0, 0);
   }
 
-  // Does one thing at a time; shows what takes long, and what goes wrong.
+  // Does one thing at a time; shows slow actions and errors.
   /** @param {string} words @param {() => Promise<void>} act */
   async doing(words, act) {
     if (document.body.ariaBusy === "true") return;

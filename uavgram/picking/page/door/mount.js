@@ -43,7 +43,7 @@ function recorded({ logs, has_gimbal }, looks) {
   return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "neither log nor photos say it: 90\u00b0 down would be assumed, and not be trusted";
 }
 
-/** @param {Found} found @param {number | null} looks how far below the horizon, as the photos say */
+/** @param {Found} found @param {number | null} looks angle below the horizon from the photos */
 export function mountPart(found, looks) {
   const set = `${found.setup.pitch_deg}`;
   const chosen = WAYS.some(([value]) => value === set) ? set : OTHER;

@@ -2,7 +2,7 @@
 
 import { keyed, leaveIfRefused } from "../connection/key.js";
 
-/** Another project is open: its name. */
+/** Another project is open; holds its name. */
 export class OpenAlready extends Error {
   /** @param {string} why @param {string} name */
   constructor(why, name) {

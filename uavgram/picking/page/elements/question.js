@@ -21,7 +21,7 @@ export class Question {
     return this.box !== null;
   }
 
-  /** @param {string} words @param {Choice[]} choices Enter chooses the first @param {Element} place in which it stands @param {boolean} counted whether digits answer it */
+  /** @param {string} words @param {Choice[]} choices Enter chooses the first @param {Element} place its container @param {boolean} counted whether digits answer it */
   ask(words, choices, place = document.body, counted = true) {
     this.cancel();
     const buttons = choices.map((choice, k) => node("button", {

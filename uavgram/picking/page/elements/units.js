@@ -2,7 +2,7 @@
 // sends and takes metres. views/units.py has the same rules.
 
 /** @import { Units } from "../connection/protocol.js" */
-/** @typedef {{ factor: number, symbol: string, least: number, most: number }} Shown times what a value is shown, called what, with how many decimals */
+/** @typedef {{ factor: number, symbol: string, least: number, most: number }} Shown factor from the server's unit, name, least and most decimals */
 
 const FOOT_M = 0.3048; // the international foot, exactly
 const INCHES = 12;
@@ -10,7 +10,7 @@ const INCH_M = FOOT_M / INCHES;
 const YARD_FT3 = 27;
 const SIXTEENTHS = 16;
 const FINEST = 64; // of an inch, on a tape
-const STEPS_IN = [[0.1, 1 / 16], [0.3, 1 / 8], [0.75, 1 / 4], [1.5, 1 / 2], [12, 1]]; // largest sigma [in] for each fraction
+const STEPS_IN = [[0.1, 1 / 16], [0.3, 1 / 8], [0.75, 1 / 4], [1.5, 1 / 2], [12, 1]]; // fraction by largest sigma
 
 /** @type {Units} */
 let units = { length: "m", speed: "km/h" };
