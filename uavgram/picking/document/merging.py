@@ -62,6 +62,7 @@ def split(state: State, do: c.Split) -> State:
         raise RefusedError(
             f"no pick of {do.label!r} would be left: rename it, or choose fewer photos"
         )
+    # the statements about the point apply to both new points
     stated = _stated(own)
     picks = []
     for pick in state.picks:

@@ -63,6 +63,7 @@ def places_json(
 
 def ellipse_json(covariance_px2: Floats) -> Json:
     """Return one-sigma half-axes [px] and the direction of the major one from u towards v [deg]."""
+    # eigenvalues in ascending order: variances along the minor and the major axis
     value, vector = np.linalg.eigh(covariance_px2)
     minor, major = np.sqrt(np.maximum(value, 0.0))
     turn_deg = math.degrees(math.atan2(vector[1, 1], vector[0, 1]))

@@ -48,6 +48,7 @@ class PickedTargets:
         own = self._at_pick(match)
         if own is None:
             return match
+        # map the offset from click to centre into the other photo: p' = p_match + A d
         aside = own.pixel_px - [match.from_u_px, match.from_v_px]
         place = np.array([match.u_px, match.v_px]) + affine @ aside
         photo = self._photos.photos.get(match.image)

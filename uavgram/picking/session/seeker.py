@@ -31,7 +31,7 @@ from uavgram.stages.match import CONTRADICTED, NARROWED_SHARE, pick_sigmas
 log = logging.getLogger(__name__)
 
 ALIKE = 0.8
-"""Correlation, as in the matching, from which on surroundings of match and pick are alike."""
+"""Least correlation, as in the matching, of a match's and its pick's surroundings to be alike."""
 
 AT_ONCE = 64
 """Number of places searched between two reports."""
