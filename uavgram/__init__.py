@@ -39,7 +39,7 @@ _HOME = {
 
 
 def __dir__() -> list[str]:
-    """The public names, which are loaded when they are asked for."""
+    """Return the public names, which are loaded on first access."""
     return sorted(__all__)
 
 

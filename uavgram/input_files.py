@@ -102,7 +102,7 @@ def _head(path: str | Path) -> bytes:
 
 
 def binary_kind(path: str | Path) -> str:
-    """Name what a file is that a person named instead of a text file; empty: it may be text."""
+    """Return the kind of a binary file named in place of a text file; empty if it may be text."""
     head = _head(path)
     if head.startswith((*_READ, *_TIFF)):
         return "a photo"

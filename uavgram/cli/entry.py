@@ -99,7 +99,7 @@ def _wrong_use(error: cyclopts.CycloptsError) -> str:
 
 
 def _neither(typed: str) -> str:
-    """Say that a word is neither a command nor there, with the names that are like it."""
+    """Return the error text for a word that is neither a command nor a path, with similar names."""
     commands = [one for one in app if not one.startswith("-")]
     near = get_close_matches(typed, commands, cutoff=LIKE)
     path = Path(typed)

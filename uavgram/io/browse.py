@@ -45,7 +45,7 @@ class ListedFolder:
     has_project: bool
 
     def is_flight(self, collections: Collection[Path]) -> bool:
-        """Tell whether it is likely one flight: it has a project, photos, or folders of photos.
+        """Return whether it is likely one flight: it has a project, photos, or folders of photos.
 
         Parameters
         ----------

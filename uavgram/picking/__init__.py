@@ -1,1 +1,1 @@
-"""The local page where people pick pixels and see the measurements."""
+"""The local web page on which people pick pixels and see the measurements."""

@@ -176,7 +176,7 @@ def relief_basis(relief: Relief, east_north_m: Floats) -> Basis:
 
 @lru_cache(maxsize=8)
 def _root(relief: Relief) -> Floats:
-    """The knots of a relief are the same in every state of every adjustment."""
+    """Return the whitening matrix of a relief's knots, equal in every state and adjustment."""
     return knots_root(relief.knots_m, relief.scale_m)
 
 

@@ -1,1 +1,1 @@
-"""What has been picked, undo and redo, and what each command changes; no disk, no socket."""
+"""The picked state, its undo and redo, and the effect of each command; no disk, no socket."""

@@ -1,10 +1,11 @@
-"""What the page may ask for: one frozen class for each command, question and project action.
+"""Messages that the page may send: one frozen class per command, question and project action.
 
-Commands change what is picked, questions change nothing, project
-actions are about the whole project.
+Commands change the picked state, questions change nothing, project actions concern the whole
+project.
 
-Numbers are finite and in range, texts are short and clean, photos exist: `protocol.parse` saw to
-that. Whether a command fits the state (a label that is there, a free name) is for `history`.
+`protocol.parse` has already checked that numbers are finite and in range, that texts are short and
+clean, and that photos exist. `history` checks whether a command fits the state (the label exists,
+the name is free).
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ Target = Literal["any", "target"]
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Pick a label in a photo, or move the pick that is there; a sigma of None keeps its own.
+    """Pick a label in a photo, or move its existing pick; a sigma of None keeps the present one.
 
-    Whoever places it made it: a match that a person moves is a person's pick. `source` and what
-    follows are of what the program found, as in `Picks`.
+    A placed pick belongs to the one who places it: a match that a person moves becomes a person's
+    pick. `source` and the fields after it describe a pick found by the program, as in `Picks`.
     """
 
     image: str
@@ -50,23 +51,23 @@ class Repeat:
 
 @dataclass(frozen=True, kw_only=True)
 class PlaceAll:
-    """Pick several in one step; what is picked already stays as it is."""
+    """Pick several labels in one step; existing picks stay unchanged."""
 
     places: tuple[Place, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Accept:
-    """Pick what the program found: photo and label of each."""
+    """Pick proposals of the program: photo and label of each."""
 
     pairs: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Refuse:
-    """Do not take what the program found, or do not ask for it: photo and label of each.
+    """Refuse proposals of the program, or decline to pick a label by hand: photo and label of each.
 
-    `is_taken_back` where that was said and is not meant any more.
+    `is_taken_back` withdraws an earlier refusal.
     """
 
     pairs: tuple[tuple[str, str], ...]
@@ -90,7 +91,7 @@ class Forget:
 
 @dataclass(frozen=True, kw_only=True)
 class Rename:
-    """Call a label otherwise, wherever it stands."""
+    """Rename a label in picks, lengths and measurements."""
 
     label: str
     new: str
@@ -98,10 +99,10 @@ class Rename:
 
 @dataclass(frozen=True, kw_only=True)
 class Merge:
-    """Take two labels for one point: all that is said of `label` is said of `into` from now on.
+    """Merge two labels into one point: all statements about `label` then apply to `into`.
 
-    `keep` is the one of the two whose picks stay in photos in which both are picked; empty where
-    there is no such photo.
+    `keep` is the label whose picks stay in photos in which both are picked; empty where there is no
+    such photo.
     """
 
     label: str
@@ -111,7 +112,7 @@ class Merge:
 
 @dataclass(frozen=True, kw_only=True)
 class Split:
-    """Take the picks of a label in some photos for another point, which is called `new`."""
+    """Split off the picks of a label in some photos as another point with the label `new`."""
 
     label: str
     new: str
@@ -120,7 +121,7 @@ class Split:
 
 @dataclass(frozen=True, kw_only=True)
 class Swap:
-    """Exchange two labels where they are picked: in one photo, or, where it is empty, in all."""
+    """Exchange the picks of two labels in one photo, or in all photos where `image` is empty."""
 
     image: str
     label: str
@@ -129,7 +130,7 @@ class Swap:
 
 @dataclass(frozen=True, kw_only=True)
 class SetSigma:
-    """State the standard deviation of one pick; None: the project's own."""
+    """Set the standard deviation of one pick; None: the project's default."""
 
     image: str
     label: str
@@ -138,9 +139,10 @@ class SetSigma:
 
 @dataclass(frozen=True, kw_only=True)
 class SetHeight:
-    """State a label's height above the ground, or that it is to be found; else it is on it.
+    """Set a label's height above the ground, or set it free; without either it is on the ground.
 
-    A height may have a sigma, and then takes part with it; of a free one nothing is stated.
+    A height with a sigma is an observation in the adjustment; a free height is estimated without
+    one.
     """
 
     label: str
@@ -191,27 +193,27 @@ class RemoveMeasurement:
 
 @dataclass(frozen=True, kw_only=True)
 class All:
-    """Several changes in one step, in this order: all of them, or, where one does not fit, none."""
+    """Make several changes in one step, in this order: all of them, or none if one does not fit."""
 
     changes: tuple[SingleChange, ...]
 
 
 @dataclass(frozen=True)
 class Undo:
-    """Take the last step back."""
+    """Undo the last step."""
 
 
 @dataclass(frozen=True)
 class Redo:
-    """Do again what was taken back last."""
+    """Redo the step that was undone last."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Snap:
-    """Find the exact place of the corner or the round target near a pixel.
+    """Find the exact centre of the corner or round target near a pixel.
 
-    Where the photo is expected to show the label `expected`, that is the one inside the region in
-    which it is expected; the pixel tells several apart.
+    Where the photo is expected to show the label `expected`, the target inside the expected region
+    is taken; the pixel decides between several.
     """
 
     image: str
@@ -223,7 +225,7 @@ class Snap:
 
 @dataclass(frozen=True, kw_only=True)
 class SameGround:
-    """Find the pixels of other photos that show the ground that this pixel shows."""
+    """Find the pixels of other photos that show the same ground as this pixel."""
 
     image: str
     u_px: float
@@ -232,14 +234,14 @@ class SameGround:
 
 @dataclass(frozen=True, kw_only=True)
 class SideView:
-    """Where the points of a measurement lie along it, and how high."""
+    """Return the positions of a measurement's points along it, and their heights."""
 
     name: str
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ties:
-    """Where a photo shows tie points."""
+    """Return the tie points in a photo."""
 
     image: str
 
@@ -251,17 +253,17 @@ class Export:
 
 @dataclass(frozen=True)
 class Reload:
-    """Read the project again from its files, as they are now; the steps begin anew."""
+    """Read the project again from its present files; undo and redo start afresh."""
 
 
 @dataclass(frozen=True)
 class TakeAside:
-    """Take over what an earlier session could not save."""
+    """Apply the changes that an earlier session could not save."""
 
 
 @dataclass(frozen=True)
 class DiscardAside:
-    """Offer it no more."""
+    """Stop offering the changes that an earlier session could not save."""
 
 
 @dataclass(frozen=True)
@@ -280,12 +282,12 @@ class Calibrate:
 
 @dataclass(frozen=True)
 class StopCalibration:
-    """End the calibration that is running."""
+    """Stop the running calibration."""
 
 
 @dataclass(frozen=True)
 class UseCamera:
-    """Name the camera file that was made last in the project, and read the project again."""
+    """Enter the newest camera file in the project file, and read the project again."""
 
 
 SingleChange = (

@@ -1,7 +1,7 @@
-"""A session: the state, how it came about, and what each command makes of it. Pure.
+"""Session of picking: the state, its undo history, and the effect of each command. Pure.
 
-Every step remembers the states before and after it. They share all that did not change, so
-keeping them costs little, and going back cannot be anything but exact.
+Every step keeps the states before and after it. They share all unchanged parts, so storing them
+costs little, and undo is exact.
 """
 
 from __future__ import annotations
@@ -19,26 +19,29 @@ from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import Line, Pick, State, without_matches
 
 MOST_STEPS = 10_000
-"""Steps that can be taken back; older ones are forgotten."""
+"""Greatest number of steps that can be undone; older ones are dropped."""
 
 MOST_ITEMS = 20_000
-"""Picks, lengths or measurements of a project: far above any survey, and still quick to handle."""
+"""Largest number of picks, lengths or measurements of a project.
+
+Far more than any survey needs, and still fast to process.
+"""
 
 Named = TypeVar("Named", Line, MeasurementRequest)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Session:
-    """What was picked, and the steps on either side of it.
+    """Picked state with its undo and redo history.
 
     Attributes
     ----------
     state
-        As it is now.
+        Present state.
     past, future
-        States to go back to, the latest last; states to go forward to, the next last.
+        States to undo to, the latest last; states to redo to, the next last.
     step
-        Number of the step that may still grow (a drag); 0: none.
+        Number of the step that further changes may join (a drag); 0: none.
     """
 
     state: State
@@ -48,21 +51,21 @@ class Session:
 
 
 def apply(session: Session, command: c.Command, step: int = 0) -> Session:
-    """The session after a command.
+    """Apply a command to a session and return the new session.
 
     Parameters
     ----------
     session
-        Before it.
+        Session before the command.
     command
-        What to do. A change that changes nothing leaves the session as it is.
+        Command to apply. A change without effect returns the session unchanged.
     step
-        Changes in a row with the same number (not 0) are one step.
+        Consecutive changes with the same number (not 0) form one step.
 
     Raises
     ------
     RefusedError
-        The command does not fit the state; says why.
+        The command does not fit the state; the message gives the reason.
     """
     match command:
         case c.Undo():
@@ -99,7 +102,7 @@ def _redone(session: Session) -> Session:
 
 
 def changed(state: State, change: c.Change) -> State:
-    """The state after a change; raises `RefusedError` where it does not fit."""
+    """Return the state after a change; raises `RefusedError` if the change does not fit."""
     after = _CHANGES[type(change)](state, change)
     counts = {
         "picks": len(after.picks),
@@ -131,29 +134,29 @@ def _place_all(state: State, do: c.PlaceAll) -> State:
 
 
 def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
-    """With a pick where it is placed now; where that is elsewhere, it is of whoever placed it.
+    """Update an existing pick; a changed position makes it a pick of the one who placed it.
 
     Parameters
     ----------
     state, there
-        Before, and the pick.
+        State before, and the pick.
     do
-        Where it is placed.
+        New position and origin.
 
     Raises
     ------
     RefusedError
-        A person's own pick is nothing that the program may change.
+        The program tried to change a pick that a person made.
     """
     if (do.u_px, do.v_px, do.source) == (there.u_px, there.v_px, "hand"):
         stays = there.sigma_px if do.sigma_px is None else do.sigma_px
         return _with_pick(state, there, replace(there, sigma_px=stays))
     if there.source == "hand" != do.source:
         raise RefusedError(f"a person picked {do.label!r} in {do.image!r} already")
-    # The sigma of a match is the matching's, not that of a person's hand.
+    # A match has the sigma of the matching, not of a click by hand.
     own = there.sigma_px if there.source == do.source else None
     sigma = own if do.sigma_px is None else do.sigma_px
-    # What a person noted of an own pick in columns that the program reads too stays.
+    # Keep a person's entries in columns that are also used for picks of the program.
     made = {} if there.source == do.source == "hand" else vars(do)
     new = replace(there, **made | {"u_px": do.u_px, "v_px": do.v_px, "sigma_px": sigma})
     return _with_pick(without_matches(state, there), there, new)
@@ -258,7 +261,7 @@ def _with_pick(state: State, old: Pick, new: Pick) -> State:
 
 
 def _with_named(items: tuple[Named, ...], was: str, new: Named, what: str) -> tuple[Named, ...]:
-    """The items with `new` in place of the one called `was`, or at the end."""
+    """Return the items with `new` in place of the one named `was`, or appended at the end."""
     names = [item.name for item in items]
     if was and was not in names:
         raise RefusedError(f"there is no {what} {was!r}")

@@ -1,4 +1,4 @@
-"""Changes of labels: what stands behind a name, in picks, lengths and measurements; pure."""
+"""Changes of labels in picks, lengths and measurements; pure."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from uavgram.picking.document.state import Pick, State, without_matches
 
 
 def forget(state: State, do: c.Forget) -> State:
-    """The state without a label."""
+    """Remove a label with its picks, lengths and measurements."""
     return State(
         picks=tuple(pick for pick in state.picks if pick.label != do.label),
         lines=tuple(line for line in state.lines if do.label not in {line.start, line.end}),
@@ -19,7 +19,7 @@ def forget(state: State, do: c.Forget) -> State:
 
 
 def rename(state: State, do: c.Rename) -> State:
-    """The state with a label called otherwise; raises `RefusedError` where that name is taken."""
+    """Rename a label; raises `RefusedError` if the new name is taken."""
     if do.new != do.label and do.new in all_labels(state):
         raise RefusedError(f"there is a label {do.new!r} already")
     if do.label not in all_labels(state):
@@ -28,15 +28,15 @@ def rename(state: State, do: c.Rename) -> State:
 
 
 def swap(state: State, do: c.Swap) -> State:
-    """The state with the picks of two labels exchanged; lengths and measurements stay as written.
+    """Exchange the picks of two labels; lengths and measurements stay unchanged.
 
-    A photo in which only one of them is picked then has the other. What is stated of a label's
-    height stays with the label, as lengths do: people wrote it of the point of that name.
+    In a photo in which only one of them is picked, the pick gets the other label. Stated heights
+    stay with the label, as lengths do: people stated them for the point of that name.
 
     Raises
     ------
     RefusedError
-        They are one label, one of them is nowhere, or neither is picked there.
+        Both labels are the same, one of them does not exist, or neither is picked there.
     """
     other = {do.label: do.other, do.other: do.label}
     if len(other) < 2:
@@ -61,14 +61,14 @@ def swap(state: State, do: c.Swap) -> State:
 
 
 def _by_hand(pick: Pick) -> Pick:
-    """A pick that a person gave another label: no match any more of the pick it was found from."""
+    """Turn a relabelled match into a person's pick, no longer a match of its source pick."""
     if pick.source != "match":
         return pick
     return Pick(image=pick.image, label=pick.label, u_px=pick.u_px, v_px=pick.v_px)
 
 
 def all_labels(state: State) -> set[str]:
-    """Labels of picks, lengths and measurements: one name is one physical point."""
+    """Return the labels of picks, lengths and measurements: one name is one physical point."""
     labels = set(state.labels)
     labels.update(*((line.start, line.end) for line in state.lines))
     labels.update(*(request.points for request in state.requests))
@@ -76,14 +76,14 @@ def all_labels(state: State) -> set[str]:
 
 
 def with_label(state: State, old: str, new: str) -> State:
-    """The state with one label called otherwise, wherever it stands.
+    """Rename one label in picks, lengths and measurements.
 
     Parameters
     ----------
     state
-        Before.
+        State before.
     old, new
-        The label, and what it is called afterwards.
+        Label before and after.
     """
 
     def named(label: str) -> str:

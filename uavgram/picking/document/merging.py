@@ -1,4 +1,4 @@
-"""Two labels taken for one point, and one label taken for two; pure."""
+"""Merge two labels into one point, and split one label into two; pure."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import Pick, State, without_matches
 
 Stated = dict[str, Any]
-"""What picks say of their label's point, by field: a height, an area."""
+"""Statements in the picks of a label about its point, by field: a height, an area."""
 
 
 def merge(state: State, do: c.Merge) -> State:
-    """The state with two labels taken for one point.
+    """Merge two labels into one point.
 
     Raises
     ------
     RefusedError
-        They cannot be one point, or it is not said which picks stay.
+        They cannot be one point, or `keep` does not name the picks that stay.
     """
     for label in (do.label, do.into):
         if label not in all_labels(state):
@@ -41,16 +41,16 @@ def merge(state: State, do: c.Merge) -> State:
 
 
 def split(state: State, do: c.Split) -> State:
-    """The state with some picks of a label taken for another point.
+    """Split off some picks of a label as another point.
 
-    What the program found from one of them shows the same, and goes with it. What it found from
-    a pick that stays is no longer a match of that: the person who says what it shows picked it.
-    Lengths and measurements stay with the label.
+    Matches found from one of these picks show the same point and move along with it. A match that
+    moves away from the pick it was found from becomes a person's pick: the person who identifies it
+    has picked it. Lengths and measurements stay with the label.
 
     Raises
     ------
     RefusedError
-        The name is taken, or nothing would be left on one side.
+        The name is taken, or one of the two points would have no pick.
     """
     if do.new in all_labels(state):
         raise RefusedError(f"there is a label {do.new!r} already: choose another name")
@@ -62,6 +62,7 @@ def split(state: State, do: c.Split) -> State:
         raise RefusedError(
             f"no pick of {do.label!r} would be left: rename it, or choose fewer photos"
         )
+    # the statements about the point apply to both new points
     stated = _stated(own)
     picks = []
     for pick in state.picks:
@@ -77,7 +78,7 @@ def split(state: State, do: c.Split) -> State:
 
 
 def _with_one_pick_each(state: State, do: c.Merge) -> State:
-    """With one pick of the two labels in each photo, and without what was found from the others."""
+    """Keep one pick of the two labels in each photo; remove matches found from the others."""
     keys = {pick.key for pick in state.picks}
     both = {image for image, label in keys if label == do.label and (image, do.into) in keys}
     if both and do.keep not in {do.label, do.into}:
@@ -104,7 +105,7 @@ def _refuse_what_has_no_length(before: State, after: State, do: c.Merge) -> None
 
 
 def _common(state: State, one: str, other: str) -> Stated:
-    """What is stated of two labels that are to be one point; what nobody stated gives way."""
+    """Return the statements about two labels that become one point; statements replace gaps."""
     sides = [
         _stated([pick for pick in state.picks if pick.label == label]) for label in (one, other)
     ]
@@ -122,7 +123,7 @@ _HEIGHT = ("height_m", "height_sigma_m", "is_free")
 
 
 def _stated(picks: list[Pick]) -> Stated:
-    """What picks of one label state of its point: one that does speaks for all."""
+    """Return the statements about a label's point; a statement of one pick holds for all."""
     heights: Stated = {
         "height_m": _first(pick.height_m for pick in picks),
         "height_sigma_m": _first(pick.height_sigma_m for pick in picks),
@@ -133,18 +134,18 @@ def _stated(picks: list[Pick]) -> Stated:
     return (heights if is_stated else {}) | ({} if area is None else {"area": area})
 
 
-def _first(values: Iterable[Any]) -> Any:  # noqa: ANN401  (of whatever these are)
+def _first(values: Iterable[Any]) -> Any:  # noqa: ANN401  (values of any type)
     return next((value for value in values if value is not None), None)
 
 
 def _with_matches(own: list[Pick], going: list[Pick]) -> list[Pick]:
-    """Picks, with what was found from them, and from that."""
+    """Return picks with the matches found from them, and the matches found from those."""
     more = [pick for pick in own if pick not in going and any(map(pick.is_match_of, going))]
     return _with_matches(own, [*going, *more]) if more else going
 
 
 def _by_hand(pick: Pick) -> Pick:
-    """A pick as if a person had placed it there; the sigma of a match is the matching's."""
+    """Return a pick as placed by a person, without the sigma of the matching."""
     return Pick(
         **{name: getattr(pick, name) for name in ("image", "label", "u_px", "v_px", "area")},
         **pick.height,

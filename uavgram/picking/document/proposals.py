@@ -1,4 +1,4 @@
-"""What the program found, or sought in vain, of picked labels in the other photos; pure."""
+"""Results of searching picked labels in the other photos, successful or not; pure."""
 
 from __future__ import annotations
 
@@ -14,28 +14,28 @@ Pair = tuple[str, str]
 """Photo and label."""
 
 BY_HAND = "what was found there was refused"
-"""Why a label is asked for in a photo in which somebody refused what the program found."""
+"""Reason for asking for a label in a photo in which a person refused the proposal."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """How the search for a label in a photo ended.
+    """Result of the search for a label in a photo.
 
     Attributes
     ----------
     source
-        The pick that was sought: its photo and place. None of what needs no pick, as the corners
-        of a coded plate.
+        Photo and position of the pick that was searched for. None for points that need no pick,
+        such as the corners of a coded plate.
     radius_px
-        Half the length of the region that was searched.
+        Half the side length of the searched region.
     found
-        What would be picked; None where nothing was found, or what was found was refused.
+        Proposed pick; None if nothing was found or the proposal was refused.
     why
-        Why nothing was found, in words.
+        Reason why nothing was found, in words.
     is_alike
-        Whether all that surrounds it looks like what surrounds the pick.
+        Whether the whole surroundings look like those of the pick.
     is_over
-        Somebody refused it, or will not pick it: it is not sought again.
+        Whether a person refused it or will not pick it: it is not searched again.
     is_asked
         Whether it is to be picked by hand.
     """
@@ -53,15 +53,15 @@ Outcomes = Mapping[Pair, Outcome]
 
 
 ENOUGH = 3
-"""Photos that must show a point and its surroundings alike for its matches to be sure.
+"""Number of photos that must show a point with like surroundings for its matches to be sure.
 
-On three rendered streets with cars, where nothing is said of heights, 46 of 460 finds are off by
-more than 3 px; of 180 such matches two are, by 4 px, as the click is that they were found from.
+On three rendered streets with cars and without stated heights, 46 of 460 matches are off by more
+than 3 px; of 180 such matches two are, by 4 px, the error of the click that they were found from.
 """
 
 
 def surely_found(outcomes: Outcomes) -> set[Pair]:
-    """What was found so that nobody need look at it: targets, and matches that agree."""
+    """Return proposals that need no inspection: targets, and matches that agree."""
     alike = Counter(label for (_, label), one in outcomes.items() if one.found and one.is_alike)
     return {
         (image, label)
@@ -71,12 +71,12 @@ def surely_found(outcomes: Outcomes) -> set[Pair]:
 
 
 def source_of(pick: Pick) -> tuple[str, float, float]:
-    """What names the source of an outcome: the photo and place of a pick."""
+    """Return the identifier of an outcome's source: photo and position of a pick."""
     return pick.image, pick.u_px, pick.v_px
 
 
 def that_hold(outcomes: Outcomes, state: State) -> dict[Pair, Outcome]:
-    """The outcomes whose pick is still where it was."""
+    """Return the outcomes whose source pick is unmoved."""
     there = {(pick.label, source_of(pick)) for pick in state.picks}
     return {
         (image, label): one
@@ -86,19 +86,19 @@ def that_hold(outcomes: Outcomes, state: State) -> dict[Pair, Outcome]:
 
 
 def accepted(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.PlaceAll:
-    """The command that picks what was found.
+    """Return the command that picks accepted proposals.
 
     Parameters
     ----------
     outcomes, state
-        As they are now.
+        Present search results and state.
     pairs
-        What is accepted; what is picked meanwhile is left as it is.
+        Accepted proposals; those that are picked in the meantime stay unchanged.
 
     Raises
     ------
     RefusedError
-        Nothing of that is proposed any more.
+        None of them is proposed any more.
     """
     found, holding = [], that_hold(outcomes, state)
     for pair in pairs:
@@ -111,7 +111,11 @@ def accepted(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.Place
 
 
 def refused(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
-    """The outcomes after somebody refused some: what was found is asked for, the rest no longer."""
+    """Return the outcomes after a refusal.
+
+    Refused proposals are then to be picked by hand; labels without a proposal are no longer asked
+    for.
+    """
     after = dict(outcomes)
     for pair in pairs:
         one = after.get(pair)
@@ -123,6 +127,6 @@ def refused(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
 
 
 def reopened(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
-    """The outcomes after somebody took back what they refused: it is to be sought again."""
+    """Return the outcomes without those whose refusal is taken back; they are searched again."""
     again = set(pairs)
     return {pair: one for pair, one in outcomes.items() if not (pair in again and one.is_over)}

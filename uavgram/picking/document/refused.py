@@ -1,4 +1,4 @@
-"""A message of the page that cannot be done, and why."""
+"""Error for a message of the page that cannot be carried out."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ from uavgram.errors import UavgramError
 
 
 class RefusedError(UavgramError):
-    """A message that says or asks for something impossible; the page shows why.
+    """Message whose content or request is impossible; the page shows the reason.
 
     Attributes
     ----------
     seq
-        The message's own number, as far as it could be read.
+        Sequence number of the message, if it could be read.
     """
 
     seq: int | None = None

@@ -1,4 +1,4 @@
-"""What has been picked so far: the content of picks.csv, lines.csv and measure.csv, frozen."""
+"""Picked state: the content of picks.csv, lines.csv and measure.csv, frozen."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from uavgram.model.survey.observations import (
 class Pick:
     """One picked pixel of the original, unrotated photo `image` (a file name).
 
-    `sigma_px`, `height_m` and `height_sigma_m` are None, and `area` is empty, where the file gives
-    none; `is_free` where the file says that the height is to be found. `source` and what follows
-    say who made it, as in `Picks`: None and empty where a person did. `again` is 0 of the first
-    click of a label in a photo, and counts the independent repetitions of it.
+    `sigma_px`, `height_m` and `height_sigma_m` are None, and `area` is empty, where the file has no
+    value; `is_free` marks a height that is to be estimated. `source` and the fields after it give
+    the origin of the pick, as in `Picks`: None and empty for a person's pick. `again` is 0 for the
+    first click of a label in a photo, and counts its independent repetitions.
     """
 
     image: str
@@ -48,16 +48,16 @@ class Pick:
 
     @property
     def key(self) -> tuple[str, str]:
-        """What names a click and its repetitions: photo and label."""
+        """Identifier of a click and its repetitions: photo and label."""
         return self.image, self.label
 
     @property
     def height(self) -> dict[str, Any]:
-        """What it says of its label's height, by field."""
+        """Stated height of the label, by field."""
         return {name: getattr(self, name) for name in ("height_m", "height_sigma_m", "is_free")}
 
     def is_match_of(self, other: Pick) -> bool:
-        """Whether the program found it from another pick, as that stands now."""
+        """Return whether the program found this pick from `other` at its present position."""
         if self.from_u_px is None or self.from_v_px is None:
             return False
         aside = math.hypot(self.from_u_px - other.u_px, self.from_v_px - other.v_px)
@@ -67,9 +67,9 @@ class Pick:
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """One known length; `adjust` is False where it is withheld and only judged.
+    """Known length; `adjust` is False for a withheld length that only serves as a check.
 
-    `tape` and `along` are as in lines.csv; the page keeps them.
+    `tape` and `along` are as in lines.csv; the page leaves them unchanged.
     """
 
     name: str
@@ -96,17 +96,17 @@ class State:
         return tuple(dict.fromkeys(pick.label for pick in self.picks))
 
     def pick(self, image: str, label: str) -> Pick | None:
-        """The first pick of a label in a photo; None where there is none."""
+        """Return the first pick of a label in a photo; None if there is none."""
         return next((pick for pick in self.picks if pick.key == (image, label)), None)
 
 
 def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequest]) -> State:
-    """The state that files hold.
+    """Build the state from the content of the files.
 
     Parameters
     ----------
     picks, lines, requests
-        As read from picks.csv, lines.csv and measure.csv.
+        Content of picks.csv, lines.csv and measure.csv.
     """
     areas = picks.area or ("",) * len(picks.image)
     pairs = list(zip(picks.image, picks.label, strict=True))
@@ -154,7 +154,7 @@ def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequ
 
 
 def observations_of(state: State) -> tuple[Picks, KnownLines]:
-    """Picks and lengths as the adjustment takes them."""
+    """Return picks and lengths in the form of the adjustment."""
     picks, lines = state.picks, state.lines
     return (
         Picks(
@@ -187,7 +187,7 @@ def observations_of(state: State) -> tuple[Picks, KnownLines]:
 
 
 def without_matches(state: State, there: Pick) -> State:
-    """Without what the program found from a pick: it showed what is no longer picked."""
+    """Remove the matches found from a pick that is moved or removed."""
     kept = tuple(pick for pick in state.picks if not pick.is_match_of(there))
     return replace(state, picks=kept)
 

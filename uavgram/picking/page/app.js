@@ -1,4 +1,4 @@
-// The page: what it consists of, and how server, panes, panel and keys meet.
+// The page: its parts, and the connections between server, panes, panel and keys.
 
 import { buildHelp } from "./actions/help.js";
 import { listenToKeys, roving, throughRows } from "./actions/keys.js";
@@ -26,12 +26,12 @@ import { onTone } from "./photos/tone.js";
 
 /** @import { Change, ServerMessage } from "./connection/protocol.js" */
 
-const [MARKS, VALUES, ALL] = [1, 2, 3]; // how much of the page is to be brought up to date
+const [MARKS, VALUES, ALL] = [1, 2, 3]; // levels of refresh
 const GONE_AFTER_MS = 3000;
 
 class App {
   constructor() {
-    this.due = 0; // how deep the refresh of the next frame goes
+    this.due = 0; // level of the refresh in the next frame
     this.losing = 0; // timer
     this.pictures = ""; // digests of the photos
     this.state = new PageState();
@@ -89,15 +89,15 @@ class App {
     listenToKeys({ state, panes, tools, navigation, project, setPanes });
   }
 
-  // From the server.
+  // Messages from the server.
 
-  /** @param {ServerMessage} message @param {Change | null} answered the change that it answers */
+  /** @param {ServerMessage} message @param {Change | null} answered the change answered by it */
   received(message, answered) {
     if (message.t === "closed") goOn();
     if (message.t === "refused") {
       this.notice.show(message.why);
       this.refused(answered);
-      if (!Number.isInteger(store.version)) this.link.reopen(); // a drag ran ahead: begin anew
+      if (!Number.isInteger(store.version)) this.link.reopen(); // a drag ran ahead of the server: reload the state
     }
     const moving = this.link.waiting.filter((one) => one.t === "place");
     const isNew = receive(message, new Set(moving.map((move) => pickKey(move.image, move.label))));
@@ -110,7 +110,7 @@ class App {
     this.panel.showFoot();
   }
 
-  // A connection that is soon back is no matter; one that stays away is shown.
+  // A connection that is soon restored needs no notice; a lasting loss is shown.
   /** @param {boolean} open */
   connected(open) {
     store.connected = open;
@@ -123,7 +123,7 @@ class App {
     if (store.begun) this.refreshSoon(ALL);
   }
 
-  // What was typed and refused is not shown as if it held.
+  // Restores the fields, so that refused input is not shown as valid.
   /** @param {Change | null} change */
   refused(change) {
     if (change?.t === "rename" || change?.t === "merge" || change?.t === "split") this.tools.select(change.label);
@@ -145,9 +145,9 @@ class App {
     byId("panes").dataset.ready = "true";
   }
 
-  // Onto the screen.
+  // Drawing.
 
-  // Once a frame, however many messages come; and of the page no more than they change.
+  // Refreshes once a frame, even after many messages, and only the affected parts of the page.
   /** @param {number} depth */
   refreshSoon(depth) {
     if (!this.due) requestAnimationFrame(() => { const due = this.due; this.due = 0; this.refresh(due); });
@@ -180,12 +180,12 @@ class App {
 
   /** @param {number} count */
   setPanes(count) {
-    this.tools.question.cancel(); // its pane may go
+    this.tools.question.cancel(); // its pane may be removed
     this.panes.setCount(count);
     this.filmstrip.show();
   }
 
-  // A pane shows another photo.
+  // Updates the page after a pane has changed its photo.
   shown() {
     const { active } = this.panes;
     this.filmstrip.show();

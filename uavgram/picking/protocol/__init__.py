@@ -1,1 +1,1 @@
-"""Messages of the page to commands, every field checked; answers to plain JSON."""
+"""Messages of the page as checked commands, and answers as plain JSON."""

@@ -1,4 +1,4 @@
-"""Answers to questions: an exact target, the same ground elsewhere, points from the side."""
+"""Answers to questions as JSON: exact target, same ground in other photos, side view."""
 
 from __future__ import annotations
 
@@ -22,34 +22,34 @@ _DIGITS = 5
 
 
 MATCHED_PX = 2.0
-"""Standard deviation of a thing from where the matching found what was clicked: of the click.
+"""Standard deviation of a target's distance from its matched place [px]: that of the click.
 
-On rendered streets seen at 45 degrees, with what was expected 25 px away, of 81 targets that were
-matched 55 were snapped to, 18 were left to the person and 8 were another one; where the match says
-which it is, all 81 were snapped to.
+On rendered streets seen at 45 degrees, with an expected place 25 px off, 55 of 81 matched targets
+were snapped to, 18 were left to the person and 8 were confused with another one; with the matched
+place all 81 were snapped to.
 """
 
 
 def snap_json(
     photo: Pixels, asked: Snap, expected: ExpectedPlace | None, match: Place | None = None
 ) -> Json:
-    """The exact place with its sigma and what is there; or why none, and what is as likely.
+    """Return the exact place, its sigma and its kind; or the reason for none, and the candidates.
 
     Parameters
     ----------
     photo
         (height, width, 3) BGR.
     asked
-        What is to be found, and the pixel.
+        Kind of target, and the pixel.
     expected
-        Where, if that is known; else near the pixel.
+        Expected place, if known; else the search is near the pixel.
     match
-        What was found there from a pick in another photo: it says which of several it is.
+        Match there of a pick in another photo: it decides between several targets.
 
     Returns
     -------
     dict
-        `is_sure` where a person pointed at it, or the match says so; else it looks like it.
+        `is_sure` where a person pointed at it, or the match decides; else it only looks like it.
     """
     pointer = np.array([asked.u_px, asked.v_px])
     any_thing = asked.target == "any"
@@ -62,7 +62,7 @@ def snap_json(
         found = snap_within(photo, Region.near(pointer), corners=False)
         if isinstance(found, UnclearRegion) and not len(
             found.place_px
-        ):  # what is under the pointer
+        ):  # no candidate: try the feature under the pointer
             under = (snap_corner if any_thing else snap_circle)(photo, asked.u_px, asked.v_px)
             found = under if isinstance(under, Snapped) else replace(found, why=under)
     if isinstance(found, UnclearRegion):
@@ -74,12 +74,12 @@ def snap_json(
 def same_ground_json(
     survey: LiveSurvey, last: Adjusted | None, asked: SameGround, index: Mapping[str, int]
 ) -> Json:
-    """Where other photos show the same ground: u, v [px] and scale by photo number.
+    """Return the places of the same ground in other photos: u, v [px] and scale by photo number.
 
     Parameters
     ----------
     survey, last
-        The project, and its last full adjustment, where there is one.
+        Project, and its last full adjustment, if there is one.
     asked
         Photo and pixel.
     index
@@ -90,20 +90,20 @@ def same_ground_json(
 
 
 def ties_json(ties: TiePicks, asked: Ties) -> Json:
-    """Where a photo shows tie points, to a tenth of a pixel."""
+    """Return the tie points in a photo, to a tenth of a pixel."""
     own = np.array([name == asked.image for name in ties.image], dtype=np.bool_)
     return {"places_px": np.round(ties.pixel_px[own], 1).tolist()}
 
 
 def side_json(last: Adjusted | None, asked: SideView) -> Json:
-    """Points of a measurement along it: station, height and ground below [m] with their sigmas.
+    """Return a measurement's points along it: station, height and ground below [m] with sigmas.
 
     Parameters
     ----------
     last
-        The last full adjustment, where there is one.
+        Last full adjustment, if there is one.
     asked
-        Which measurement.
+        Name of the measurement.
     """
     found = None if last is None else side_view(last, asked.name)
     if found is None:

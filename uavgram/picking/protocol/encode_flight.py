@@ -1,4 +1,4 @@
-"""The flight as JSON for the page's map: where the log was when, around the photos."""
+"""The flight as JSON for the page's map: track of the log during and around the photos."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from uavgram.pipeline.pick.live import LiveSurvey
 MOST_VERTICES = 300
 
 BEFORE_AND_AFTER = 0.25
-"""Of the time between the first photo and the last: so much is shown on both sides."""
+"""Time shown before the first and after the last photo, as a share of the time between them."""
 
 LEAST_BEFORE_S = 5.0
 
 
 def flight_json(survey: LiveSurvey) -> Json | None:
-    """The track around the photos, and the camera clock's readings; None without seed poses.
+    """Return the track around the photos; None without seed poses.
 
     ``track`` is [UTC time s, east m, north m], empty where the photos state their own places.
     """
@@ -32,14 +32,14 @@ def flight_json(survey: LiveSurvey) -> Json | None:
 
 
 def around(track: Track, time_utc_s: Floats) -> Floats:
-    """(n, 3) time, east and north of the track while photos were taken, and some time more.
+    """Return (n, 3) time, east and north of the track while photos were taken, and some time more.
 
     Parameters
     ----------
     track
-        Of the flight.
+        Track of the flight.
     time_utc_s
-        (F,) of the photos, NaN where not known.
+        (F,) times of the photos, NaN where not known.
     """
     vertices = np.column_stack([track.position_time_s, track.position_world_m[:, :2]])
     known = time_utc_s[np.isfinite(time_utc_s)]

@@ -1,4 +1,4 @@
-"""What would put a result right, as the changes that the page's buttons send."""
+"""Remedies of a result as JSON: the changes that the page's buttons send."""
 
 from __future__ import annotations
 
@@ -14,23 +14,21 @@ Json = dict[str, Any]
 def mends_json(
     remedies: Iterable[Remedy | None], lines: KnownLines, index: Mapping[str, int]
 ) -> list[Json]:
-    """Words of a button and its changes, for each remedy that changes what is written.
+    """Return the button text and the changes of each remedy that edits the inputs.
 
-    One that asks for a length to be read again changes nothing by itself: it ``opens`` that length.
+    A remedy that asks to read a length again changes nothing by itself: it ``opens`` that length.
 
     Parameters
     ----------
     remedies
-        Likeliest first; None where there is none.
+        Remedies, likeliest first; None for a cause without one.
     lines
-        Known lengths as they were taken.
+        Known lengths as adjusted.
     index
         Numbers of the photos by name.
 
-    Notes
-    -----
-    A remedy of a photo or a length that the page does not have is left out: half of it would be
-    worse than nothing.
+    Notes ----- A remedy for a photo or a length that the page does not have is left out: applying
+    half of it would be worse than nothing.
     """
     found: list[Json] = []
     for remedy in dict.fromkeys(one for one in remedies if one is not None):
@@ -46,7 +44,7 @@ def mends_json(
 
 
 def _change(one: Correction, lines: KnownLines, index: Mapping[str, int]) -> Json | None:
-    """A change as the page sends it; None where the page has no such thing."""
+    """Return a change in the form that the page sends; None if the page has no such item."""
     if one.action in ("length", "ends", "remove-length"):
         return _line(one, lines)
     if one.frame and one.frame not in index:

@@ -18,17 +18,17 @@ _DIGITS = 7
 
 
 def number(value: float, digits: int = _DIGITS) -> float | None:
-    """A number as JSON can hold it; None where it is none."""
+    """Return a number rounded for JSON; None if it is not finite."""
     return round(float(value), digits) if math.isfinite(value) else None
 
 
 def numbers(values: Iterable[float], digits: int = _DIGITS) -> list[float | None]:
-    """Numbers as JSON can hold them."""
+    """Return numbers rounded for JSON."""
     return [number(value, digits) for value in values]
 
 
 def expected_json(places: KnownPlaces, index: Mapping[str, int]) -> list[Json]:
-    """Where points with known coordinates should appear."""
+    """Return the expected places of points with known coordinates."""
     return places_json(places.frame_id, places.label, places, index)
 
 
@@ -38,14 +38,14 @@ def places_json(
     places: KnownPlaces | PredictedPixels,
     index: Mapping[str, int],
 ) -> list[Json]:
-    """Labels in photos where nobody has picked them, with their spread.
+    """Return labels in photos in which they are not picked, with error ellipses.
 
     Parameters
     ----------
     frames, labels
-        (n,) names of the photos, and of what is there.
+        (n,) names of the photos, and labels of the points.
     places
-        Where, with covariances.
+        Pixels with covariances.
     index
         Numbers of the photos by name.
     """
@@ -62,7 +62,8 @@ def places_json(
 
 
 def ellipse_json(covariance_px2: Floats) -> Json:
-    """One-sigma half-axes [px], and the direction of the major one from u towards v [deg]."""
+    """Return one-sigma half-axes [px] and the direction of the major one from u towards v [deg]."""
+    # eigenvalues in ascending order: variances along the minor and the major axis
     value, vector = np.linalg.eigh(covariance_px2)
     minor, major = np.sqrt(np.maximum(value, 0.0))
     turn_deg = math.degrees(math.atan2(vector[1, 1], vector[0, 1]))

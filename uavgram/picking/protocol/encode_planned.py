@@ -1,4 +1,4 @@
-"""What was planned before the flight, as JSON for the page: lines to tape, plates to lay."""
+"""Plan made before the flight as JSON for the page: lines to tape, plates to put down."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NOT_SOUGHT = (
 
 
 def planned_json(planned: FlightPlanned | None, units: Units, *, sought: bool) -> Json:
-    """What is to be laid, in its order: names, labels, and where it is, in words.
+    """Return the planned lines and plates in their order: names, labels and places in words.
 
     Lengths are words only: a planned length is no reading of a tape.
 
@@ -27,9 +27,9 @@ def planned_json(planned: FlightPlanned | None, units: Units, *, sought: bool) -
     planned
         The plan, if there is one.
     units
-        Of the project.
+        Units of the project.
     sought
-        Whether the project says what plates are to be looked for.
+        Whether the project file describes the plates to search for.
     """
     if planned is None:
         return {"lines": [], "plates": [], "why": ""}

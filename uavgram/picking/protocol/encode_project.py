@@ -27,11 +27,14 @@ from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, p
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
 
 CENTRE_SIGMA_SHARE = 0.01
-"""Of the image's width: a principal point known worse than that tilts every single photo."""
+"""Largest sigma of the principal point without a warning, as a share of the image width.
+
+A larger error tilts every single photo.
+"""
 
 
 def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
-    """The photos in the order of their numbers, and how each was matched and seeded."""
+    """Return the photos in the order of their numbers, with match to the log and seed pose."""
     posed = survey.posed
     frames = None if posed is None else posed.frames
     seeds = _seeds(posed)
@@ -56,7 +59,7 @@ def photos_json(survey: LiveSurvey, sizes: tuple[PhotoSize, ...]) -> list[Json]:
 
 
 def control_lines_json(inputs: Inputs) -> list[Json]:
-    """Lines of known position, and the labels that were picked on each."""
+    """Return lines of known position, and the labels that were picked on each."""
     lines = inputs.control_lines
     return [
         {"name": name, "points": list(points)}
@@ -65,13 +68,13 @@ def control_lines_json(inputs: Inputs) -> list[Json]:
 
 
 def named_labels(inputs: Inputs) -> list[str]:
-    """Labels of tables that the page does not show, and those painted on the sample's ground."""
+    """Return the labels of tables that the page does not show, and those painted in the sample."""
     names = {*chain(*inputs.known.points, *inputs.control_lines.points)}
     return sorted(names.union(PAINTED if is_sample(Path(inputs.project_path)) else ()))
 
 
 def sample_json(inputs: Inputs) -> Json | None:
-    """Where the sample has the readings of its tape, and what they are; None of other projects."""
+    """Return file and text of the sample's tape readings; None for other projects."""
     file = inputs.folder / TAPED
     if not is_sample(Path(inputs.project_path)) or not file.is_file():
         return None
@@ -79,7 +82,7 @@ def sample_json(inputs: Inputs) -> Json | None:
 
 
 def _seeds(posed: Posed | None) -> dict[str, Json]:
-    """The seed poses: centres (e n u) with sigmas [m], sigma of the directions together [deg]."""
+    """Return seed poses by photo: centres (e n u), sigmas [m], total sigma of directions [deg]."""
     if posed is None or posed.telemetry is None:
         return {}
     poses = posed.telemetry.poses
@@ -97,7 +100,7 @@ def _seeds(posed: Posed | None) -> dict[str, Json]:
 
 
 def _pairs(posed: Posed | None) -> dict[str, Json]:
-    """How each photo fits the camera event it was paired with."""
+    """Return the fit of each photo to the camera event it was paired with."""
     if posed is None or posed.pairing is None:
         return {}
     pairing = posed.pairing
@@ -112,7 +115,7 @@ def _pairs(posed: Posed | None) -> dict[str, Json]:
 
 
 def clock_json(survey: LiveSurvey) -> Json | None:
-    """The camera's clock against UTC as assumed before the adjustment; None without a log."""
+    """Return the camera clock minus UTC as assumed before the adjustment; None without a log."""
     posed = survey.posed
     if posed is None or posed.telemetry is None or survey.inputs.log is None:
         return None
@@ -127,7 +130,7 @@ def clock_json(survey: LiveSurvey) -> Json | None:
 
 
 def camera_json(survey: LiveSurvey) -> Json:
-    """What is known of the camera: parameters, sigmas, where they come from, what is odd."""
+    """Return the camera: parameters, sigmas, their source, and remarks."""
     inputs = survey.inputs
     calibration = inputs.calibration
     _, *cells = parameter_cells(calibration)
@@ -151,7 +154,7 @@ def _file(inputs: Inputs) -> str:
 
 
 def _source(inputs: Inputs) -> list[str]:
-    """Where the parameters come from."""
+    """Return the source of the parameters, in sentences."""
     file = inputs.project.camera_file
     if file is None:
         how = f"(`camera: {inputs.project.camera}`)"
@@ -161,7 +164,7 @@ def _source(inputs: Inputs) -> list[str]:
     provenance: CameraProvenance | None = None
     try:
         provenance = read_camera(file).provenance
-    except UavgramError:  # it is gone or was changed since it was read: nothing more is known
+    except UavgramError:  # deleted or changed since it was read: nothing more is known
         return ["The file cannot be read any more."]
     if provenance is None:
         return ["The file does not say how it was made."]
@@ -174,12 +177,12 @@ def _about_camera(inputs: Inputs) -> list[Message]:
 
 
 def _is_unknown(inputs: Inputs) -> bool:
-    """Whether its message says already how little its sigmas are worth."""
+    """Return whether a message already warns of the poor camera sigmas."""
     return any(message.code == UNKNOWN_CAMERA for message in inputs.messages)
 
 
 def _judged(calibration: Calibration) -> list[Message]:
-    """What a person should know of these sigmas before trusting a length."""
+    """Return warnings about camera sigmas that limit the lengths."""
     sigma = np.sqrt(calibration.covariance.diagonal())
     if not sigma.any():
         text = (

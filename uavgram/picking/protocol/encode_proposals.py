@@ -1,4 +1,4 @@
-"""What the program found of picked labels in other photos, and what is to be picked by hand."""
+"""Proposed picks in other photos, and labels to be picked by hand, as JSON."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from uavgram.picking.protocol.encode_survey import Json
 def proposals_json(
     outcomes: Outcomes, index: Mapping[str, int], labels: Collection[str], left: int
 ) -> Json:
-    """All that stands of some labels.
+    """Return all search results of some labels.
 
     Parameters
     ----------
     outcomes
-        What was sought.
+        Search results.
     index
         Numbers of the photos by name.
     labels
-        Which labels to tell of.
+        Labels whose results are wanted.
     left
-        Number of places that are still to be looked at.
+        Number of places still to be searched.
     """
     found, asked, sure = [], [], surely_found(outcomes)
     for (image, label), one in outcomes.items():

@@ -1,4 +1,4 @@
-"""Remarks on an adjustment as JSON: plain and at length, what they are of, and what mends them."""
+"""Remarks on an adjustment as JSON: short and detailed text, their subjects and remedies."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ NOTHING = Reason(cause="", text="")
 
 @dataclass(frozen=True)
 class Remarks:
-    """What remarks refer to.
+    """Survey to which remarks refer.
 
     Attributes
     ----------
     picks
-        How well each pick fits.
+        Fit of each pick.
     lines
-        Known lengths as they were taken.
+        Known lengths as adjusted.
     index
         Numbers of the photos by name.
     """
@@ -38,18 +38,18 @@ class Remarks:
     index: Mapping[str, int]
 
     def of_message(self, message: Message) -> Json:
-        """A warning that is no reason of the verdict."""
+        """Encode a warning that is no reason of the verdict."""
         return self.json(make_reason(message), message)
 
     def json(self, reason: Reason, at_length: Message | None = None) -> Json:
-        """A reason of the verdict.
+        """Encode a reason of the verdict.
 
         Parameters
         ----------
         reason
-            What is told.
+            The reason.
         at_length
-            The message that tells it with its statistics, where there is one.
+            Message that describes it with its statistics, if there is one.
         """
         return {
             "level": at_length.level if at_length else "warning",
@@ -65,9 +65,9 @@ class Remarks:
         }
 
     def _show(self, reason: Reason) -> Json | None:
-        """The pick that fits worst of those that a reason speaks of; None where it names none.
+        """Return the worst-fitting of the picks that a reason names; None if it names none.
 
-        Of lengths in a photo that shows both ends, where there is one: there the length is drawn.
+        For a length, in a photo that shows both ends, if there is one: the length is drawn there.
         """
         frames, ends = set(reason.frames), self._ends(reason)
         labels = set(reason.labels) | ends
@@ -80,19 +80,19 @@ class Remarks:
             if not named or image not in self.index:
                 continue
             off = math.hypot(*self.picks.residual_px[row].tolist())
-            # What was left out has no residual: it is what is to be looked at.
+            # A pick that was left out has no residual; show it first.
             off = off if math.isfinite(off) else math.inf
             if off > size:
                 worst, size = {"image": self.index[image], "label": label}, off
         return worst
 
     def _ends(self, reason: Reason) -> set[str]:
-        """Labels between which the lengths are of which a reason speaks."""
+        """Return the end labels of the lengths that a reason names."""
         rows = [i for i, name in enumerate(self.lines.name) if name in reason.lengths]
         return {one for i in rows for one in (self.lines.start[i], self.lines.end[i])}
 
     def _photos_of(self, labels: set[str]) -> set[str]:
-        """Photos in which all of some labels are picked."""
+        """Return the photos in which all of some labels are picked."""
         seen: dict[str, set[str]] = {}
         for image, label in zip(self.picks.image, self.picks.label, strict=True):
             seen.setdefault(image, set()).add(label)

@@ -1,4 +1,4 @@
-"""What a run wrote, as the page's results show it: the words of the report's first page."""
+"""Results of a run as the page shows them: the words of the report's first page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from uavgram.views.wording import measurement_text, shapes_first
 
 
 def results_json(result: Result) -> Json:
-    """Verdict, measurements and case of a result, in the units of its project."""
+    """Return verdict, measurements and case of a result, in the units of its project."""
     words, units = verdict_words(result), units_of(result)
     keep, exact = names_like_lengths(result), exact_lengths(result)
 
@@ -52,7 +52,7 @@ def results_json(result: Result) -> Json:
 
 
 def plan_in(report: bytes) -> bytes | None:
-    """The plan on the first page of a report, as a drawing of its own; None where there is none."""
+    """Extract the plan on a report's first page as a separate drawing; None if there is none."""
     begin = report.find(b'<svg class="drawing"')
     end = report.find(b"</svg>", begin)
     if begin < 0 or end < 0:

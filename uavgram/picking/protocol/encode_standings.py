@@ -1,6 +1,6 @@
-"""How far each point, length and photo can be trusted, and the smallest error that would show.
+"""Status of each point, length and photo as JSON, and minimal detectable biases.
 
-What the verdict says of the whole survey is told here of its rows, so that the page judges nothing.
+The verdict on the whole survey is applied to its rows here, so that the page judges nothing.
 """
 
 from __future__ import annotations
@@ -23,8 +23,10 @@ from uavgram.views.wording import UNIT_WORDS, number, size_text
 Json = dict[str, Any]
 
 READING_ERROR_M = 0.1
-"""A tape read wrongly is off by this at least where a digit of the decimetres was: a length in
-which it would not show is no check of its own reading."""
+"""Assumed error of a misread tape [m]: one digit of the decimetres, at least.
+
+A length with a larger minimal detectable bias does not check its own reading.
+"""
 
 UNCHECKED_POINT = (
     "Nothing checks it: a wrong click here would not show. Mark it in one more photo, or tape a "
@@ -42,7 +44,7 @@ REJECTED_PHOTO = "It does not fit the others and was left out."
 
 
 def point_standings(result: Result) -> dict[str, Json]:
-    """Status of each point, and why."""
+    """Return the status of each point, and its reason."""
     picks, named = result.picks, named_picks(result.verdict)
     redundancy: dict[str, float] = {}
     states: dict[str, set[str]] = {}
@@ -68,7 +70,7 @@ def point_standings(result: Result) -> dict[str, Json]:
 
 
 def length_standings(result: Result) -> list[Json]:
-    """Status of each known length, why, and the smallest error in it that would show."""
+    """Return the status of each known length, its reason, and its minimal detectable bias."""
     return [
         {**_length(result, i), "shows": shows} for i, shows in enumerate(_shown_by_lengths(result))
     ]
@@ -90,7 +92,7 @@ def _length(result: Result, i: int) -> Json:
 
 
 def photo_standings(result: Result) -> list[Json]:
-    """Status of each photo, and why."""
+    """Return the status of each photo, and its reason."""
     frames, verdict = result.frames, result.verdict
     standings = []
     for name, status in zip(frames.frame_id, frames.status, strict=True):
@@ -100,7 +102,7 @@ def photo_standings(result: Result) -> list[Json]:
             standings.append(_standing(verdict, own, iter(reasons)))
         elif status == "refined" or reasons:
             standings.append(_standing(verdict, ("ok", ""), iter(reasons)))
-        else:  # it takes no part: nothing of it is shown that could be wrong
+        else:  # the photo takes no part: nothing shown depends on it
             standings.append({"status": "ok", "words": "", "why": ""})
     return standings
 
@@ -111,9 +113,9 @@ _RANK: dict[MeasurementStatus, int] = {"ok": 0, "not-checked": 1, "doubtful": 2,
 def _standing(
     verdict: Verdict, own: tuple[MeasurementStatus, str], reasons: Iterator[Reason]
 ) -> Json:
-    """The worse of what is known of a row itself and what the verdict says of it.
+    """Return the worse of a row's own status and the status that follows from the verdict.
 
-    Of a red result nothing is in order: what a reason names is contradicted, all else doubtful.
+    In a red result no row is ok: a row that a reason names is contradicted, all others doubtful.
     """
     status, why = own
     reason = next(reasons, None)
@@ -129,7 +131,7 @@ def _standing(
 
 
 def _shown_by_lengths(result: Result) -> list[str]:
-    """Of each known length that is used, the smallest error that would show, and what it does."""
+    """Return the minimal detectable bias of each used length in words, with its effect."""
     lines, evidence, unit_of = result.lines, result.evidence, _units(result)
     found = []
     for i, status in enumerate(lines.status):
@@ -147,14 +149,14 @@ def _shown_by_lengths(result: Result) -> list[str]:
 
 
 def shown_by_measurements(rows: MeasurementResults, links: WeakestLinks | None) -> list[str]:
-    """Of each measurement that nothing checks, in what no error would show; empty for others.
+    """Name the observation without redundancy of each unchecked measurement; empty for others.
 
     Parameters
     ----------
     rows
         The M measurements.
     links
-        Of each what nothing checks; None where nobody asked.
+        Unchecked observations of each measurement; None if they were not computed.
     """
     found = [""] * len(rows.name)
     for i, status in enumerate(rows.status):
@@ -169,7 +171,7 @@ def shown_by_measurements(rows: MeasurementResults, links: WeakestLinks | None) 
 
 
 def unseen_errors(result: Result) -> str:
-    """One sentence on the lengths in which a wrong reading would not show; empty without one."""
+    """Return a sentence on lengths in which a misread tape would not show; empty without one."""
     lines = result.lines
     weak = [
         name

@@ -32,7 +32,7 @@ _PIXEL_DIGITS = 4
 
 
 def state_json(state: State, index: Mapping[str, int]) -> Json:
-    """All of a state; `index` numbers the photos."""
+    """Return a whole state; `index` numbers the photos."""
     return {
         "picks": [_pick(pick, index) for pick in state.picks if not pick.again],
         "repeated": _repeated(state, index),
@@ -42,12 +42,12 @@ def state_json(state: State, index: Mapping[str, int]) -> Json:
 
 
 def difference_json(before: State, after: State, index: Mapping[str, int]) -> Json:
-    """What the page must change to show another state.
+    """Return the changes that turn one displayed state into another.
 
     Parameters
     ----------
     before, after
-        What it shows, and what it is to show.
+        Displayed state, and the state to display.
     index
         Numbers of the photos by name.
     """
@@ -68,12 +68,12 @@ def difference_json(before: State, after: State, index: Mapping[str, int]) -> Js
 
 
 def _repeated(state: State, index: Mapping[str, int]) -> list[tuple[int, str]]:
-    """Photo and label of each click that was made again, in their order."""
+    """Return photo and label of each repeated click, in their order."""
     return [(index[pick.image], pick.label) for pick in state.picks if pick.again]
 
 
 def _pick(pick: Pick, index: Mapping[str, int]) -> Json:
-    """Who made it is left out where a person did."""
+    """Encode a pick; fields on its origin are left out for a person's pick."""
     told = {**vars(pick), "image": index[pick.image], "from_image": index.get(pick.from_image)}
     del told["again"]
     if pick.source == "hand":
@@ -88,7 +88,7 @@ def _request(request: MeasurementRequest) -> Json:
 
 
 def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
-    """A full adjustment."""
+    """Encode a full adjustment."""
     result = adjusted.result
     return {
         "mode": "adjusted",
@@ -119,7 +119,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
 
 
 def messages_json(messages: Iterable[Message]) -> list[Json]:
-    """Remarks, each once, warnings and errors first, those of one kind as one."""
+    """Return remarks without duplicates, warnings and errors first, grouped by kind."""
     return [
         {"level": m.level, "code": m.code, "text": m.text, "labels": list(m.labels)}
         for m in order_messages(*messages)
@@ -127,7 +127,7 @@ def messages_json(messages: Iterable[Message]) -> list[Json]:
 
 
 def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
-    """A first-order answer: new values alone; everything else stays as it was."""
+    """Encode a first-order update: new values only; everything else stays unchanged."""
     base = quick.base.result
     survey = quick.base.adjustment.survey
     picks = zip(survey.pick_frame, survey.pick_label, quick.residual_px, strict=True)
@@ -148,12 +148,12 @@ def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
 
 
 def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
-    """Nothing can be adjusted yet, and why."""
+    """Return the answer when no adjustment is possible yet, with the reason."""
     return {"mode": "none", "why": why, "messages": messages_json(messages)}
 
 
 def _points(adjusted: Adjusted) -> Json:
-    """How well they are known, within the survey and against their neighbours; their heights."""
+    """Return sigmas of the points in the survey and relative to neighbours, and their heights."""
     points, standings = adjusted.result.points, point_standings(adjusted.result)
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
     found: Json = {
@@ -196,7 +196,7 @@ def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
 
 
 def _frames(result: Result, index: Mapping[str, int]) -> Json:
-    """Status by photo; of those adjusted the sigmas of the centre (e n u) and how far it moved."""
+    """Return status by photo; for adjusted ones the sigmas of the centre (e n u) and its shift."""
     frames, standings = result.frames, photo_standings(result)
     sigma = np.sqrt(np.einsum("fii->fi", frames.refined.covariance))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
@@ -212,7 +212,7 @@ def _frames(result: Result, index: Mapping[str, int]) -> Json:
 
 
 def _clock(result: Result) -> Json | None:
-    """Camera clock minus UTC after the adjustment; None without a log."""
+    """Return the camera clock minus UTC after the adjustment; None without a log."""
     offset = result.shared.clock_offset_s
     if offset is None:
         return None
@@ -263,7 +263,7 @@ def _checks(adjusted: Adjusted) -> list[Json]:
 
 
 def _control_lines(result: Result) -> Json:
-    """By name how far what was picked on each line lies beside it, and how that fits."""
+    """Return the offset of the points picked on each known line from it, and its fit, by name."""
     lines = result.control_lines
     return {
         name: {

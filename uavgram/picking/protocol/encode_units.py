@@ -1,6 +1,6 @@
-"""What the page is sent, with the lengths in its sentences in the units of the project.
+"""Sentences in messages to the page, converted to the project's units.
 
-Numbers stay in metres, as they are sent: the page shows them in these units itself.
+Numbers are sent in metres: the page converts them itself.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ from uavgram.picking.document.state import State
 from uavgram.views.unit_words import in_units, like_lengths, rising
 
 SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "shows", "unseen"})
-"""Keys of what people read."""
+"""Keys of sentences for people."""
 
 _WITHOUT = frozenset({"state", "diff", "picks", "predicted", "expected", "found", "asked"})
-"""Keys below which there are no sentences, but much else."""
+"""Keys below which there are no sentences, but much other data."""
 
 
 def names_to_keep(state: State) -> tuple[str, ...]:
-    """Names that people gave, and that look like lengths."""
+    """Return names given by people that look like lengths."""
     named = (
         *(pick.label for pick in state.picks),
         *(line.name for line in state.lines),
@@ -31,14 +31,14 @@ def names_to_keep(state: State) -> tuple[str, ...]:
 
 
 def lengths_of(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401 (JSON)
-    """Lengths that the sentences of a message tell rounded [m], rising.
+    """Return the lengths that the sentences of a message give rounded [m], ascending.
 
     Parameters
     ----------
     message
-        As it is sent.
+        Message as sent.
     state
-        What is picked.
+        Picked state.
     """
     values = [value for line in state.lines for value in (line.length_m, line.sigma_m)]
     if message.get("mode") == "adjusted":
@@ -54,18 +54,18 @@ def in_project_units(
     keep: Iterable[str],
     exact: Sequence[float] = (),
 ) -> Any:  # noqa: ANN401 (JSON)
-    """A message with its sentences in other units.
+    """Return a message with its sentences in other units.
 
     Parameters
     ----------
     message
         JSON.
     units
-        Of the project.
+        Units of the project.
     keep
-        Names that stay as they are.
+        Names that stay unchanged.
     exact
-        Lengths [m], rising, that are worded rounded.
+        Exact lengths [m], ascending, that the sentences give rounded.
     """
     worded = partial(in_units, units=units, keep=keep, exact=exact)
     inner = partial(in_project_units, units=units, keep=keep)
@@ -75,7 +75,7 @@ def in_project_units(
             return worded(value) if key in SENTENCES else value
         if key in _WITHOUT or not isinstance(value, dict | list):
             return value
-        if key in SENTENCES and all(isinstance(one, str) for one in value):  # several sentences
+        if key in SENTENCES and all(isinstance(one, str) for one in value):  # a list of sentences
             return [worded(one) for one in value]
         return inner(value, exact=exact)
 
@@ -83,7 +83,7 @@ def in_project_units(
         return [inner(one, exact=exact) for one in message]
     if not isinstance(message, dict):
         return message
-    if "changes" in message:  # a button says what it would make of a length
+    if "changes" in message:  # a button's text gives the length that it would set
         made = [change.get("length_m") for change in message["changes"]]
         exact = rising([*exact, *made])
         worded = partial(in_units, units=units, keep=keep, exact=exact)

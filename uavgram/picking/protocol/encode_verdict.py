@@ -1,4 +1,4 @@
-"""The one verdict on an adjustment as JSON: light, reasons, and how far each row can be trusted.
+"""The verdict on an adjustment as JSON: colour, reasons, and status of each measurement.
 
 All words are made here and in `views`, so that the page judges nothing itself.
 """
@@ -21,17 +21,17 @@ Json = dict[str, Any]
 
 
 def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) -> Json:
-    """Light and reasons.
+    """Return colour and reasons.
 
-    ``first`` is the likeliest reason in a sentence or two. ``why`` are all reasons with their
-    statistics, where that says more, then whatever else was warned of.
+    ``first`` is the likeliest reason in a sentence or two. ``why`` holds all reasons, with their
+    statistics where these add something, then all other warnings.
 
     Parameters
     ----------
     result
-        Of an adjustment.
+        Result of an adjustment.
     lines
-        The known lengths that it took.
+        Known lengths of that adjustment.
     index
         Numbers of the photos by name.
     """
@@ -50,7 +50,7 @@ def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) ->
 
 
 def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
-    """The message that tells a reason at length; None where there is none."""
+    """Return the detailed message of a reason; None if there is none."""
     opening = reason.text.removesuffix(".")
     for message in messages:
         if message.code == reason.cause and message.text.startswith(opening):
@@ -59,7 +59,7 @@ def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
 
 
 def measurement_standings(result: Result) -> list[Json]:
-    """How far each measurement can be trusted: a word where it is not in order, and why."""
+    """Return the status of each measurement: a word unless it is ok, and the reason."""
     rows = result.measurements
     unseen = {link["name"]: _sentence(link["weakest"]) for link in weakest_links(result)}
     standings = []
@@ -67,7 +67,7 @@ def measurement_standings(result: Result) -> list[Json]:
     for name, points, value, found in zip(
         rows.name, rows.points, rows.value.tolist(), rows.status, strict=True
     ):
-        if not math.isfinite(value):  # that there is none says it all
+        if not math.isfinite(value):  # an absent value needs no further words
             standings.append({"status": "ok", "words": "", "why": ""})
             continue
         status = "doubtful" if is_red and found == "not-checked" else found
@@ -84,7 +84,7 @@ def _sentence(words: str) -> str:
 
 
 def _reason(verdict: Verdict, name: str, points: tuple[str, ...]) -> str:
-    """The first reason that names a measurement or one of its points; else the first of all."""
+    """Return the first reason that names a measurement or one of its points, else the first."""
     for reason in verdict.reasons:
         if name in reason.measurements or not set(points).isdisjoint(reason.labels):
             return reason.text

@@ -11,25 +11,25 @@ from uavgram.model.arrays import Floats
 from uavgram.pipeline.pick.live import Adjusted
 
 DEGREE_DIGITS = 9
-"""A tenth of a millimetre."""
+"""Decimals of a degree: a tenth of a millimetre."""
 
 
 def places_on_earth(
     adjusted: Adjusted, label: Sequence[str], position_world_m: Floats
 ) -> dict[str, list[float]]:
-    """Latitude and longitude [deg] by label.
+    """Return latitude and longitude [deg] by label.
 
     Parameters
     ----------
     adjusted
-        Says which points are asked for, and where the local world lies.
+        Adjustment with the requested points and the origin of the local world.
     label, position_world_m
         (K,), (K, 3) points, as adjusted or moved since.
 
     Returns
     -------
     places
-        Empty where nothing ties the survey to the earth.
+        Empty if the survey is not tied to the earth.
     """
     world, requests = adjusted.result.world, adjusted.observed.requests
     asked = {request.points[0] for request in requests if request.kind == "coordinate"}

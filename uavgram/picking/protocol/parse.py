@@ -1,4 +1,4 @@
-"""Messages of the page -> commands and questions: everything that comes in is checked here.
+"""Messages of the page as commands and questions; all input is checked here.
 
 A message is a JSON object ``{"seq": n, "t": kind, ...}``, with ``"step"`` where several changes
 are one step for the user (a drag, a run of nudges). Photos are numbers, never names or paths.
@@ -39,7 +39,7 @@ MOST_PAIRS = 10_000
 MOST_CHANGES = 10_000
 LARGEST_INTEGER = 2**53
 
-_UNIT = re.compile(r"_(px|m)$")  # of a field; people know the field without it
+_UNIT = re.compile(r"_(px|m)$")  # of a field; shown to people without it
 
 _TARGETS: tuple[c.Target, ...] = ("any", "target")
 
@@ -50,7 +50,7 @@ Body = c.Command | c.Accept | c.Question | c.ProjectAction
 
 @dataclass(frozen=True)
 class PhotoSize:
-    """A photo that messages may name by its number: file name and stored size [px]."""
+    """Photo that messages may name by its number: file name and stored size [px]."""
 
     name: str
     width_px: int
@@ -59,16 +59,16 @@ class PhotoSize:
 
 @dataclass(frozen=True, kw_only=True)
 class Message:
-    """A checked message.
+    """Checked message.
 
     Attributes
     ----------
     seq
-        The page's own number; the answer carries it.
+        Sequence number given by the page; the answer carries it.
     step
         Changes with the same step (not 0) are undone together.
     final
-        Whether the step ends here: while it goes on, an approximate answer will do.
+        Whether the step ends here: until then an approximate answer suffices.
     body
         The command or question.
     """
@@ -80,12 +80,12 @@ class Message:
 
 
 def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
-    """Check a message and make a command or question of it.
+    """Check a message and convert it into a command or question.
 
     Raises
     ------
     RefusedError
-        Says what is wrong with it.
+        The message is not valid; the text gives the reason.
     """
     if len(text) > LONGEST_MESSAGE:
         _refuse(f"a message may have {LONGEST_MESSAGE} bytes")
@@ -115,7 +115,7 @@ def _parsed(fields: _Fields, seq: int) -> Message:
 
 
 def _read(command: type[Body], fields: _Fields) -> Body:
-    """A command of what the fields say, and of nothing else."""
+    """Build a command from the fields of a message; raises `RefusedError` if any is left over."""
     readers = _READERS | _OWN_READERS.get(command, {})
     given: dict[str, Any] = {
         one.name: readers[one.name](fields) for one in dataclasses.fields(command)
@@ -133,12 +133,12 @@ def _no_number(text: str) -> NoReturn:
 
 
 class _Fields:
-    """The fields of a message, taken out one by one.
+    """Reader of the fields of a message, one by one.
 
     Attributes
     ----------
     size, kind
-        Of the photo and the measurement that were named: what follows depends on them.
+        Size of the photo and kind of the measurement named last; later fields depend on them.
     """
 
     size: PhotoSize
@@ -204,7 +204,7 @@ class _Fields:
         return value
 
     def number(self, name: str, fault_of: Callable[[float], str] = number_fault) -> float:
-        """A number that a table may hold: the readers of the tables know what is wrong with one."""
+        """Take a number that a table may hold, checked with the faults of the table readers."""
         value = self._take(name)
         if not isinstance(value, int | float) or isinstance(value, bool):
             _refuse(f"{_UNIT.sub('', name)} must be a number")
@@ -232,14 +232,14 @@ class _Fields:
         return self.size
 
     def other_photo(self, name: str) -> str:
-        """Name of a photo, empty where none is given; what follows is in that photo."""
+        """Take the name of an optional photo, else empty; later pixels refer to that photo."""
         if self._data.get(name) is None:
             self._data.pop(name, None)
             return ""
         return self.photo(name).name
 
     def place(self, name: str, size: float) -> float:
-        """A coordinate in a photo of such a size."""
+        """Take a pixel coordinate in a photo of a given size."""
         return self.between(name, -0.5, size - 0.5)
 
     def optional_place(self, name: str, size: float) -> float | None:
@@ -253,7 +253,7 @@ class _Fields:
         return self.kind
 
     def pairs(self, name: str) -> tuple[tuple[str, str], ...]:
-        """Photos by number, each with a label."""
+        """Take pairs of photo, by number, and label."""
         values = self._take(name)
         if not isinstance(values, list) or not 0 < len(values) <= MOST_PAIRS:
             _refuse(f"{name} must be a list of 1 to {MOST_PAIRS} pairs of photo and label")
@@ -266,14 +266,14 @@ class _Fields:
         return tuple(found)
 
     def photos(self, name: str) -> tuple[str, ...]:
-        """Names of photos, given by their numbers."""
+        """Take photos by number and return their names."""
         values = self._take(name)
         if not isinstance(values, list) or not 0 < len(values) <= len(self._photos):
             _refuse(f"{name} must be a list of 1 to {len(self._photos)} photos")
         return tuple(_Fields({"image": value}, self._photos).photo().name for value in values)
 
     def changes(self, name: str) -> tuple[c.SingleChange, ...]:
-        """Changes, each as a message has it, without a number of its own."""
+        """Take changes, each like a message without sequence number."""
         values = self._take(name)
         if not isinstance(values, list) or not 0 < len(values) <= MOST_CHANGES:
             _refuse(f"{name} must be a list of 1 to {MOST_CHANGES} changes")
@@ -313,7 +313,7 @@ def _score_fault(value: float) -> str:
 
 _MODELS: tuple[LensModel, ...] = ("brown", "fisheye")
 
-# A field of a message has the name of the command's field, and means the same in all of them.
+# A field of a message has the name of the command's field, with one meaning in all commands.
 _READERS: dict[str, Callable[[_Fields], object]] = {
     "image": lambda f: f.photo().name,
     "u_px": lambda f: f.place("u_px", f.size.width_px),
@@ -355,7 +355,7 @@ _READERS: dict[str, Callable[[_Fields], object]] = {
     "model": lambda f: f.choice("model", _MODELS),
 }
 
-# Where a command's field means something else than in the others.
+# Fields that have another meaning in one command.
 _OWN_READERS: dict[type[Body], dict[str, Callable[[_Fields], object]]] = {
     c.Swap: {"image": lambda f: f.other_photo("image")},
 }

@@ -1,7 +1,7 @@
-"""A camera calibration from photos of a board, which runs while picking goes on.
+"""A camera calibration from photos of a board, running while picking continues.
 
-The page names a folder by the number under which it was listed, never by its path. One runs at a
-time, in a thread of its own (OpenCV works outside Python's lock), into a new folder.
+The page names a folder by the number under which it was listed, never by its path. One calibration
+runs at a time, in a thread of its own (OpenCV works outside Python's lock), into a new folder.
 """
 
 from __future__ import annotations
@@ -36,21 +36,21 @@ BROKEN_OFF = "it broke off (a fault of the program: its log says where)"
 
 
 class CalibrationJob:
-    """Where a camera is calibrated.
+    """Background job that calibrates a camera.
 
     Parameters
     ----------
     project
         The project file.
     broadcast
-        Called with what every page should know, from any thread.
+        Called from any thread with messages for all pages.
 
     Attributes
     ----------
     last_message
         The last message to the pages; empty before the first calibration.
     made
-        The camera file that the last calibration wrote; None where there is none.
+        Camera file written by the last calibration; None if there is none.
     """
 
     def __init__(self, project: Path, broadcast: Callable[[Json], None]) -> None:
@@ -65,16 +65,16 @@ class CalibrationJob:
 
     @property
     def report(self) -> Path | None:
-        """The report of the last calibration."""
+        """Path of the last calibration's report."""
         return None if self.made is None else self.made.with_name(REPORT)
 
     @property
     def is_busy(self) -> bool:
-        """Whether a calibration is running; no longer once its end was sent."""
+        """Whether a calibration is running; false once its end was sent."""
         return self.last_message.get("state") == "running"
 
     def folders(self) -> list[Json]:
-        """Folders near the project that hold photos; each keeps its number."""
+        """Return the folders near the project that hold photos; each keeps its number."""
         found = board_folders(self._project)
         beside = self._project.absolute().parent
         for folder in found:
@@ -96,7 +96,7 @@ class CalibrationJob:
         Raises
         ------
         UavgramError
-            One is running already, or folder or board are none.
+            A calibration is running already, or the folder or the board does not exist.
         """
         if self.is_busy:
             raise RefusedError("a calibration is running already")
@@ -112,18 +112,18 @@ class CalibrationJob:
         self._thread.start()
 
     def stop(self) -> None:
-        """End a calibration that is running; nothing of it is kept."""
+        """Stop a running calibration; nothing of it is kept."""
         self._stopped.set()
 
     def close(self) -> None:
-        """End, and wait for that."""
+        """Stop and wait for the end."""
         self.stop()
         if self._thread is not None:
             self._thread.join()
 
     def _work(self, folder: PhotoFolder, asked: Calibrate) -> None:
         options = CalibrationOptions(model=asked.model)
-        end: Json = {"state": "failed", "why": BROKEN_OFF}  # unless it ends in another way
+        end: Json = {"state": "failed", "why": BROKEN_OFF}  # unless it ends otherwise
         try:
             done = calibrate_folder(self._project, folder, asked.board, options, self._progress)
             end = {"state": "done", **_result(done, self._project.absolute().parent)}
@@ -131,7 +131,7 @@ class CalibrationJob:
         except UavgramError as why:
             end = {"state": "failed", "why": str(why)}
         finally:
-            self._send(**end)  # the last that is done here: the next one may begin
+            self._send(**end)  # last statement of the job: the next one may begin
 
     def _progress(self, items: Iterable[Item], what: str, total: int, /) -> Iterable[Item]:
         for k, item in enumerate(items):
@@ -146,7 +146,7 @@ class CalibrationJob:
 
 
 def _result(done: Calibrated, beside: Path) -> Json:
-    """What a calibration found, in words."""
+    """Return the findings of a calibration in words."""
     camera = done.account.result.calibration
     verdict = judge_calibration(done.account)
     return {
@@ -161,7 +161,7 @@ def _result(done: Calibrated, beside: Path) -> Json:
 
 
 def _short(path: Path, beside: Path) -> str:
-    """A path as seen from the project's folder."""
+    """Return a path relative to the project's folder."""
     if path == beside:
         return "the project's own folder"
     if path.is_relative_to(beside):

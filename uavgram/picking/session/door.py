@@ -1,7 +1,7 @@
-"""Where a page begins: a folder of this computer is chosen, looked through, and set up.
+"""Start of the page: choosing a folder of this computer, inspecting it, and setting it up.
 
-The page names a folder by the number under which it was listed, and files in it by the names that
-were found there: never by a path.
+The page names a folder by the number under which it was listed, and files by the names found in
+it: never by a path.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ PREVIEW_PX = 512
 
 
 class Door:
-    """Folders that may be chosen, by their numbers, and what was found in them.
+    """Folders that may be chosen, by their numbers, and the files found in them.
 
     Parameters
     ----------
     named
-        A folder that the user named in the terminal; None: none.
+        Folder named by the user in the terminal; None: none.
     roots
-        Whose folders may be listed.
+        Folders below which others may be listed; None: the home and the drives.
     """
 
     def __init__(self, named: Path | None = None, roots: Sequence[Path] | None = None) -> None:
@@ -52,7 +52,7 @@ class Door:
         self._recent: list[Path] = []
 
     def beginning(self) -> Json:
-        """Where a page begins: a folder that is set up at once, or where folders are chosen."""
+        """Return the start of the page: the folder to set up at once, or the choice of one."""
         named = self._named
         chosen = named if named is not None else self._present()
         return {
@@ -62,11 +62,11 @@ class Door:
         }
 
     def _is_chosen(self, named: Path) -> bool:
-        """Tell whether a named folder is one flight, and not a home with any content."""
+        """Return whether a named folder is one flight, and not a home with any content."""
         return named not in self._collections or count_photos(named).is_flight(self._collections)
 
     def _present(self) -> Path | None:
-        """The folder in which the program was started, or the home; None where it is neither."""
+        """Return the current folder at the start, or the home; None if neither may be listed."""
         for path in (Path.cwd(), *self._folders.roots[:1]):
             try:
                 return self._folders.checked(path.resolve())
@@ -75,7 +75,7 @@ class Door:
         return None
 
     def remember(self, project: Path) -> None:
-        """List a project's folder among those that were opened; begin with no other one."""
+        """Add a project's folder to those opened recently; forget the folder named by the user."""
         self._named = None
         folder = project.resolve().parent
         self._recent = [folder, *(one for one in self._recent if one != folder)][:MOST_RECENT]
@@ -83,16 +83,16 @@ class Door:
             self._folders = Browsable((*self._folders.roots, folder))
 
     def choose(self, folder: Path) -> None:
-        """Begin with this folder."""
+        """Start with this folder."""
         self._named = folder.resolve()
 
     def listed(self, number: str) -> Json:
-        """Folders in a folder, and the way to it; empty: where folders begin.
+        """Return the folders in a folder, and the path to it; an empty number lists the roots.
 
         Raises
         ------
         UavgramError
-            It may not be shown, or cannot be read.
+            The folder may not be shown, or cannot be read.
         """
         if not number:
             return {
@@ -117,12 +117,12 @@ class Door:
         }
 
     def looked(self, number: str) -> Json:
-        """What a folder holds for a project.
+        """Return the files of a folder that a project can use.
 
         Raises
         ------
         UavgramError
-            It may not be shown, cannot be read, or holds too much.
+            The folder may not be shown, cannot be read, or holds too much.
         """
         folder = self._folder(number)
         found = self._found[folder] = look_through(folder)
@@ -138,7 +138,7 @@ class Door:
         }
 
     def picture(self, number: str, group: str) -> bytes:
-        """JPEG of the first photo of a kind that was found.
+        """Return a JPEG of the first photo of a group.
 
         Raises
         ------
@@ -155,28 +155,28 @@ class Door:
         return read_preview(str(path), PREVIEW_PX)[0].jpeg
 
     def meant(self, request: bytes) -> Path:
-        """Return the project file that a request is about, without links; it may not exist yet.
+        """Return the project file named by a request, without links; it may not exist yet.
 
         Raises
         ------
         UavgramError
-            There is no such folder.
+            The folder does not exist.
         """
         return (self._folder(str(_object(request).get("folder", ""))) / PROJECT).resolve()
 
     def begin(self, request: bytes) -> Path:
-        """Set up a project as a page asks for it; return its file.
+        """Set up a project as a page requests it, and return its file.
 
         Raises
         ------
         UavgramError
-            The request asks for what was not found, the photos cannot be used as they are, or
+            The request names files that were not found, the photos cannot be used as they are, or
             nothing can be written.
         """
         fields = _object(request)
         folder = self._folder(str(fields.get("folder", "")))
         found = self._found.get(folder)
-        if fields.get("setup") is None:  # as it is
+        if fields.get("setup") is None:  # open the existing project unchanged
             if not (folder / PROJECT).is_file():
                 raise RefusedError("the folder has no project yet: look through it first")
             return folder / PROJECT
@@ -224,7 +224,7 @@ def _no_number(text: str) -> NoReturn:
 
 
 def _wanted(fields: dict[str, Any], found: FoundInFolder) -> Wanted:
-    """What a page asks for, where all that it names was found."""
+    """Return the set-up requested by a page, after checking that all named files were found."""
     patterns = [photos.pattern for photos in found.photos]
     images = fields.get("images", [])
     if not isinstance(images, list) or not all(one in patterns for one in images):

@@ -1,4 +1,4 @@
-"""Workers in the background that only ever care for the newest of what they are handed."""
+"""Background workers that process only the newest of their tasks."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ Task = TypeVar("Task")
 
 
 class Newest(Generic[Task]):
-    """The newest task, and the threads that work on it; older tasks are passed over.
+    """The newest task, and the threads that work on it; older tasks are skipped.
 
     Parameters
     ----------
     workers
-        What each thread runs, by its name: until `newer` gives nothing any more.
+        Function that each thread runs, by its name: until `newer` returns None.
 
     Attributes
     ----------
     changed
-        Held while the attributes are read or set; told when they change.
+        Condition held while the attributes are read or set; notified when they change.
     task
-        The newest; None before the first.
+        The newest task; None before the first.
     is_over
         Whether the threads are to end.
     """
@@ -36,7 +36,7 @@ class Newest(Generic[Task]):
         ]
 
     def start(self) -> None:
-        """Begin to work."""
+        """Start the threads."""
         for thread in self._threads:
             thread.start()
 
@@ -47,18 +47,18 @@ class Newest(Generic[Task]):
             self.changed.notify_all()
 
     def newer(self, than: Task | None) -> Task | None:
-        """Wait for a newer task than the last one; None when it is over."""
+        """Wait for a task newer than the last one; None after `stop`."""
         with self.changed:
             self.changed.wait_for(lambda: self.task is not than or self.is_over)
             return None if self.is_over else self.task
 
     def is_outdated(self, task: Task) -> bool:
-        """Whether there is a newer task, or it is over."""
+        """Return whether there is a newer task, or `stop` was called."""
         with self.changed:
             return self.task is not task or self.is_over
 
     def stop(self) -> None:
-        """End the threads, each after what it is at."""
+        """End the threads, each after its present task."""
         with self.changed:
             self.is_over = True
             self.changed.notify_all()

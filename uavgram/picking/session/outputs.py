@@ -1,4 +1,4 @@
-"""What a run wrote, for the page: report, tables and drawings by name, and the recording."""
+"""Outputs of a run for the page: report, tables and drawings by name, and the recording."""
 
 from __future__ import annotations
 
@@ -33,11 +33,11 @@ FILES = {
     "ground.tif": "Picture of the ground, to scale (GeoTIFF)",
     RESULTS: "All results (JSON)",
 }
-"""Files that the page hands out, and what they are; nothing else is."""
+"""Files that the page serves, with their titles; no others are served."""
 
 
 class Outputs:
-    """The files of a project's output folder.
+    """Files of a project's output folder.
 
     Parameters
     ----------
@@ -47,8 +47,7 @@ class Outputs:
     Attributes
     ----------
     made_of
-        Digests of the inputs that the results were made of, as `look` last found them; None where
-        there are no results.
+        Digests of the inputs of the results, as `look` last found them; None without results.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -60,7 +59,7 @@ class Outputs:
         self.look()
 
     def look(self) -> None:
-        """Find out what the results were made of, whoever wrote them; slow where they are new."""
+        """Read the inputs of the results, even if another program wrote them; slow when new."""
         stamp = stamp_of(self.folder / RESULTS)
         if stamp == self._stamp:
             return
@@ -70,7 +69,7 @@ class Outputs:
             self.made_of = frozenset(str(one["sha256"]) for one in inputs.values())
 
     def shown(self) -> Json | None:
-        """What the results say, in words; None where there are none that can be read."""
+        """Return the results in words; None if there are none or they cannot be read."""
         if not self._has(RESULTS):
             return None
         with suppress(UavgramError):
@@ -78,17 +77,17 @@ class Outputs:
         return None
 
     def plan(self) -> bytes | None:
-        """The plan of the report, as SVG; None where there is none."""
+        """Return the plan of the report as SVG; None if there is none."""
         report = self.read(REPORT)
         return None if report is None else plan_in(report)
 
     @property
     def stamp(self) -> str:
-        """Another one for each results.json, as `look` last found it; empty where there is none."""
+        """Identifier that changes with each results.json that `look` finds; empty without one."""
         return "" if self._stamp is None else "-".join(map(str, self._stamp))
 
     def listed(self) -> list[Json]:
-        """Files that are there, and what they are."""
+        """Return the existing files with their titles."""
         return [{"name": name, "words": words} for name, words in FILES.items() if self._has(name)]
 
     @property
@@ -97,7 +96,7 @@ class Outputs:
         return self._has(RECORDING)
 
     def _has(self, name: str) -> bool:
-        """Whether a run wrote this file; what a link leads to is somebody else's."""
+        """Return whether this file exists as a run wrote it; links are not followed."""
         path = self.folder / name
         with suppress(OutputError):
             check_own(path)
@@ -105,7 +104,7 @@ class Outputs:
         return False
 
     def read(self, name: str) -> bytes | None:
-        """Content of one of `FILES`; None where it is not there, a link, or none of them."""
+        """Return the content of one of `FILES`; None if it is missing, a link, or another file."""
         if name not in FILES:
             return None
         with suppress(OSError, OutputError):
@@ -113,7 +112,7 @@ class Outputs:
         return None
 
     def viewer(self) -> str:
-        """Address of the Rerun viewer with the recording, on this machine only.
+        """Return the address of the Rerun viewer with the recording, on this machine only.
 
         Raises
         ------
@@ -129,7 +128,7 @@ class Outputs:
             return self._viewer.address
 
     def close(self) -> None:
-        """End the viewer."""
+        """Stop the viewer."""
         with self._opening:
             self._stop()
 

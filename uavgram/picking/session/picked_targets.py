@@ -1,4 +1,4 @@
-"""Chequers, crosses and discs that a person picked: in other photos they tell their own centre.
+"""Chequers, crosses and discs picked by a person: their centres are measured in other photos.
 
 A match carries the click's error along; the target's centre does not.
 """
@@ -19,7 +19,7 @@ from uavgram.stages.match import Pair
 
 
 class PickedTargets:
-    """Targets at picks, and where the matching found what is around them.
+    """Targets at picks, and their centres at matches of those picks.
 
     Parameters
     ----------
@@ -34,18 +34,21 @@ class PickedTargets:
         self._known: dict[tuple[Pair, float, float], UncodedTarget | None] = {}
 
     def target_at(self, match: c.Place, affine: Floats) -> c.Place:
-        """The target itself where one was matched and is clear there, else the match.
+        """Return the target's centre if the pick is on a target that is clear at the match too.
+
+        Otherwise return the match.
 
         Parameters
         ----------
         match
-            What was found, and from where.
+            Match, with the pick that it was found from.
         affine
             (2, 2) d pixel there / d pixel of the pick.
         """
         own = self._at_pick(match)
         if own is None:
             return match
+        # map the offset from click to centre into the other photo: p' = p_match + A d
         aside = own.pixel_px - [match.from_u_px, match.from_v_px]
         place = np.array([match.u_px, match.v_px]) + affine @ aside
         photo = self._photos.photos.get(match.image)
@@ -67,7 +70,7 @@ class PickedTargets:
         )
 
     def _at_pick(self, match: c.Place) -> UncodedTarget | None:
-        """The target at the pick that a match was found from, looked at once."""
+        """Return the target at the source pick of a match; each pick is searched once."""
         u, v = match.from_u_px or 0.0, match.from_v_px or 0.0
         key = (match.from_image, match.label), u, v
         if key not in self._known:

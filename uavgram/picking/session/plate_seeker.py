@@ -1,6 +1,6 @@
-"""Coded plates are sought in every photo once, in the background, and proposed on the page.
+"""Background search for coded plates in every photo once; results are proposed on the page.
 
-A plate says itself which point each corner is, so this needs no pick and no pose.
+The code of a plate identifies the point at each corner, so this needs no pick and no pose.
 """
 
 from __future__ import annotations
@@ -28,26 +28,29 @@ from uavgram.stages.target_rows import TargetRow, asked_centers, rows_of
 log = logging.getLogger(__name__)
 
 MOST_PX = 13_000_000
-"""A larger photo is looked through reduced, so that the page and its memory do not notice; the
-plates that are found so are measured in the photo itself."""
+"""Largest photo searched at full resolution [px].
+
+A larger one is searched reduced, which saves time and memory of the page; the plates found are
+measured in the full photo.
+"""
 
 ReadReduced = Callable[[str, int], Image]
-"""Decodes a photo by name, with so many of its pixels per pixel each way: 1, 2, 4 or 8."""
+"""Decoder of a photo by name, reduced by an integer factor each way: 1, 2, 4 or 8."""
 
 
 class PlateSeeker:
-    """A worker that looks for a project's plates.
+    """Worker that searches for a project's plates.
 
     Parameters
     ----------
     inputs
-        The project; without `targets` nothing is sought.
+        The project; without `targets` the search is off.
     photos
         Grey pixels.
     read
-        Decodes reduced photos.
+        Decoder of reduced photos.
     proposed
-        Takes what was found.
+        Receiver of the results.
     """
 
     def __init__(
@@ -59,16 +62,16 @@ class PlateSeeker:
         self._newest: Newest[State] = Newest({"plates": self._work})
 
     def start(self) -> None:
-        """Begin to work."""
+        """Start the worker if the project describes targets."""
         if self._inputs.project.targets is not None:
             self._newest.start()
 
     def submit(self, state: State) -> None:
-        """Look on, and propose what is asked for now."""
+        """Continue the search, and propose the points that this state needs."""
         self._newest.submit(state)
 
     def stop(self) -> None:
-        """End after the photo under way."""
+        """End after the current photo."""
         self._newest.stop()
 
     def _work(self) -> None:
@@ -76,7 +79,7 @@ class PlateSeeker:
         while (state := self._newest.newer(state)) is not None:
             try:
                 self._seek(state)
-            except Exception:  # a fault of ours must not end the worker: picking goes on
+            except Exception:  # a bug here must not end the worker: picking goes on
                 log.exception("the search for plates failed")
 
     def _seek(self, state: State) -> None:
@@ -90,7 +93,7 @@ class PlateSeeker:
                 self._propose(state)
 
     def _sighted(self, name: str, targets: TargetOptions) -> tuple[SeenPlate, ...]:
-        """The plates in a photo; none where it cannot be read, as other searches tell of that."""
+        """Return the plates in a photo; none if it cannot be read, which other searches report."""
         try:
             if targets.is_board:
                 return sight_board_plate(self._photos.photos.get(name), parse_board(targets.family))
@@ -122,7 +125,7 @@ class PlateSeeker:
         self._proposed.put(new, gone=self._no_more(new))
 
     def _no_more(self, new: dict[Pair, Outcome]) -> list[Pair]:
-        """What was proposed of plates and is not asked for any more."""
+        """Return the proposals from plates that are no longer needed."""
         outcomes = self._proposed.outcomes
         return [pair for pair, one in outcomes.items() if one.source is None and pair not in new]
 

@@ -32,18 +32,18 @@ Keep = Callable[[Inputs], Tables]
 
 
 class OpenProject:
-    """A project, open for picking.
+    """Project that is open for picking.
 
     Parameters
     ----------
     survey, saver
-        The project, and who keeps its tables.
+        The project, and the store of its tables.
     run
         Runs the project from its files and writes its outputs.
     broadcast
-        Called with what every page should know, from any thread.
+        Called from any thread with messages for all pages.
     keep
-        Makes another saver, where the project is read again.
+        Makes a new store when the project is read again.
     """
 
     def __init__(
@@ -66,16 +66,16 @@ class OpenProject:
         self.refuses = ""
 
     def open(self) -> None:
-        """Begin."""
+        """Start the picking session."""
         self.picking.open()
 
     async def close(self, *, waits: bool) -> None:
-        """End what runs, save everything, let go of the project.
+        """Stop all work, save everything, and release the project.
 
         Parameters
         ----------
         waits
-            Whether a run that is under way comes to its end first.
+            Whether a current run is completed first.
         """
         self.calibration.stop()
         async with self._busy if waits else contextlib.nullcontext():
@@ -84,13 +84,13 @@ class OpenProject:
             self.picking.close()
 
     def _stop(self) -> None:
-        """End threads and processes of its own; wait for an adjustment under way."""
+        """End own threads and processes, after the current adjustment."""
         self.calibration.close()
         self.outputs.close()
         self.picking.stop()
 
     def initial_state(self) -> Json:
-        """Everything a page needs to begin."""
+        """Return everything that a page needs at its start."""
         return {
             **self.picking.initial_state(),
             "outputs": self._written(),
@@ -100,7 +100,7 @@ class OpenProject:
         }
 
     def look_outside(self) -> None:
-        """Tell the pages where another program changed a file of the project."""
+        """Notify the pages if another program changed a file of the project."""
         if self.refuses:
             return
         before = self._outside.last_changed
@@ -111,12 +111,12 @@ class OpenProject:
             self._broadcast({"t": "outputs", "outputs": written})
 
     async def do(self, action: c.ProjectAction) -> Json:
-        """Do what a page asks of the project as a whole; the answer is for that page.
+        """Carry out an action on the project as a whole; the answer is for that page only.
 
         Raises
         ------
         UavgramError
-            It cannot be done; says why.
+            The action is impossible; the message gives the reason.
         """
         match action:
             case c.Refuse():
@@ -143,8 +143,8 @@ class OpenProject:
         return {"t": "done"}
 
     async def _exported(self) -> Json:
-        """Save, run the project, and say which outputs there are; or why there are none."""
-        async with self._busy:  # one at a time, whatever many pages ask for
+        """Save and run the project; return its outputs, or the reason for none."""
+        async with self._busy:  # one at a time, even if several pages ask
             self.picking.save()
             if self.picking.fault:
                 return {"why": self.picking.fault}
@@ -157,7 +157,7 @@ class OpenProject:
         return {"outputs": written}
 
     async def _deal_with_aside(self, *, take: bool) -> int:
-        """Take over what an earlier session could not save, or let it be; how much does not fit."""
+        """Apply or discard the changes of an earlier session; return how many do not fit."""
         async with self._busy:
             if self._aside is None:
                 raise RefusedError("nothing is set aside any more")
@@ -174,7 +174,7 @@ class OpenProject:
         return changes_of(aside, self.picking.state, self.picking.index)
 
     def _written(self) -> Json:
-        """The outputs; with the number of the state that they show, where it is the present one."""
+        """Return the outputs, with the number of the present state if they were made from it."""
         made_of = self.outputs.made_of
         is_current = made_of is not None and made_of == self.picking.inputs_now()
         return {
@@ -200,12 +200,12 @@ class OpenProject:
         await self._reload()
 
     async def _reload(self) -> None:
-        """Take the files as they are now. What only the page has is kept beside them, or replayed.
+        """Read the files again; changes that only the page has are saved beside them, or replayed.
 
         Raises
         ------
         UavgramError
-            The project cannot be read as it is now: the page goes on with what it had.
+            The project cannot be read as it is now: the page continues with the former one.
         """
         async with self._busy:
             self.refuses = "the project is being read again: wait a moment"
@@ -224,7 +224,7 @@ class OpenProject:
     def _begin(self, survey: LiveSurvey) -> None:
         try:
             saver = self._keep(survey.inputs)
-        except UavgramError as why:  # changed once more in this very moment
+        except UavgramError as why:  # the files changed once more since
             self.refuses = f"{why}. Start `uavgram pick` again"
             log.warning("the project was let go: %s", why)
             return

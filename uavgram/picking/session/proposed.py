@@ -1,4 +1,4 @@
-"""What is proposed on the page, for the threads that find it and the person who says of it."""
+"""Proposals on the page, shared by the search threads and the person who accepts or refuses."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from uavgram.picking.document.proposals import (
 from uavgram.picking.document.state import State
 
 Tell = Callable[[Outcomes, Collection[str], int], None]
-"""Takes all outcomes, the labels of which some changed, and how many places are left to look at."""
+"""Receiver of all outcomes, the labels with changed ones, and the number of places left."""
 
 
 class Proposed:
-    """Outcomes of the search by photo and label.
+    """Search outcomes by photo and label.
 
     Parameters
     ----------
     tell
-        Called with what changed, by whoever changed it.
+        Called after each change, in the thread that made it.
     """
 
     def __init__(self, tell: Tell) -> None:
@@ -35,7 +35,7 @@ class Proposed:
 
     @property
     def outcomes(self) -> dict[Pair, Outcome]:
-        """What stands so far."""
+        """Copy of the present outcomes."""
         with self._changed:
             return dict(self._outcomes)
 
@@ -47,18 +47,18 @@ class Proposed:
         *,
         always: bool = False,
     ) -> None:
-        """Keep new outcomes; what somebody refused stays refused.
+        """Store new outcomes; refused ones stay refused.
 
         Parameters
         ----------
         new
-            By photo and label.
+            Outcomes by photo and label.
         left
-            Number of places that are still to be looked at.
+            Number of places still to be searched.
         gone
-            What is known no longer.
+            Photos and labels whose outcomes are void.
         always
-            Whether to tell it even where nothing changed.
+            Whether to notify even if nothing changed.
         """
         with self._changed:
             over = {pair for pair, one in self._outcomes.items() if one.is_over}
@@ -74,7 +74,7 @@ class Proposed:
             self._tell(told, labels, left)
 
     def let_go(self, state: State) -> None:
-        """Forget what was found from picks that are no longer there."""
+        """Remove outcomes whose source pick no longer exists."""
         with self._changed:
             before = self._outcomes
             self._outcomes = that_hold(before, state)
@@ -84,11 +84,11 @@ class Proposed:
             self._tell(told, gone, 0)
 
     def refuse(self, pairs: Collection[Pair]) -> None:
-        """Propose or ask for some no longer."""
+        """Stop proposing, or asking for, some labels."""
         self._set(refused, pairs)
 
     def reopen(self, pairs: Collection[Pair]) -> None:
-        """Know nothing of some that were refused."""
+        """Forget the outcomes of some refused proposals."""
         self._set(reopened, pairs)
 
     def _set(

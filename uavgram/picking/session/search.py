@@ -1,4 +1,4 @@
-"""All that the program seeks in a project's photos while somebody picks."""
+"""All background searches in a project's photos during picking."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from uavgram.pipeline.pick.live import LiveSurvey
 
 
 class Search:
-    """Picks sought in the other photos, and coded plates in all of them, on the same grey pixels.
+    """Search for picks in the other photos and for coded plates in all, on the same grey pixels.
 
     Parameters
     ----------
     survey
         The project.
     tell
-        Called with what changed, from any thread.
+        Called after each change, from any thread.
     """
 
     def __init__(self, survey: LiveSurvey, tell: Tell) -> None:
@@ -43,34 +43,34 @@ class Search:
 
     @property
     def outcomes(self) -> dict[Pair, Outcome]:
-        """What stands so far."""
+        """Copy of the present outcomes."""
         return self._proposed.outcomes
 
     def start(self) -> None:
-        """Begin to work."""
+        """Start the searches."""
         self._seeker.start()
         self._plates.start()
 
     def submit(self, wanted: Wanted) -> None:
-        """Seek, and propose, what fits these picks."""
+        """Search and propose for these picks."""
         self._seeker.submit(wanted)
         self._plates.submit(wanted.state)
 
     def refuse(self, pairs: Collection[Pair]) -> None:
-        """Propose or ask for some no longer."""
+        """Stop proposing, or asking for, some labels."""
         self._proposed.refuse(pairs)
 
     def reopen(self, pairs: Collection[Pair], wanted: Wanted) -> None:
-        """Seek after all what was refused."""
+        """Search for refused labels again."""
         self._proposed.reopen(pairs)
         self.submit(wanted)
 
     def read_ahead(self, names: Sequence[str]) -> None:
-        """Decode photos in this order, as many as have room."""
+        """Decode photos in this order, as many as memory allows."""
         self._grey.read_ahead(names)
 
     def stop(self) -> None:
-        """End after the photos under way."""
+        """End after the current photos."""
         self._seeker.stop()
         self._plates.stop()
         self._grey.stop()

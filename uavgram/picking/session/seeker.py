@@ -1,6 +1,6 @@
-"""Picked points are sought in the other photos, in the background: the newest picks first.
+"""Background search for picked points in the other photos, newest picks first.
 
-What it found is proposed, never picked: that is for a person to say.
+Matches are proposed, never picked: a person decides.
 """
 
 from __future__ import annotations
@@ -31,31 +31,31 @@ from uavgram.stages.match import CONTRADICTED, NARROWED_SHARE, pick_sigmas
 log = logging.getLogger(__name__)
 
 ALIKE = 0.8
-"""Correlation from which on what surrounds a match is alike, as the matching has it."""
+"""Least correlation, as in the matching, of a match's and its pick's surroundings to be alike."""
 
 AT_ONCE = 64
-"""Places that are looked at before what was found is told."""
+"""Number of places searched between two reports."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """Picks as they are now, and the last full adjustment, where there is one."""
+    """Present picks, and the last full adjustment, if there is one."""
 
     state: State
     last: Adjusted | None
 
 
 class Seeker:
-    """A worker that seeks picked points in the other photos.
+    """Worker that searches for picked points in the other photos.
 
     Parameters
     ----------
     survey
-        What is picked.
+        The project.
     photos
         Grey pixels.
     proposed
-        Takes what was found.
+        Receiver of the results.
     """
 
     def __init__(self, survey: LiveSurvey, photos: GreyPhotos, proposed: Proposed) -> None:
@@ -65,15 +65,15 @@ class Seeker:
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
 
     def start(self) -> None:
-        """Begin to work."""
+        """Start the worker."""
         self._newest.start()
 
     def submit(self, wanted: Wanted) -> None:
-        """Seek what these picks show; what is sought for older ones is left."""
+        """Search for these picks; the search for older ones is abandoned."""
         self._newest.submit(wanted)
 
     def stop(self) -> None:
-        """End after the photo under way."""
+        """End after the current photo."""
         self._newest.stop()
 
     def _work(self) -> None:
@@ -81,7 +81,7 @@ class Seeker:
         while (wanted := self._newest.newer(wanted)) is not None:
             try:
                 self._seek(wanted)
-            except Exception:  # a fault of ours must not end the worker: picking goes on
+            except Exception:  # a bug here must not end the worker: picking goes on
                 log.exception("the search in other photos failed")
 
     def _seek(self, wanted: Wanted) -> None:
@@ -100,7 +100,7 @@ class Seeker:
         self._known = frozenset(own)
 
     def _look(self, places: Places, wanted: Wanted, picks: Picks) -> bool:
-        """Look at what is not known; False where there is newer work before all was looked at."""
+        """Search unknown places; return False if newer work arrived before the end."""
         rows = self._unknown(places, wanted.state)
         left = len(rows)
         for some in self._batches(places, rows):
@@ -111,7 +111,7 @@ class Seeker:
         return not self._newest.is_outdated(wanted)
 
     def _withdraw(self, places: Places) -> None:
-        """Propose no longer what the other finds in the same photo contradict."""
+        """Withdraw proposals that other matches in the same photo contradict."""
         at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
         by_photo: dict[str, dict[Pair, c.Place]] = {}
         outcomes = self.proposed.outcomes
@@ -129,7 +129,7 @@ class Seeker:
         )
 
     def _unknown(self, places: Places, state: State) -> Ints:
-        """(n,) the places to look at, the best predicted first."""
+        """Return the rows (n,) of places to search, the best predicted first."""
         picked = {pick.key for pick in state.picks}
         outcomes, rows = self.proposed.outcomes, []
         for row, pair in enumerate(zip(places.image, places.label, strict=True)):
@@ -139,7 +139,7 @@ class Seeker:
         return np.array(rows, dtype=np.int64)[order]
 
     def _batches(self, places: Places, rows: Ints) -> Iterator[Ints]:
-        """The places in photos that are decoded; then the others, one photo after the other."""
+        """Yield the places in decoded photos; then the others, photo by photo."""
         ready = np.array([self._photos.photos.has(places.image[row]) for row in rows], np.bool_)
         for first in range(0, int(ready.sum()), AT_ONCE):
             yield rows[ready][first : first + AT_ONCE]
@@ -150,7 +150,7 @@ class Seeker:
             yield np.array(own, dtype=np.int64)
 
     def _looked(self, places: Places, rows: Ints, picks: Picks) -> Matches | str:
-        """What is found at some places; why nothing where a photo cannot be read."""
+        """Return the matches at some places, or the reason if a photo cannot be read."""
         source = [picks.image[i] for i in places.pick[rows]]
         target = [places.image[row] for row in rows]
         work = tasks(source, target, places.sought(picks, rows))
@@ -163,18 +163,18 @@ class Seeker:
     def _take(
         self, places: Places, rows: Ints, picks: Picks, found: Matches | str, left: int
     ) -> None:
-        """Keep what some places (n,) were found to show, and tell it.
+        """Store and report the results at some places (n,).
 
         Parameters
         ----------
         places, rows
-            What was looked at.
+            Searched places.
         picks
-            From which.
+            Picks that were searched for.
         found
-            What was found there, or why not one could be looked at.
+            Matches there, or the reason why none could be searched.
         left
-            Number of places that are still to be looked at.
+            Number of places still to be searched.
         """
         new, stated = {}, _stated(found, places.is_raised[rows])
         for k, row in enumerate(rows.tolist()):
@@ -209,7 +209,7 @@ class Seeker:
         self.proposed.put(new, left, always=True)
 
     def _likeness(self, place: c.Place, affine: Floats) -> float:
-        """How alike all that surrounds a match and its pick is, -1 to 1."""
+        """Return the worst correlation of the surroundings of a match and its pick, -1 to 1."""
         source, target = map(self._photos.photos.get, (place.from_image, place.image))
         at = np.array([place.from_u_px, place.from_v_px], dtype=np.float64)
         return compute_worst_quarter_correlation(
@@ -218,14 +218,14 @@ class Seeker:
 
 
 def _stated(found: Matches | str, is_raised: Bools) -> Floats:
-    """(n,) the sigmas that picks of what was found would state."""
+    """Return the sigmas (n,) that picks at the matches would have; NaN without matches."""
     if isinstance(found, str):
         return np.full(len(is_raised), np.nan)
     return pick_sigmas(found.covariance_px2, is_raised)
 
 
 def _is_open(outcome: Outcome | None, places: Places, row: int) -> bool:
-    """Whether a place is to be looked at: for the first time, or as far more is known of it now."""
+    """Return whether to search a place: for the first time, or since it is far better predicted."""
     if outcome is None:
         return True
     if outcome.is_over or (outcome.source is None and outcome.found is not None):

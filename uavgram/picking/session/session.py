@@ -1,7 +1,7 @@
-"""A picking session: the photos of one project, what is picked in them, and its adjustment.
+"""A picking session: the photos of one project, their picks, and the adjustment.
 
-No web here: `web.server` hands in checked messages and takes JSON to send. All that changes the
-session runs in one thread (the server's loop), so there is no lock.
+It does not depend on the web: `web.server` passes checked messages in and takes JSON to send. All
+changes of the session run in one thread (the server's loop), so there is no lock.
 """
 
 from __future__ import annotations
@@ -61,16 +61,16 @@ THUMBNAIL_PX = 256
 
 
 class PickSession:
-    """The state of a picking session.
+    """State of a picking session.
 
     Parameters
     ----------
     survey
         The project.
     saver
-        Keeps what is confirmed.
+        Store of confirmed changes.
     broadcast
-        Called with what every page should know, from any thread.
+        Called from any thread with messages for all pages.
     """
 
     def __init__(
@@ -107,20 +107,20 @@ class PickSession:
         )
         self._live = Live(survey, self.index, self._adjusted)
         self._search = Search(survey, self._sought)
-        self._is_resting = True  # no step goes on
+        self._is_resting = True  # no step is unfinished
 
     @property
     def output(self) -> str:
-        """The folder of the project's outputs."""
+        """Folder of the project's outputs."""
         return self.survey.inputs.project.output
 
     @property
     def state(self) -> State:
-        """What is picked now."""
+        """Present picked state."""
         return self.session.state
 
     def open(self) -> None:
-        """Begin: adjust what is there, and decode the photo that a page shows first."""
+        """Start: adjust the present state, and decode the photo that a page shows first."""
         self._tiled.read_ahead(self._most_picked())
         self._live.start()
         self._search.start()
@@ -132,25 +132,25 @@ class PickSession:
         return max(range(len(self.photos)), key=lambda k: counts[self.photos[k].name])
 
     def stop(self) -> None:
-        """Adjust and seek no more; waits for an adjustment under way."""
+        """Stop adjusting and searching; waits for the current adjustment."""
         self._live.stop()
         self._search.stop()
 
     def close(self) -> None:
-        """End: save everything, let go of the project."""
+        """Save everything and release the project."""
         self.save()
         self.let_go()
 
     def let_go(self) -> None:
-        """Let go of the project as it is saved."""
+        """Release the project without saving."""
         self._saver.close()
 
     def changed_outside(self) -> tuple[str, ...]:
-        """Names of tables that another program changed meanwhile."""
+        """Return the names of tables that another program changed meanwhile."""
         return self._saver.changed_outside()
 
     def initial_state(self) -> Json:
-        """Everything a page needs to begin."""
+        """Return everything that a page needs at its start."""
         inputs, posed = self.survey.inputs, self.survey.posed
         return {
             "t": "initial-state",
@@ -183,7 +183,7 @@ class PickSession:
         }
 
     def answer(self, message: Message) -> Json:
-        """Answer a question; from any thread, as nothing changes.
+        """Answer a question; allowed from any thread, as nothing changes.
 
         Raises
         ------
@@ -211,14 +211,14 @@ class PickSession:
         return snap_json(photo, asked, expected, None if match is None else match.found)
 
     def change(self, message: Message) -> Json:
-        """Do what a command says, and keep it; the answer is for all pages.
+        """Apply a command and store it; the answer is for all pages.
 
         Raises
         ------
         RefusedError
-            It does not fit the state; says why.
+            The command does not fit the state; the message gives the reason.
         OutputError
-            It cannot be kept, so it counts as not done.
+            The command cannot be stored, so it counts as not done.
         """
         if isinstance(message.body, c.Question | c.ProjectAction):
             raise TypeError(f"{type(message.body).__name__} is no command")
@@ -228,7 +228,7 @@ class PickSession:
         after = apply(before, do, message.step)
         if after is before:
             return {"t": "changed", "seq": message.seq, "diff": {}, **self._standing()}
-        self._try(after.state, final=message.final)  # while the disk works
+        self._try(after.state, final=message.final)  # adjust while the disk is busy
         try:
             self._saver.record(do, message.step)
         except OutputError:
@@ -246,19 +246,19 @@ class PickSession:
         }
 
     def refuse(self, action: c.Refuse) -> None:
-        """Propose or ask for some of what was sought no longer; or seek it again after all."""
+        """Refuse some proposals, or search for refused ones again."""
         if action.is_taken_back:
             self._search.reopen(action.pairs, Wanted(self.state, self._live.last))
         else:
             self._search.refuse(action.pairs)
 
     def take(self, changes: Sequence[Json], step: int) -> int:
-        """Make changes in one step, each as if a page had sent it; how many do not fit any more.
+        """Apply changes in one step, as if a page had sent them; return how many do not fit.
 
         Raises
         ------
         OutputError
-            They cannot be kept.
+            The changes cannot be stored.
         """
         refused = 0
         for fields in changes:
@@ -271,16 +271,16 @@ class PickSession:
         return refused
 
     def inputs_now(self) -> frozenset[str] | None:
-        """Digests of the project's files as they are now; None while changes wait to be saved."""
+        """Return the present digests of the project's files; None while changes are unsaved."""
         return self._saver.inputs_now(digest.sha256 for digest in self.survey.inputs.digests)
 
     def _try(self, state: State, *, final: bool) -> None:
-        """Adjust a state under a number of its own."""
+        """Adjust a state under a new version number."""
         self.version += 1
         self._live.submit(Task(self.version, state, final))
 
     def save(self) -> None:
-        """Write the tables, and broadcast what kept it from being possible."""
+        """Write the tables, and broadcast the reason if that failed."""
         fault = self._saver.save(self.state)
         if fault:
             log.warning("not saved: %s", fault)
@@ -290,34 +290,34 @@ class PickSession:
     def tile(
         self, photo: int, level: int, column: int, row: int, tone: Tone | None = None
     ) -> bytes | None:
-        """JPEG of a tile; None where there is none.
+        """Return the JPEG of a tile; None if it does not exist.
 
         Parameters
         ----------
         photo
-            Its number.
+            Number of the photo.
         level
             0: every pixel; each further one halves the photo's size.
         column, row
-            Of the tile on its level, from the top left.
+            Position of the tile on its level, from the top left.
         tone
-            How bright it is shown; None: as bright as it is seen well.
+            Brightness curve; None: the photo's own default.
         """
         return self._tiled.tile(photo, level, column, row, tone)
 
     def tones(self, photo: int) -> tuple[Tone, Tone] | None:
-        """How bright a photo is shown until somebody chooses, and stretched; None: no photo."""
+        """Return the default and the stretched brightness curve of a photo; None without photo."""
         return self._tiled.tones(photo)
 
     def show(self, page: str, photos: tuple[int, ...]) -> None:
-        """Know which photos a page shows side by side."""
+        """Note which photos a page shows side by side."""
         self._tiled.show(page, photos)
-        if photos:  # what lies near in the list was as a rule taken near
+        if photos:  # neighbours in the list were mostly taken nearby
             near = sorted(range(len(self.photos)), key=lambda k: min(abs(k - p) for p in photos))
             self._search.read_ahead([self.photos[k].name for k in near])
 
     def thumbnail(self, photo: int) -> bytes | None:
-        """JPEG of a small picture of a photo; None where there is none."""
+        """Return the JPEG of a small picture of a photo; None if there is none."""
         return self._thumbnails.get(photo) if 0 <= photo < len(self.photos) else None
 
     def _standing(self) -> Json:

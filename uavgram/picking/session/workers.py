@@ -1,9 +1,8 @@
-"""The newest state is adjusted, older ones are passed over.
+"""Workers that adjust the newest state and skip older ones.
 
-Two workers. One answers at once, to first order from the last full adjustment, wherever the full
-one is slower than people notice or is busy with an older state; the other adjusts in full, and
-waits with it while a step goes on (a drag). So numbers move with the pointer however long an
-adjustment takes.
+Two workers: one answers at once, to first order from the last full adjustment, if the full one is
+slower than people notice or is busy with an older state; the other adjusts in full, and waits
+while a step continues (a drag). So numbers move with the pointer even if an adjustment is slow.
 """
 
 from __future__ import annotations
@@ -28,10 +27,10 @@ from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
 log = logging.getLogger(__name__)
 
 AT_ONCE_S = 0.1
-"""Up to this long people take an answer for immediate (Miller 1968; Nielsen 1993, ch. 5)."""
+"""Longest delay that people perceive as immediate [s] (Miller 1968; Nielsen 1993, ch. 5)."""
 
 ON_THE_WAY_S = 0.05
-"""Of that, what the way from the pointer to the server and back onto the screen may take."""
+"""Part of it for the way from the pointer to the server and back onto the screen [s]."""
 
 FAULT = (
     "uavgram has failed at this state (a fault of the program: its log says where). Nothing that "
@@ -39,16 +38,16 @@ FAULT = (
 )
 
 REST_S = 0.3
-"""A step that has rested this long is adjusted in full, though it may go on."""
+"""Pause of a step after which it is adjusted in full, though it may continue [s]."""
 
 
 Answer = Callable[[int, Json], None]
-"""Takes the number of a state and what is known of it, from a worker's thread."""
+"""Receiver of a state's number and its results, called from a worker's thread."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A state to adjust: its number, and whether the step that made it has ended."""
+    """State to adjust: its number, and whether the step that made it has ended."""
 
     version: int
     state: State
@@ -61,7 +60,7 @@ class Live:
     Parameters
     ----------
     survey
-        What is picked.
+        The project.
     index
         Numbers of the photos by name.
     answer
@@ -73,27 +72,27 @@ class Live:
         self._newest: Newest[Task] = Newest(
             {"first order": self._answer_first_order, "adjustment": self._adjust}
         )
-        self._waiting: Task | None = None  # to be adjusted in full
-        self._due_s = 0.0  # when that may begin, of the monotonic clock
+        self._waiting: Task | None = None  # task for the full adjustment
+        self._due_s = 0.0  # earliest start of the full adjustment, on the monotonic clock
         self._busy = False
         self.last: Adjusted | None = None  # the last full adjustment
         self._answering = threading.Lock()
-        self._linearised_task: Task | None = None  # the newest that was answered to first order
+        self._linearised_task: Task | None = None  # newest task answered to first order
 
     def start(self) -> None:
-        """Begin to work."""
+        """Start the workers."""
         self._newest.start()
 
     def submit(self, task: Task) -> None:
-        """Adjust this state next; those that wait are passed over."""
+        """Adjust this state next; waiting ones are skipped."""
         self._newest.submit(task)
 
     def stop(self) -> None:
-        """End after the adjustment under way."""
+        """End after the current adjustment."""
         self._newest.stop()
 
     def _answer_first_order(self) -> None:
-        """Answer tasks at once where that helps, and hand all on."""
+        """Answer tasks at once if that helps, and pass all on to the full adjustment."""
         task: Task | None = None
         while (task := self._newest.newer(task)) is not None:
             rests = self._at_once(task) and not task.final
@@ -103,7 +102,7 @@ class Live:
                 self._newest.changed.notify_all()
 
     def _at_once(self, task: Task) -> bool:
-        """Answer to first order; False where the full adjustment is the thing."""
+        """Answer to first order; return False if only the full adjustment applies."""
         with self._answering:
             last = self.last
             slow = self._busy or (last is not None and last.seconds > AT_ONCE_S - ON_THE_WAY_S)
@@ -117,7 +116,7 @@ class Live:
             return False
         try:
             quick = self._survey.linearised(self.last, observed_in(task.state))
-        except Exception:  # a fault of ours must not end the worker: a full answer comes
+        except Exception:  # a bug here must not end the worker: a full answer follows
             log.exception("the first-order answer failed")
             return False
         if quick is None:
@@ -126,7 +125,7 @@ class Live:
         return True
 
     def _adjust(self) -> None:
-        """Adjust what is due."""
+        """Adjust tasks in full when they are due."""
         while (task := self._due()) is not None:
             adjusted, message = self._full(task)
             with self._answering:
@@ -136,7 +135,7 @@ class Live:
                     self._linearised_task is not None
                     and self._linearised_task.version > task.version
                 ):
-                    self._first_order(self._linearised_task)  # the same as before, from nearer by
+                    self._first_order(self._linearised_task)  # repeat it from the newer base
                 self._busy = False
 
     def _due(self) -> Task | None:
@@ -159,12 +158,12 @@ class Live:
             return adjusted, adjusted_json(adjusted, self._index)
         except UavgramError as why:
             return None, unadjusted_json(str(why), self._survey.inputs.messages)
-        except Exception:  # a fault of ours must not end the worker: the page lives on
+        except Exception:  # a bug here must not end the worker: the page goes on
             log.exception("the adjustment failed")
             return None, unadjusted_json(FAULT, self._survey.inputs.messages)
 
 
 def observed_in(state: State) -> Observed:
-    """A state as the adjustment takes it."""
+    """Return a state in the form of the adjustment."""
     picks, lines = observations_of(state)
     return Observed(picks=picks, lines=lines, requests=state.requests)

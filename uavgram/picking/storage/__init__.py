@@ -1,1 +1,1 @@
-"""The journal of changes and the tables on disk: nothing that was confirmed is lost."""
+"""The journal of changes and the tables on disk; no confirmed change is lost."""

@@ -1,10 +1,10 @@
-"""The journal: every change is on disk before it is confirmed, and is found again after a crash.
+"""Journal of changes: each is on disk before it is confirmed, and is recovered after a crash.
 
-One JSON object a line. ``open`` states what the tables held when a session began, with their
-digests; a command stands as the page sent it, after it was checked and applied; ``saving`` and
-``saved`` stand around each writing of the tables. Who starts again plays the commands on what
-``open`` states, not on the tables, which a kill may have left half written: so each command counts
-exactly once.
+One JSON object a line. ``open`` holds the content of the tables at the start of a session, with
+their digests; a command is written as the page sent it, after it was checked and applied;
+``saving`` and ``saved`` enclose each writing of the tables. A new session applies the commands to
+the content in ``open``, not to the tables, which a kill may have left half written: so each command
+counts exactly once.
 """
 
 from __future__ import annotations
@@ -32,14 +32,15 @@ Digests = Mapping[str, str | None]
 
 
 class Journal:
-    """An append-only file of changes, on disk before anything is confirmed.
+    """Append-only file of changes, on disk before anything is confirmed.
 
     Parameters
     ----------
     path
-        The file; made with its folder where it is not there.
+        The file; made with its folder if it does not exist.
     fresh
-        Begin anew; else a line that a kill left unfinished is cut off, and the rest goes on.
+        Whether to start an empty journal; else a line that a kill left unfinished is cut off, and
+        the rest is continued.
 
     Raises
     ------
@@ -64,9 +65,9 @@ class Journal:
         Parameters
         ----------
         state, digests
-            What the tables hold, and their digests.
+            Content of the tables, and their digests.
         resumed
-            Whether it goes on with what a crash had left.
+            Whether the session continues from changes that a crash left.
         """
         entry = {"state": asdict(state), "files": dict(digests), "resumed": resumed}
         self._append({"do": "open", "pid": os.getpid(), **entry})
@@ -77,16 +78,16 @@ class Journal:
         Raises
         ------
         OutputError
-            It cannot be kept, so it must not be confirmed.
+            The command cannot be stored, so it must not be confirmed.
         """
         self._append({"step": step, **_entry(command)})
 
     def saving(self, digests: Digests) -> None:
-        """Say what the tables are about to be."""
+        """Record the digests of the tables that are about to be written."""
         self._append({"do": "saving", "files": dict(digests)})
 
     def saved(self) -> None:
-        """Say that the tables hold everything up to here."""
+        """Record that the tables hold all changes up to here."""
         self._append({"do": "saved"})
 
     def close(self) -> None:
@@ -101,7 +102,7 @@ class Journal:
                 written += os.write(self._handle, line[written:])
             os.fsync(self._handle)
         except OSError as fault:
-            with suppress(OSError):  # half a line is worth nothing
+            with suppress(OSError):  # drop the half-written line
                 os.ftruncate(self._handle, self._size)
             raise self._cannot(fault) from fault
         self._size += len(line)
@@ -119,19 +120,19 @@ _ON_DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, Overf
 
 @dataclass
 class Left:
-    """What earlier sessions left in a journal, while it is read.
+    """Changes of earlier sessions, as read from a journal.
 
     Attributes
     ----------
     session
-        As the last command left it; None before any ``open``.
+        Session after the last command; None before any ``open``.
     saved
-        What the tables held when they were last known to be whole.
+        Content of the tables when they were last known to be complete.
     settled, begun
-        Digests of the tables as last known to be whole, and as a writing that was begun would
-        have made them.
+        Digests of the tables when last known to be complete, and those that an unfinished writing
+        was to produce.
     unsaved
-        Whether commands stand after the last ``saved``, or a writing was not ended.
+        Whether commands follow the last ``saved``, or a writing was not finished.
     """
 
     session: Session | None = None
@@ -141,7 +142,7 @@ class Left:
     unsaved: bool = False
 
     def fits(self, digests: Digests) -> bool:
-        """Whether the tables are as this program left them, killed at whatever moment."""
+        """Return whether the tables are as this program left them, whenever it was killed."""
         return all(
             digest in {self.settled.get(role), self.begun.get(role, self.settled.get(role))}
             for role, digest in digests.items()
@@ -149,12 +150,12 @@ class Left:
 
 
 def left_in(path: Path) -> Left:
-    """Read a journal; nothing where there is none.
+    """Read a journal; an absent file gives an empty `Left`.
 
     Raises
     ------
     UavgramError
-        A command does not fit what went before: the file was changed.
+        A command does not fit the ones before it: the file was changed.
     """
     left = Left()
     for entry in _entries(path):
@@ -188,7 +189,7 @@ def _play(left: Left, entry: dict[str, Any]) -> None:
 
 
 def _entries(path: Path) -> Iterator[dict[str, Any]]:
-    """Lines of a journal; the one that a kill left unfinished was never confirmed."""
+    """Yield the lines of a journal, except an unfinished last line, which was never confirmed."""
     if not path.is_file():
         return
     *lines, _ = read_own(path).split(b"\n")
@@ -203,7 +204,7 @@ def _entries(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def _entry(command: c.Command) -> dict[str, Any]:
-    if isinstance(command, c.All):  # each needs its own name to be found again
+    if isinstance(command, c.All):  # the name of each change is needed to read it back
         return {"do": c.All.__name__, "changes": [_entry(change) for change in command.changes]}
     return {"do": type(command).__name__, **asdict(command)}
 
@@ -227,7 +228,7 @@ def _state(fields: dict[str, Any]) -> State:
 
 
 def _tuples(fields: dict[str, Any]) -> dict[str, Any]:
-    """JSON has lists where commands and measurements have tuples, two deep."""
+    """Convert lists of JSON into the tuples of commands and measurements, two levels deep."""
     return {
         name: tuple(tuple(one) if isinstance(one, list) else one for one in value)
         if isinstance(value, list)

@@ -1,4 +1,4 @@
-"""Noticing that another program changed a file of the project while it is open."""
+"""Detection of files of the open project that another program changed."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ Stamp = tuple[int, int] | None
 
 
 class Outside:
-    """Watches the project file, the camera file and the tables of known points.
+    """Watch on the project file, the camera file and the tables of known points.
 
-    The tables that the page itself writes are watched by who writes them.
+    The tables that the page writes itself are watched by `Tables`.
 
     Parameters
     ----------
     inputs
-        The project as read.
+        Project as read.
 
     Attributes
     ----------
     last_changed
-        Names of what was changed, as last found.
+        Names of the changed files at the last look.
     """
 
     def __init__(self, inputs: Inputs) -> None:
@@ -38,28 +38,28 @@ class Outside:
         self.last_changed: list[str] = []
 
     def changed(self, others: Sequence[str] = ()) -> list[str]:
-        """Names of the files that are not as they were read, `others` among them."""
+        """Return the names of the files that differ from those read, `others` among them."""
         self.last_changed = sorted(
             {*(path.name for path in self._files if self._differs(path)), *others}
         )
         return self.last_changed
 
     def _differs(self, path: Path) -> bool:
-        """Whether its content is another; read again only where size or time changed."""
+        """Return whether the content differs; the file is read only if its size or time changed."""
         stamp = stamp_of(path)
         before = self._seen.get(path)
         if before is not None and before[0] == stamp:
             return before[1]
         try:
             differs = digest_file(path).sha256 not in self._known
-        except InputError:  # it is gone
+        except InputError:  # the file was deleted
             differs = True
         self._seen[path] = (stamp, differs)
         return differs
 
 
 def stamp_of(path: Path) -> Stamp:
-    """Time and size of a file, which change where its content does; None where there is none."""
+    """Return time and size of a file, which change with its content; None if it does not exist."""
     try:
         status = path.stat()
     except OSError:

@@ -1,6 +1,6 @@
-"""What an earlier session confirmed, could not save, and left in a journal that was put aside.
+"""Changes confirmed by an earlier session that could not be saved: a journal put aside.
 
-It is offered: taken over, each change goes the way of one that the page sends, so all of it is
+The page offers them. Once accepted, each change is handled like one that the page sends: all are
 checked, kept, and undone in one step. Nothing is deleted: a journal that was dealt with is renamed.
 """
 
@@ -20,24 +20,24 @@ Json = dict[str, Any]
 Changes = tuple[Json, ...]
 
 ON_GROUND: Json = {"height_m": None, "height_sigma_m": None, "is_free": False}
-"""What a pick says of a height that nobody stated."""
+"""Height fields of a pick without a stated height."""
 
 
 @dataclass(frozen=True)
 class SetAside:
-    """A journal that was put aside: its file, the tables before it, and what it made of them."""
+    """Journal that was put aside: its file, and the states before and after its commands."""
 
     path: Path
     before: State
     after: State
 
     def rename(self, end: str) -> None:
-        """Say in the file's name what became of it."""
+        """Rename the file, so that its name shows what became of it."""
         self.path.replace(self.path.with_name(f"{self.path.name}.{end}"))
 
 
 def oldest_set_aside(folder: Path) -> SetAside | None:
-    """The first journal of a folder that was put aside and holds changes; None: there is none."""
+    """Return the oldest journal of a folder that was put aside and holds changes; None if none."""
     for path in sorted(folder.glob(f"{Path(JOURNAL).stem}-*{Path(JOURNAL).suffix}")):
         try:
             left = left_in(path)
@@ -50,14 +50,14 @@ def oldest_set_aside(folder: Path) -> SetAside | None:
 
 
 def changes_of(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
-    """What was changed, as messages that a page would send.
+    """Return the changes of the journal as messages that a page would send.
 
     Parameters
     ----------
     aside
-        What an earlier session could not save.
+        Changes that an earlier session could not save.
     now
-        The state that the messages are to change.
+        State to which the messages are to be applied.
     index
         Numbers of the photos by name.
     """
@@ -89,7 +89,7 @@ Named = Sequence[Line] | Sequence[MeasurementRequest]
 
 
 def _removed(kind: str, before: Named, after: Named, now: Named) -> Changes:
-    """Removals of what was there before, is not after, and is still there now."""
+    """Return removals of the items that were removed then and still exist now."""
     kept, there = ({one.name for one in some} for some in (after, now))
     names = (one.name for one in before)
     return tuple({"t": kind, "name": name} for name in names if name in there - kept)
@@ -120,7 +120,7 @@ def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
 
 
 def _made_by(pick: Pick, index: Mapping[str, int]) -> Json:
-    """Who made a pick; nothing of a person's own."""
+    """Return the origin of a pick found by the program; empty for a person's pick."""
     if pick.source == "hand":
         return {}
     names = ("source", "score", "from_u_px", "from_v_px")
@@ -129,7 +129,7 @@ def _made_by(pick: Pick, index: Mapping[str, int]) -> Json:
 
 
 def _put(kind: str, before: Named, after: Named, now: Named) -> Changes:
-    """Additions and changes; what is there now under a name is changed."""
+    """Return additions and changes; an existing item of that name is changed."""
     there = {one.name for one in now}
     return tuple(
         {"t": kind, "was": one.name if one.name in there else "", **vars(one)}

@@ -1,7 +1,7 @@
 """The project's tables on disk: picks.csv, lines.csv and measure.csv of one session.
 
-What is written is always the files as the session found them, with what differs now changed in
-them. So undoing everything gives back the very bytes.
+Each writing starts from the files as the session found them and changes only what differs now. So
+undoing everything restores the files byte by byte.
 """
 
 from __future__ import annotations
@@ -45,25 +45,25 @@ Contents = dict[str, bytes | None]
 
 
 class Tables:
-    """Keeps what the page confirms: a journal at once, the tables when asked to.
+    """Storage of confirmed changes: a journal at once, the tables on request.
 
     Parameters
     ----------
     inputs
-        The project as read.
+        Project as read.
 
     Attributes
     ----------
     messages
-        About what earlier sessions left.
+        Messages about changes that earlier sessions left.
     recovered
-        The state that an earlier session confirmed and did not save; None: nothing is lost.
+        State that an earlier session confirmed and did not save; None: nothing to recover.
 
     Raises
     ------
     UavgramError
         Another process picks in the project, a table was changed since it was read, the output
-        folder cannot be written to, or it or a table lies outside the project's folder.
+        folder cannot be written to, or it or a table is outside the project's folder.
     """
 
     def __init__(self, inputs: Inputs) -> None:
@@ -91,15 +91,16 @@ class Tables:
             raise
 
     def record(self, command: c.Command, step: int) -> None:
-        """Keep a command that was applied, before it is confirmed."""
+        """Store a command that was applied, before it is confirmed."""
         self._journal.record(command, step)
         self._pending = True
 
     def save(self, state: State) -> str:
-        """Write the tables that changed; returns what kept it from doing so, or nothing.
+        """Write the tables that changed; return the reason if that failed, else an empty text.
 
-        A table that another program changed since it was read or written here is not written
-        over; what the page has is saved beside it then.
+        A table that another program changed since it was read or written here is not overwritten;
+        the tables of the page are then saved beside it. The text may also be advice, see
+        `_unnamed`.
         """
         if not self._pending:
             return ""
@@ -120,7 +121,7 @@ class Tables:
         return self._unnamed(wanted)
 
     def changed_outside(self) -> tuple[str, ...]:
-        """Names of tables that another program changed since they were read or written here."""
+        """Return the names of tables that another program changed since their last use here."""
         try:
             return tuple(
                 path.name
@@ -128,11 +129,11 @@ class Tables:
                 if (self._named[role] or self._on_disk[role] is not None)
                 and _read(path) != self._on_disk[role]
             )
-        except OutputError:  # what cannot be read now is reported when it is to be written
+        except OutputError:  # an unreadable table is reported when it is to be written
             return ()
 
     def inputs_now(self, read: Iterable[str]) -> frozenset[str] | None:
-        """Digests of the project's files as they are now; None while changes are not saved."""
+        """Return the present digests of the project's files; None while changes are unsaved."""
         if self._pending:
             return None
         tables = {self._digest[role] for role in ROLES if self._named[role]}
@@ -140,12 +141,12 @@ class Tables:
         return frozenset(digest for digest in others | tables if digest is not None)
 
     def close(self) -> None:
-        """Let go of the journal and of the project."""
+        """Close the journal and release the project."""
         self._journal.close()
         self._lock.release()
 
     def _as_read(self, inputs: Inputs) -> Contents:
-        """The tables' bytes, which must be those that were read."""
+        """Return the bytes of the tables, after checking that they are those that were read."""
         known = {digest.sha256 for digest in inputs.digests}
         contents: Contents = {}
         for role, path in self._paths.items():
@@ -169,7 +170,7 @@ class Tables:
     def _write(self, role: str, content: bytes | None) -> None:
         path, before = self._paths[role], self._on_disk[role]
         try:
-            if before is not None and not os.access(path, os.W_OK):  # replacing would not ask
+            if before is not None and not os.access(path, os.W_OK):  # replacing skips this
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
             if role not in self._backed_up and before is not None:
                 replace_bytes(path.with_name(f"{path.name}.bak"), before)
@@ -193,7 +194,7 @@ class Tables:
         self._digest |= _digests({role: content})
 
     def _beside(self, foreign: list[str], wanted: Contents) -> str:
-        """Save all tables under other names, and say why."""
+        """Save all tables under other names, and return the reason."""
         for role in ROLES:
             content = wanted[role]
             if content is not None:
@@ -206,7 +207,7 @@ class Tables:
         )
 
     def _unnamed(self, wanted: Contents) -> str:
-        """Say so where the project does not name a table that was made."""
+        """Return advice if the project file does not name a table that was made; else empty."""
         made = [r for r in ROLES if not self._named[r] and wanted[r] is not None]
         if not made:
             return ""
@@ -214,9 +215,9 @@ class Tables:
         return f"The project file does not name what is saved here: add {keys} to it"
 
     def _lost(self, journal: Path, photos: frozenset[str]) -> State | None:
-        """What an earlier session confirmed and did not save.
+        """Return the state that an earlier session confirmed and did not save.
 
-        A journal that cannot be played on these tables is put aside, with a message.
+        A journal that cannot be applied to these tables is put aside, with a message.
         """
         try:
             left = left_in(journal)
@@ -239,7 +240,7 @@ class Tables:
         return state
 
     def _why_not(self, left: Left, photos: frozenset[str]) -> str:
-        """Why what a journal holds cannot be taken over; empty where it can."""
+        """Return why the changes of a journal cannot be recovered; empty if they can."""
         state = self._files if left.session is None else left.session.state
         if not left.fits(_digests(self._original)):
             return "the tables were changed since by another program"
@@ -249,7 +250,7 @@ class Tables:
         return f"no table may hold them ({fault})" if fault else ""
 
     def _unreadable(self, state: State) -> str:
-        """Why the tables of a state could not be read again; empty where they can."""
+        """Return why the tables of a state could not be read again; empty if they can."""
         with TemporaryDirectory() as folder:
             try:
                 for role, content in self._contents(state).items():
@@ -276,7 +277,7 @@ class Tables:
 
 
 def _paths(inputs: Inputs) -> dict[str, Path]:
-    """Where each table is or will be; through links, so that a link stays one."""
+    """Return the present or future path of each table; links are resolved and so preserved."""
     beside = Path(inputs.project_path).absolute().parent
     project = inputs.project
     return {
@@ -285,7 +286,7 @@ def _paths(inputs: Inputs) -> dict[str, Path]:
 
 
 def _check_places(inputs: Inputs) -> None:
-    """Who opens somebody's unpacked folder is to have nothing written outside it."""
+    """Check that nothing is written outside a folder received from someone else."""
     home, project = Path(inputs.project_path).absolute().parent, inputs.project
     check_inside(Path(project.output), home, f"The output folder {project.output}")
     for role in ROLES:

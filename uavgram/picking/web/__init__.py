@@ -1,1 +1,1 @@
-"""The server of the picking page: its routes, its socket, and who may come in."""
+"""The server of the picking page: routes, socket, and access control."""

@@ -1,4 +1,4 @@
-"""What one server shows: the door at which a folder is chosen, or the project that is open."""
+"""Content of one server: the start page for choosing a folder, or the open project."""
 
 from __future__ import annotations
 
@@ -35,23 +35,23 @@ OPEN_ALREADY = "{} is open already, perhaps in another tab: one project is open 
 
 
 class Desk:
-    """Opens projects one after another, and shows the door where none is open.
+    """Server content: opens projects one after another, and shows the start page in between.
 
     Parameters
     ----------
     run
         Runs a project from its files and writes its outputs.
     door
-        Where folders are chosen.
+        Choice of folders.
     project
-        The project that is open at first; None: none.
+        Project to open at the start; None: none.
 
     Attributes
     ----------
     pick
-        Of the open project; None: none is open.
+        Server of the open project; None: none is open.
     at
-        Where this server listens, for other processes; left in the outputs of what is open.
+        Port and secret of this server for other processes; left in the outputs of the open project.
 
     Raises
     ------
@@ -73,7 +73,7 @@ class Desk:
         return PickServer(survey, saver, partial(self._run, Path(survey.inputs.project_path)))
 
     def application(self, announce: Callable[[], None] = lambda: None) -> Starlette:
-        """The application; `announce` is called when it is ready."""
+        """Return the application; `announce` is called when it is ready."""
 
         @contextlib.asynccontextmanager
         async def life(_: Starlette) -> AsyncIterator[None]:
@@ -99,7 +99,7 @@ class Desk:
         return shown
 
     async def _of_project(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """What only an open project has."""
+        """Answer a request with the routes of the open project."""
         if self._routes is not None:
             await self._routes(scope, receive, send)
         elif scope["type"] == "websocket":
@@ -123,7 +123,7 @@ class Desk:
                 self._left.close()
 
     def let_go(self) -> None:
-        """Let go of a project that was never shown."""
+        """Release a project that was never shown."""
         if self.pick is not None:
             self.pick.picking.let_go()
 
@@ -145,10 +145,10 @@ class Desk:
         return Response(jpeg, media_type="image/jpeg", headers={"cache-control": "no-store"})
 
     async def _begin(self, request: Request) -> Response:
-        """Set a project up and open it.
+        """Set up a project and open it.
 
-        Another one that is open, as in another tab, is saved and closed only where that is asked
-        for: else a tab would change what others show.
+        Another open project, as in another tab, is saved and closed only if the request asks for
+        that: otherwise a tab would change the content of others.
         """
         body = b""
         async for part in request.stream():
@@ -178,7 +178,7 @@ class Desk:
         return JSONResponse({})
 
     async def _leave(self, request: Request) -> Response:
-        """Save and close the project that is open; the page goes to the door."""
+        """Save and close the open project; the page returns to the start page."""
         async with self._changing:
             if self.pick is not None:
                 if request.query_params.get("to") == "setup":

@@ -1,4 +1,4 @@
-"""The page's server ends in order, whoever ends it: Ctrl+C, the system, or its terminal closed."""
+"""Orderly end of the page's server: on Ctrl+C, a system signal, or a closed terminal."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from collections.abc import Iterator
 from types import FrameType
 
 _KILLED = 128
-"""A shell adds this to the number of the signal that ended a program."""
+"""Value that a shell adds to the number of the signal that ended a program."""
 
 
 @contextlib.contextmanager
 def ended_in_order() -> Iterator[None]:
-    """Leave what is inside by an exception, where a signal would end the program on the spot.
+    """Leave the enclosed block by an exception where a signal would end the program at once.
 
     uvicorn stops at SIGTERM, and then sends it again as if it had not caught it: by default that
     ends the program before anything is cleared away. At SIGHUP it does not even stop.
     """
-    if threading.current_thread() is not threading.main_thread():  # signals are not its business
+    if threading.current_thread() is not threading.main_thread():  # it gets no signals
         yield
         return
     before = {signal.SIGTERM: signal.signal(signal.SIGTERM, _leave)}

@@ -1,23 +1,23 @@
-"""Who may come in: this machine, this browser, this page.
+"""Access control: only this machine, this browser, this page.
 
 The server listens on 127.0.0.1 alone. That keeps other machines out, but not other pages of the
 same browser, so: the printed address holds a random token, which is exchanged for a cookie that
 only this site sends along (SameSite=Strict) and scripts cannot read; the Host must be ours, or a
 foreign name that resolves to 127.0.0.1 (DNS rebinding) would do; and the socket's Origin must be
-ours, because browsers let any page open a socket anywhere. SameSite does not tell ports apart, so
-what another local server's page embeds is recognised by Sec-Fetch-Site.
+ours, because browsers let any page open a socket anywhere. SameSite does not distinguish ports, so
+requests embedded in a page of another local server are recognised by Sec-Fetch-Site.
 
-Nor do cookies tell ports apart: the browser gives ours to every other server of this machine that
-it visits. So the token also brings the key of a tab, behind the # of the address, which no browser
-sends. The page keeps it in its sessionStorage, which no other tab and no other port has, and adds
-it to whatever it asks for. With the cookie alone one gets the page's own files, and nothing of the
-project.
+Cookies do not distinguish ports either: the browser sends ours to every other server of this
+machine that it visits. So the token also brings the key of a tab, behind the # of the address,
+which no browser sends. The page keeps it in its sessionStorage, which no other tab and no other
+port has, and adds it to all its requests. The cookie alone gives access to the page's own files,
+but to nothing of the project.
 
-Who is in can still do harm by talking too much: requests and messages have a greatest length, and
-`Pace` slows a socket down.
+A page with access can still do harm by too many or too long messages: requests and messages have
+a greatest length, and `Pace` slows a socket down.
 
-Who has lost the cookie, or wants another browser, gets a fresh address from the terminal: see
-`running.py`.
+A user who has lost the cookie, or wants another browser, gets a fresh address from the terminal:
+see `running.py`.
 """
 
 from __future__ import annotations
@@ -52,33 +52,33 @@ HEADERS = {
     "x-frame-options": "DENY",
 }
 KEY = "tab"
-"""In an address: the key of the tab that asks."""
-_OF_THE_PROGRAM = re.compile(r"/(page/.*)?")  # the same for everybody: nothing of a project
+"""Query parameter of an address: the key of the requesting tab."""
+_OF_THE_PROGRAM = re.compile(r"/(page/.*)?")  # the same for all users: nothing of a project
 POLICY_VIOLATION = 1008
 LONGEST_PATH = 1000
 NO_KEY = "it does not come from the page"
 MESSAGES_A_SECOND = 300
-"""A mouse reports up to some 125 moves a second, and the page waits for each answer."""
+"""Message rate; a mouse reports up to some 125 moves a second, and the page awaits each answer."""
 MESSAGES_AT_ONCE = 600
 
 
 class Pace:
-    """How fast one page may talk: so many messages at once, then so many a second.
+    """Rate limit of one page: a number of messages at once, then a number per second.
 
-    A page that is faster is slowed down, and nothing is lost: what it sends stays with it, as its
-    socket is not read meanwhile.
+    A faster page is slowed down without loss: its messages stay in its socket, which is not read
+    meanwhile.
 
     Parameters
     ----------
     per_second, at_once
         The two limits.
     clock
-        Seconds.
+        Clock [s].
 
     Attributes
     ----------
     warned
-        Whether a warning was logged that the page is too fast.
+        Whether a warning about the fast page was logged.
     """
 
     def __init__(
@@ -92,7 +92,7 @@ class Pace:
         self.warned = False
 
     def wait_s(self) -> float:
-        """How long to wait [s] before the message that came is looked at."""
+        """Return the delay [s] before the message just received is processed."""
         now = self._clock()
         gained = (now - self._then) * self._per_second
         self._left = min(self._left + gained, self._at_once) - 1
@@ -101,34 +101,34 @@ class Pace:
 
 
 class Guard:
-    """Let requests of the page through, refuse all others, and add strict headers to answers.
+    """Filter that passes requests of the page, refuses others, and adds strict headers.
 
     Parameters
     ----------
     app
-        What is guarded.
+        Guarded application.
     port
-        On which the server listens.
+        Port of the server.
     entered
         Called when a token has been used.
 
     Attributes
     ----------
     secret
-        Who shows it gets a fresh address.
+        Secret that entitles to a fresh address.
     """
 
     def __init__(self, app: ASGIApp, port: int, entered: Callable[[], None] = lambda: None) -> None:
         self._app, self._entered = app, entered
         self.secret = secrets.token_urlsafe(32)
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
-        self._cookie = f"uavgram-pick-{port}"  # cookies do not tell ports apart
+        self._cookie = f"uavgram-pick-{port}"  # cookies do not distinguish ports
         self._key, self._tab_key = secrets.token_urlsafe(32), secrets.token_urlsafe(32)
         self._tokens = Tokens()
         self._port = port
 
     def address(self) -> str:
-        """The address to open, with a token that serves once."""
+        """Return the address to open, with a token that is valid once."""
         return address(self._port, self._tokens.new(math.inf))
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -158,7 +158,7 @@ class Guard:
         await self._app(scope, receive, _strict(send))
 
     def _refusal(self, connection: HTTPConnection) -> str:
-        """Why a request is none of this page; empty where it may be one."""
+        """Return why a request is not from this page; empty if it may be."""
         headers: Headers = connection.headers
         host = headers.get("host", "")
         if host not in self._hosts:
@@ -168,7 +168,7 @@ class Guard:
         is_stated = origin is not None or connection.scope["type"] == "websocket"
         if is_stated and origin != ours:
             return f"foreign origin {str(origin)[:80]!r}"
-        # https://www.w3.org/TR/fetch-metadata/: what another page embeds; links may be followed.
+        # https://www.w3.org/TR/fetch-metadata/: refuse embedded requests; links may be followed.
         site, mode = headers.get("sec-fetch-site", "none"), headers.get("sec-fetch-mode")
         if site not in {"same-origin", "none"} and mode != "navigate":
             return f"asked for by another page ({site[:20]!r})"
@@ -180,7 +180,7 @@ class Guard:
         return same(connection.cookies.get(self._cookie, ""), self._key)
 
     def _fresh(self, connection: HTTPConnection) -> Response:
-        """A token for who knows the secret; or whether one was used, where it is named."""
+        """Answer with a new token if the secret is right, or with the state of a named token."""
         if not same(connection.headers.get("x-secret", ""), self.secret):
             log.warning("refused a fresh address: the secret is another")
             return PlainTextResponse("", 403)
@@ -190,7 +190,7 @@ class Guard:
         return PlainTextResponse(self._tokens.new(LASTS_S))
 
     def _exchanged(self, connection: HTTPConnection, given: str) -> Response:
-        """The token's answer: cookie and key, once, and the address without it."""
+        """Exchange a token, once, for cookie and key, and redirect to the address without it."""
         way = URL(scope=connection.scope).path
         if self._tokens.use(given):
             self._entered()
@@ -199,7 +199,7 @@ class Guard:
             return HTMLResponse(no_entry("This address was used already, or is too old."), 403)
         answer: Response = RedirectResponse(way, 303)
         if connection.headers.get("sec-fetch-site", "none") != "none":
-            # Led here by a file: a strict cookie goes along only where a page of ours leads on.
+            # Opened from a file: a strict cookie is only sent if a page of ours redirects.
             answer = HTMLResponse(leading_to(way))
         answer.set_cookie(self._cookie, self._key, httponly=True, samesite="strict", path="/")
         return answer
@@ -216,7 +216,7 @@ class Guard:
 
 
 def _strict(send: Send) -> Send:
-    """The same sender, with strict headers on every answer."""
+    """Return a sender that adds strict headers to every answer."""
 
     async def with_headers(message: Message) -> None:
         if message["type"] == "http.response.start":

@@ -1,4 +1,4 @@
-"""How long a connection may take to say what it wants, and how many may take that long at once."""
+"""Time limit of connections without a complete request, and limit of their number."""
 
 from __future__ import annotations
 
@@ -11,20 +11,23 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 log = logging.getLogger(__name__)
 
 HEADERS_S = 10.0
-"""From the first moment to the end of the headers; a browser of this machine needs milliseconds."""
+"""Time from the connection to the end of the headers [s]; a local browser needs milliseconds."""
 
 MOST_SILENT = 64
-"""Connections that have sent no whole request yet; with one more, the oldest of them is closed,
-so that who comes last, as a person does, always gets in."""
+"""Largest number of connections without a complete request.
+
+With one more, the oldest of them is closed, so that the latest, such as a person's, always gets
+in.
+"""
 
 
 class PatientProtocol(H11Protocol):
-    """HTTP as uvicorn speaks it, which alone would wait for headers for ever."""
+    """HTTP protocol of uvicorn with a time limit for the headers, which uvicorn lacks."""
 
     _overdue: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Begin to wait for a request."""
+        """Start the time limit."""
         super().connection_made(transport)
         self._wait()
         silent = [
@@ -34,7 +37,7 @@ class PatientProtocol(H11Protocol):
             min(silent, key=lambda one: one.due_s).let_go()
 
     def data_received(self, data: bytes) -> None:
-        """Take what came; wait on where it was no whole request."""
+        """Process received data; keep the time limit until the request is complete."""
         super().data_received(data)
         if self.cycle is not None and not self.cycle.response_complete:
             self._answered()
@@ -42,27 +45,27 @@ class PatientProtocol(H11Protocol):
             self._wait()
 
     def handle_websocket_upgrade(self, event: h11.Request) -> None:
-        """Hand the connection on: its request is whole."""
+        """Pass the connection on: its request is complete."""
         self._answered()
         super().handle_websocket_upgrade(event)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Wait no more."""
+        """Cancel the time limit."""
         self._answered()
         super().connection_lost(exc)
 
     @property
     def is_silent(self) -> bool:
-        """Whether no whole request has come yet."""
+        """Whether no complete request has come yet."""
         return self._overdue is not None
 
     @property
     def due_s(self) -> float:
-        """When the request must be whole, by the loop's clock."""
+        """Time by which the request must be complete, by the loop's clock."""
         return 0.0 if self._overdue is None else self._overdue.when()
 
     def let_go(self) -> None:
-        """Close it without an answer."""
+        """Close the connection without an answer."""
         log.info("closed a connection that did not say what it wants")
         self._answered()
         self.transport.abort()

@@ -1,6 +1,6 @@
-"""Documents beside the page: one that leads the browser to it, one for who may not come in.
+"""Documents beside the page: a redirect to it, and an explanation of refused access.
 
-The page's address holds a token, and command lines can be read by others in the list of processes;
+The page's address holds a token, and other users can read command lines in the list of processes;
 so the browser is given a file that only its own user can read.
 """
 
@@ -16,17 +16,17 @@ from uavgram.io.own_files import open_own
 
 
 class RedirectFile:
-    """A file of this user alone that leads to an address, until it is removed.
+    """File readable by this user alone that redirects to an address, until it is removed.
 
     Parameters
     ----------
     address
-        Where it leads.
+        Target of the redirect.
 
     Attributes
     ----------
     uri
-        What to open.
+        Address of the file, to be opened.
     """
 
     def __init__(self, address: str) -> None:
@@ -38,12 +38,12 @@ class RedirectFile:
         self.uri = path.as_uri()
 
     def remove(self) -> None:
-        """Remove it; it may be gone already."""
+        """Remove the file, if it still exists."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
 def leading_to(address: str) -> str:
-    """A document that leads on at once."""
+    """Return a document that redirects at once."""
     return (
         '<!doctype html><meta charset="utf-8"><title>uavgram pick</title>'
         f'<meta http-equiv="refresh" content="0;url={html.escape(address)}">\n'
@@ -51,7 +51,7 @@ def leading_to(address: str) -> str:
 
 
 def no_entry(why: str) -> str:
-    """A document that says how to get an address that lets a browser in."""
+    """Return a document that explains how to get an address with a valid token."""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>uavgram pick</title>'
         '<meta name="color-scheme" content="light dark">'

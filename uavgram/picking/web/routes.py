@@ -1,4 +1,4 @@
-"""What pages fetch: their own files, photos by number, outputs by name; all only to read."""
+"""Read-only routes: files of the page, photos by number, outputs by name."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from uavgram.io.own_files import read_own
 from uavgram.picking.session.project import OpenProject
 
 DOCUMENT_HEADERS = {
-    # A document of its own: it may look as it likes, and do nothing.
+    # A separate document: free in style, without any rights.
     "content-security-policy": (
         "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
         "sandbox"
@@ -35,28 +35,28 @@ _TYPES = {
 }
 
 FIRST_TONE = "first"
-"""How bright a page asks for tiles until somebody chooses."""
+"""Value of `tone` for a photo's default brightness."""
 
-# Values that become black and white, and how much the middle is lifted.
+# Values that become black and white, and the lift of the middle.
 _TONE = re.compile(
     r"(-?[0-9]{1,4}(?:\.[0-9])?),(-?[0-9]{1,4}(?:\.[0-9])?),([0-9]{1,2}(?:\.[0-9]{1,2})?)"
 )
 
-# Tiles finer than those of the overview are tens of megabytes of a photo, and cut in milliseconds:
-# the browser would fill its memory or its disk with them.
+# Tiles finer than those of the overview are tens of megabytes per photo, and are cut in
+# milliseconds: the browser would fill its memory or its disk with them.
 _TILE = ("photo", "level", "column", "row")
 
-# A page's own name, and the photos in its panes.
+# Identifier of a page, and the photos in its panes.
 _SHOWN = re.compile(r"([0-9a-z]{1,16}) ([0-9]{1,6}(?:,[0-9]{1,6}){0,3})")
 
 
 def page_routes(first: Callable[[], str]) -> list[Route]:
-    """Routes to the files that pages consist of.
+    """Return the routes to the files of the pages.
 
     Parameters
     ----------
     first
-        Names the page that is shown now.
+        Returns the name of the page to show now.
     """
     files = dict(_page_files(resources.files("uavgram.picking") / "page"))
 
@@ -76,7 +76,7 @@ def page_routes(first: Callable[[], str]) -> list[Route]:
 
 
 def file_routes(project: OpenProject) -> list[Route]:
-    """Routes to all that is fetched."""
+    """Return the routes to all other files."""
     files = Files(project)
     return [
         Route("/photo/{photo:int}/{level:int}/{column:int}/{row:int}.jpg", files.tile),
@@ -91,25 +91,25 @@ def file_routes(project: OpenProject) -> list[Route]:
 
 
 class Files:
-    """Answers to requests for files.
+    """Handlers of file requests.
 
     Parameters
     ----------
     project
-        The project that is open.
+        The open project.
     """
 
     def __init__(self, project: OpenProject) -> None:
         self._project = project
 
     async def tile(self, request: Request) -> Response:
-        """A tile of a photo, as bright as the page says."""
+        """Serve a tile of a photo, with the requested brightness."""
         said = request.query_params.get("tone", FIRST_TONE)
         tone = None if said == FIRST_TONE else _tone(said)
         if said != FIRST_TONE and tone is None:
             return PlainTextResponse("That is no curve of brightness.", 400)
         shown = _SHOWN.fullmatch(request.headers.get("x-shown", ""))
-        if shown:  # what the page shows beside it stays at hand
+        if shown:  # keep the neighbouring photos of the page in memory
             page, photos = shown.groups()
             self._project.picking.show(page, tuple(map(int, photos.split(","))))
         photo, level, *place = (request.path_params[key] for key in _TILE)
@@ -117,7 +117,7 @@ class Files:
         return await self._picture(make, photo, level, *place, tone, is_kept=level >= FIRST_COARSE)
 
     async def tones(self, request: Request) -> Response:
-        """How bright a photo is shown until somebody chooses, and with the automatic stretch."""
+        """Serve the default and the stretched brightness curve of a photo."""
         make, photo = self._project.picking.tones, request.path_params["photo"]
         try:
             tones = await to_thread.run_sync(make, photo)
@@ -129,7 +129,7 @@ class Files:
         return JSONResponse({"first": first, "stretched": stretched})
 
     async def thumbnail(self, request: Request) -> Response:
-        """A small picture of a photo."""
+        """Serve a small picture of a photo."""
         return await self._picture(self._project.picking.thumbnail, request.path_params["photo"])
 
     @staticmethod
@@ -146,7 +146,7 @@ class Files:
         return Response(jpeg, media_type="image/jpeg", headers={"cache-control": keep})
 
     async def output(self, request: Request) -> Response:
-        """A file that a run wrote: documents are shown, all others are saved."""
+        """Serve a file that a run wrote: documents are displayed, all others downloaded."""
         name = request.path_params["name"]
         content = await to_thread.run_sync(self._project.outputs.read, name)
         if content is None:
@@ -157,14 +157,14 @@ class Files:
         return Response(content, media_type="application/octet-stream", headers=headers)
 
     async def results(self, _: Request) -> Response:
-        """What the last run found, in words."""
+        """Serve the findings of the last run, in words."""
         shown = await to_thread.run_sync(self._project.outputs.shown)
         if shown is None:
             return JSONResponse({"why": "There are no results yet: write them on the page."}, 404)
         return JSONResponse(shown, headers={"cache-control": "no-store"})
 
     async def plan(self, _: Request) -> Response:
-        """The plan that the last run drew."""
+        """Serve the plan of the last run."""
         drawing = await to_thread.run_sync(self._project.outputs.plan)
         if drawing is None:
             return PlainTextResponse("There is no plan.", 404)
@@ -172,7 +172,7 @@ class Files:
         return Response(drawing, media_type=_TYPES[".svg"], headers=headers)
 
     async def recording(self, _: Request) -> Response:
-        """The way to the Rerun viewer, which is started where it does not run yet."""
+        """Redirect to the Rerun viewer, which is started if necessary."""
         try:
             address = await to_thread.run_sync(self._project.outputs.viewer)
         except UavgramError as why:
@@ -180,7 +180,7 @@ class Files:
         return RedirectResponse(address, 303)
 
     async def calibration(self, _: Request) -> Response:
-        """The report of the last calibration."""
+        """Serve the report of the last calibration."""
         report = self._project.calibration.report
         try:
             content = b"" if report is None else await to_thread.run_sync(read_own, report)
@@ -192,7 +192,7 @@ class Files:
 
 
 def _tone(text: str) -> Tone | None:
-    """The curve that a page asks for; None where it is none."""
+    """Parse a requested brightness curve; None if it is not valid."""
     said = _TONE.fullmatch(text)
     try:
         return None if said is None else Tone(*map(float, said.groups()))
@@ -201,7 +201,7 @@ def _tone(text: str) -> Tone | None:
 
 
 def _page_files(folder: Traversable, above: str = "") -> Iterator[tuple[str, bytes]]:
-    """Files that the page consists of, by their paths in its folder; no others are served."""
+    """Yield the files of the page by their paths in its folder; no others are served."""
     for one in folder.iterdir():
         name = f"{above}{one.name}"
         if one.is_dir():

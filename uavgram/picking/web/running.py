@@ -1,7 +1,7 @@
-"""A fresh address from the server that has a project open: for another browser, or a lost tab.
+"""A fresh address from the server of an open project: for another browser, or a lost tab.
 
 The server leaves a file in the project's output folder, beside its lock, which only its user can
-read: its port, and a secret. Who shows it the secret gets a token that lets one browser in.
+read: its port, and a secret. A request with the secret gets a token for one browser.
 """
 
 from __future__ import annotations
@@ -27,26 +27,26 @@ log = logging.getLogger(__name__)
 FILE = "pick.door"
 PATH = "/fresh-address"
 LASTS_S = 300.0
-"""How long a fresh address serves: somebody asked for it just now."""
+"""Lifetime of a fresh address [s]: the user has just asked for it."""
 
 WAITS, USED = "waits", "used"
 BROWSER_COMES_WITHIN_S = 30.0
 
 _ANSWERED_AFTER_S = 10.0
 _LOOK_EVERY_S = 0.1
-_TOKEN = re.compile(r"[\w-]{43}", re.ASCII)  # 32 bytes, as tokens.py makes them
+_TOKEN = re.compile(r"[\w-]{43}", re.ASCII)  # 32 bytes, as made in tokens.py
 
 
 @dataclass(frozen=True)
 class Door:
-    """Where a running server listens, and what it gives a fresh address for.
+    """Port of a running server, and the secret for a fresh address.
 
     Attributes
     ----------
     port
-        On this machine.
+        Port on this machine.
     secret
-        That of the file.
+        Secret in the file.
     """
 
     port: int
@@ -55,39 +55,39 @@ class Door:
 
 @contextlib.contextmanager
 def left_in(folder: Path, door: Door) -> Iterator[None]:
-    """A file that says where the server listens, for this user alone, as long as it does.
+    """Keep a file with port and secret, for this user alone, while the server listens.
 
     Raises
     ------
     OutputError
-        A link stands where the file should be.
+        A link is in place of the file.
     """
     path = folder / FILE
     check_own(path)
     try:
-        path.unlink(missing_ok=True)  # of a server that was killed
+        path.unlink(missing_ok=True)  # left by a server that was killed
         handle = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
             json.dump(asdict(door), stream)
-    except OSError as fault:  # the page works all the same
+    except OSError as fault:  # the page works without it
         log.warning("%s: no fresh addresses while this runs (%s)", path, fault.strerror)
     try:
         yield
     finally:
-        if _read(path) == door:  # not that of a server that came after this one
+        if _read(path) == door:  # leave the file of a later server
             path.unlink(missing_ok=True)
 
 
 @dataclass(frozen=True)
 class FreshAddress:
-    """An address that lets one browser in.
+    """Address for one browser.
 
     Attributes
     ----------
     door
-        Of the server.
+        The server.
     token
-        In the address.
+        Token in the address.
     """
 
     door: Door
@@ -95,18 +95,18 @@ class FreshAddress:
 
     @property
     def text(self) -> str:
-        """What a browser is to open."""
+        """Address to open in a browser."""
         return address(self.door.port, self.token)
 
     def wait_until_used(self) -> None:
-        """Wait until a browser has come, the server has gone, or it has taken too long."""
+        """Wait until a browser has used the address, the server has ended, or the time is over."""
         latest = time.monotonic() + BROWSER_COMES_WITHIN_S
         while _asked(self.door, {"X-Token": self.token}) == WAITS and time.monotonic() < latest:
             time.sleep(_LOOK_EVERY_S)
 
 
 def fresh_address(project: Path) -> FreshAddress | None:
-    """Ask the server that has a project open for an address; None where none has it.
+    """Ask the server that has a project open for an address; None if no server has.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def fresh_address(project: Path) -> FreshAddress | None:
     """
     folder = Path(load_project(project, unfinished=True).output)
     door = _read(folder / FILE)
-    # What a killed server left behind says nothing: its port may be somebody else's by now.
+    # Ignore the file of a killed server: another program may use its port by now.
     if door is None or not is_locked(folder / LOCK):
         return None
     token = _asked(door, {})
@@ -128,7 +128,7 @@ def fresh_address(project: Path) -> FreshAddress | None:
 
 
 def address(port: int, token: str) -> str:
-    """What a browser is to open."""
+    """Return the address to open in a browser."""
     return f"http://127.0.0.1:{port}/?token={token}"
 
 
@@ -143,7 +143,7 @@ def _read(path: Path) -> Door | None:
 
 
 def _asked(door: Door, more: dict[str, str]) -> str:
-    """What the server answers; empty where it gives nothing."""
+    """Return the server's answer; empty if there is none."""
     line = http.client.HTTPConnection("127.0.0.1", door.port, timeout=_ANSWERED_AFTER_S)
     with contextlib.closing(line):
         try:

@@ -28,13 +28,13 @@ log = logging.getLogger(__name__)
 
 SAVE_AFTER_S = 0.4
 MOST_WAITING = 2000
-"""Messages that may wait for a page; one that reads no more is let go."""
+"""Largest number of messages that wait for a page; one that reads no more is disconnected."""
 MOST_PAGES = 16
 TRY_AGAIN_LATER = 1013
 FAULTS_OF_THE_PAGE = {1002: "broken frames", 1007: "text that is no UTF-8", 1009: "too long"}
 
 LOOK_OUTSIDE_S = 1.0
-"""Between two looks at files that others may change."""
+"""Interval between checks of files that other programs may change [s]."""
 
 
 class PickServer:
@@ -43,11 +43,11 @@ class PickServer:
     Parameters
     ----------
     survey, saver
-        The project, and who keeps its tables.
+        The project, and the store of its tables.
     run
         Runs the project from its files and writes its outputs.
     keep
-        Makes another saver, where the project is read again.
+        Makes a new store when the project is read again.
     """
 
     def __init__(self, survey: LiveSurvey, saver: Tables, run: Run, keep: Keep = Tables) -> None:
@@ -59,7 +59,7 @@ class PickServer:
 
     @property
     def picking(self) -> PickSession:
-        """The picking session; another one after the project was read again."""
+        """The picking session; replaced after the project was read again."""
         return self.project.picking
 
     @property
@@ -68,22 +68,22 @@ class PickServer:
         return Path(self.picking.survey.inputs.project_path).resolve()
 
     def routes(self) -> list[BaseRoute]:
-        """All that pages of the project ask for."""
+        """Return all routes of an open project."""
         return [*file_routes(self.project), WebSocketRoute("/socket", self._socket)]
 
     def begin(self) -> None:
-        """Begin to work, in the loop that serves."""
+        """Start to work, in the loop of the server."""
         self._loop = asyncio.get_running_loop()
         self.project.open()
         self._watching = asyncio.create_task(self._watch())
 
     def unsaved(self) -> str:
-        """Save; say why it cannot be done, or nothing."""
+        """Save; return the reason if that failed, else an empty text."""
         self._save()
         return self.picking.fault
 
     async def end(self, *, waits: bool) -> None:
-        """Save, let go of the project, and tell its pages; see `OpenProject.close`."""
+        """Save, release the project, and notify its pages; see `OpenProject.close`."""
         if self._watching is not None:
             self._watching.cancel()
         if self._saving is not None:
@@ -92,7 +92,7 @@ class PickServer:
         self._broadcast({"t": "closed"})
 
     async def _watch(self) -> None:
-        """Look again and again for what other programs change."""
+        """Check repeatedly for changes by other programs."""
         while True:
             await asyncio.sleep(LOOK_OUTSIDE_S)
             await to_thread.run_sync(self.project.outputs.look)
@@ -143,10 +143,10 @@ class PickServer:
                 await page.send_json(in_project_units(message, units, keep, exact))
                 if message["t"] == "closed":
                     break
-            await page.close(TRY_AGAIN_LATER)  # it missed something: it is to begin anew
+            await page.close(TRY_AGAIN_LATER)  # it missed messages: it is to reconnect
 
     async def _answered(self, text: str, own: asyncio.Queue[Json]) -> Json:
-        """Do what a message of a page says, send the others what changed, and answer."""
+        """Carry out a message of a page, send the changes to the other pages, and answer."""
         try:
             message = parse_message(text, self.picking.photos)
         except RefusedError as why:
@@ -160,7 +160,7 @@ class PickServer:
             if isinstance(message.body, c.Question):
                 return await to_thread.run_sync(self.picking.answer, message)
             changed = self.picking.change(message)
-        except UavgramError as why:  # refused, or a photo or the journal is not to be had
+        except UavgramError as why:  # refused, or a photo or the journal is not available
             log.info("refused: %s", why)
             return {"t": "refused", "seq": message.seq, "why": str(why)}
         self._broadcast({k: v for k, v in changed.items() if k != "seq"}, but=own)

@@ -1,4 +1,4 @@
-"""Serve the page on this machine until Ctrl+C: a project, or the door to all of them."""
+"""Serve the page on this machine until Ctrl+C: a project, or the choice of one."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from uavgram.pipeline.threads import with_one_blas_thread
 
 
 def open_door(port: int) -> socket.socket:
-    """A socket that listens on this machine only.
+    """Open a socket that listens on this machine only.
 
     Connections made before the server runs wait, and are answered once it does.
 
     Parameters
     ----------
     port
-        0: any free one.
+        Port number; 0: any free one.
 
     Raises
     ------
     UavgramError
         The port cannot be used.
     """
-    # asyncio turns Nagle's algorithm off only where the socket names its protocol. With it, the
+    # asyncio disables Nagle's algorithm only if the socket names its protocol. With it, the
     # second of two small messages waits until the page has acknowledged the first: up to 40 ms.
     door = socket.socket(socket.AF_INET, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
@@ -67,14 +67,14 @@ def serve(
     ----------
     wanted
         A project file, or a folder with a project.yaml: it is opened; its picks, lengths and
-        measurements need not be there yet. A folder without one is set up on the page; None: a
+        measurements need not exist yet. A folder without one is set up on the page; None: a
         folder is chosen there.
     announce
         Called with the address to open, once it can be opened.
     run
-        Runs a project from its files and writes its outputs, where the page asks for them.
+        Runs a project from its files and writes its outputs, when the page asks for them.
     port
-        0: any free one.
+        Port number; 0: any free one.
     entered
         Called when a browser has used the address.
 
@@ -109,5 +109,5 @@ def serve(
             timeout_graceful_shutdown=2,
             server_header=False,
         )
-        with ended_in_order(), contextlib.suppress(KeyboardInterrupt):  # the way to end it
+        with ended_in_order(), contextlib.suppress(KeyboardInterrupt):  # Ctrl+C is the regular end
             uvicorn.Server(config).run(sockets=[door])

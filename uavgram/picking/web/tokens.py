@@ -1,4 +1,4 @@
-"""Tokens of printed addresses: each lets one browser in, once."""
+"""Tokens of printed addresses: each admits one browser, once."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import time
 from collections.abc import Callable
 
 MOST_OPEN = 16
-"""Tokens that wait to be used; with one more, the oldest serves no longer."""
+"""Largest number of unused tokens; with one more, the oldest becomes invalid."""
 
 
 class Tokens:
-    """Tokens that were given out and not used yet.
+    """Tokens that were issued and not used yet.
 
     Parameters
     ----------
     clock
-        Seconds.
+        Clock [s].
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
@@ -26,7 +26,7 @@ class Tokens:
         self._ends_s: dict[str, float] = {}
 
     def new(self, lasts_s: float = math.inf) -> str:
-        """A token that serves once, within so many seconds [s]."""
+        """Issue a token that is valid once, for `lasts_s` seconds."""
         token = secrets.token_urlsafe(32)
         self._ends_s[token] = self._clock() + lasts_s
         while len(self._ends_s) > MOST_OPEN:
@@ -34,15 +34,15 @@ class Tokens:
         return token
 
     def is_open(self, token: str) -> bool:
-        """Whether a token can still be used."""
+        """Return whether a token can still be used."""
         return self._ends_s.get(token, -math.inf) >= self._clock()
 
     def use(self, given: str) -> bool:
-        """Whether a token may come in; it cannot a second time."""
-        found = [token for token in self._ends_s if same(token, given)]  # all: no time tells which
+        """Return whether a token is valid, and consume it."""
+        found = [token for token in self._ends_s if same(token, given)]  # all: constant time
         return any(self._ends_s.pop(token) >= self._clock() for token in found)
 
 
 def same(given: str, wanted: str) -> bool:
-    """Whether two texts are the same, in a time that does not tell where they differ."""
+    """Return whether two texts are equal, in a time independent of where they differ."""
     return hmac.compare_digest(given.encode(), wanted.encode())

@@ -37,7 +37,7 @@ def write_outputs(
     Parameters
     ----------
     result, ties
-        What a run computed, and tie points where there are any.
+        Result of a run, and tie points if there are any.
     folder
         Where the files go.
     journal

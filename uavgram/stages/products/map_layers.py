@@ -125,8 +125,8 @@ TWO_SIDED_95 = 1.959963984540054
 """Half width of a 95 % interval of a normal distribution, in sigmas."""
 
 _EXAGGERATIONS = (1, 2, 5, 10, 20, 50, 100)
-_HEIGHT_SHARE = 0.3  # of the length is the height of a drawing, at most
-_LEAST_SHARE = 0.06  # and so much it is at least
+_HEIGHT_SHARE = 0.3  # largest height of a drawing, as a share of the length
+_LEAST_SHARE = 0.06  # smallest height, as a share of the length
 _STATION_TICKS, _HEIGHT_TICKS = 8, 5
 
 

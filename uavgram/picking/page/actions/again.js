@@ -1,5 +1,5 @@
-// A round of second clicks: the surroundings of each point without any mark, one after another. A second click
-// that the first one has not led checks it, and shows how exactly this person clicks.
+// A round of repeated clicks: shows the surroundings of each point without any mark, one after another. A second
+// click made independently of the first checks it, and shows how exactly this person clicks.
 
 import { pickKey, store } from "../connection/store.js";
 
@@ -7,7 +7,7 @@ import { pickKey, store } from "../connection/store.js";
 /** @import { Pane } from "../photos/pane.js" */
 /** @import { Tools } from "./tools.js" */
 
-const AWAY_PX = 120; // on the screen, at most: the point is not in the middle of what is shown
+const AWAY_PX = 120; // on the screen, at most, so that the point is off the centre of the view
 
 const away = () => AWAY_PX * (2 * Math.random() - 1);
 
@@ -16,10 +16,10 @@ export class Again {
   constructor(tools) {
     this.tools = tools;
     /** @type {Pick[]} */
-    this.left = []; // to be clicked again
+    this.left = []; // still to be clicked again
   }
 
-  // All that a person clicked once of some points.
+  // Starts with all picks of some points that a person clicked once.
   /** @param {string[]} labels */
   begin(labels) {
     this.left = [...store.picks.values()].filter(({ image, label, source }) => labels.includes(label) && !source && !store.repeated.includes(pickKey(image, label)));
@@ -38,7 +38,7 @@ export class Again {
     notice.show(`Click ${one.label} again, where you see it; ${this.left.length} left, Esc ends`);
   }
 
-  /** Whether a click is one of the round. @param {Pane} pane @param {number} u_px @param {number} v_px */
+  /** Takes a click if it belongs to the round; returns whether it does. @param {Pane} pane @param {number} u_px @param {number} v_px */
   takes({ image }, u_px, v_px) {
     const [one] = this.left;
     if (one?.image !== image) return Boolean(one);

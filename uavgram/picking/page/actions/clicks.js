@@ -1,5 +1,5 @@
-// A place in a photo was clicked: it is of the point that is expected there, or of a new one; what is not clear
-// is asked.
+// A click in a photo: places the point that is expected there, or a new one; an ambiguous click leads to a
+// question.
 
 import { proposalAt } from "../connection/store.js";
 import { markOn, marksNear } from "../photos/near.js";
@@ -26,7 +26,7 @@ export class Clicks {
     const { image } = pane;
     const near = marksNear(pane, u, v, names.coming);
     const on = markOn(near);
-    if (on?.hollow && proposalAt(image, on.label)?.source === "target") { // an observation of its own, and more exact than a click
+    if (on?.hollow && proposalAt(image, on.label)?.source === "target") { // an independent observation, and more exact than a click
       this.tools.proposals.acceptHere(pane, on.label);
       return;
     }

@@ -1,4 +1,4 @@
-// A point's height: on the ground, stated, or free, which is found from photos.
+// Height of a point: on the ground, stated, or free, that is, estimated from the photos.
 
 import { heightOf, labels } from "../connection/store.js";
 
@@ -14,18 +14,18 @@ export class Heights {
     this.notice = notice;
   }
 
-  /** No height: on the ground. @param {string} label @param {number | null} height_m @param {number | null} sigma_m */
+  /** Sets a stated height; null: on the ground. @param {string} label @param {number | null} height_m @param {number | null} sigma_m */
   set(label, height_m, sigma_m = null) {
     this.link.change({ t: "height", label, height_m, height_sigma_m: height_m === null ? null : sigma_m, is_free: false });
   }
 
-  /** Of several in one step. @param {string[]} all */
+  /** Frees the heights of several points in one step. @param {string[]} all */
   free(all) {
     const step = this.link.newStep();
     for (const label of all) this.link.change({ t: "height", label, height_m: null, height_sigma_m: null, is_free: true, step });
   }
 
-  // The selected point: from the ground, or a stated height, to free; from there to the ground.
+  // Switches the selected point from the ground or a stated height to free, and from free to the ground.
   toggle() {
     const { selected: label } = this.state;
     if (!label || !labels().includes(label)) {

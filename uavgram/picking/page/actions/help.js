@@ -1,4 +1,4 @@
-// What the keys do, and what is drawn and written means.
+// The help: keys, marks and terms of the page.
 
 import { node, shape } from "../elements/dom.js";
 import { MISFIT, SIGMA } from "../elements/numbers.js";
@@ -9,7 +9,7 @@ import { KEYS } from "./keys.js";
 const ROUND = "M-9 0A9 6 0 1 0 9 0A9 6 0 1 0 -9 0Z";
 const STROKE = "M-16 0H16";
 
-// Class and path of what is drawn, and its meaning.
+// Class and path of each mark, and its meaning.
 /** @type {[string, string, string][]} */
 const MARKS = [
   ["placed", SHAPES.hand, "a point that you placed; the ellipse is where it lies, 95\u00a0%"],

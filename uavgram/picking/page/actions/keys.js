@@ -1,4 +1,4 @@
-// Everything by key. Keys are letters where they name a thing, and nothing while text is typed.
+// The keyboard. Keys are initial letters where possible; they are ignored while text is typed.
 
 import { as, byId } from "../elements/dom.js";
 import { NUMERAL } from "../elements/numbers.js";
@@ -14,7 +14,7 @@ import { snap } from "./snap.js";
 /** @import { Tools } from "./tools.js" */
 
 /**
- * What the keys act on.
+ * Objects that the keys act on.
  * @typedef {object} Acted
  * @property {PageState} state
  * @property {Panes} panes
@@ -27,8 +27,8 @@ import { snap } from "./snap.js";
 /** @typedef {"pick" | "length" | Kind} ToolName */
 /** @typedef {{ key: string, name: string, prefix: string, use?: "mark" | "known", least: number, most?: number, apart?: boolean, more?: boolean, what: string }} Tool */
 
-// `what` is for who has never used the tool; `apart`: each point is a place of its own, in one photo;
-// `more`: it stands in the menu. A tool marks a place, enters what is known, or measures what is wanted.
+// `what` explains a tool to beginners; `apart`: each point is a separate place, in one photo;
+// `more`: the tool is in the menu. A tool marks a place, enters a known value, or measures a wanted one.
 /** @type {Record<ToolName, Tool>} */
 export const TOOLS = {
   pick: { key: "p", name: "Point", prefix: "P", use: "mark", least: 1, what: "marks a place on the ground by a label; the same label in another photo is the same place" },
@@ -50,7 +50,7 @@ export const TOOLS = {
   speed: { key: "h", name: "Speed", prefix: "S", least: 2, most: 2, apart: true, more: true, what: "the mean speed of what moved between two photos" },
 };
 
-const MOVING = ["Tab", "F6", "Enter"]; // who uses these is to see where he is
+const MOVING = ["Tab", "F6", "Enter"]; // these keys make the focus visible
 const PAGES = ["PageUp", "PageDown", "Home", "End"];
 /** @type {Record<string, [number, number] | undefined>} */
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -67,8 +67,8 @@ export function listenToKeys(acted) {
   window.addEventListener("pointermove", () => document.body.classList.remove("keyed"));
 }
 
-// The arrows go through the buttons of a group, which is one stop for Tab: of radio buttons and tabs
-// they choose as well.
+// Arrow keys go through the buttons of a group, which is one stop for Tab; radio buttons and tabs are also
+// chosen by them.
 /** @param {HTMLElement} group */
 export function roving(group) {
   group.addEventListener("keydown", (event) => {
@@ -99,7 +99,7 @@ export function throughRows(panel) {
   });
 }
 
-// The browser closes a dialog in its own time: what is typed next would still be lost in it.
+// Closes the help before the key is handled: the browser's own closing is too late for the next key.
 /** @param {KeyboardEvent} event */
 function closesHelp({ key }) {
   const help = as(HTMLDialogElement, byId("help"));
@@ -108,7 +108,7 @@ function closesHelp({ key }) {
   return closes;
 }
 
-// Whether a key belongs to what is focused: to a text, a button, a table.
+// Returns whether a key belongs to the focused element: a text field, a button, a table.
 /** @param {KeyboardEvent} event */
 function isTyped({ key, target }) {
   if (!(target instanceof HTMLElement || target instanceof SVGElement)) return false;
@@ -123,11 +123,11 @@ function isTyped({ key, target }) {
   return isField || (target.matches("button, a, summary") && ["Enter", " "].includes(key));
 }
 
-// A number that is typed while a form waits for one is its number, wherever the focus is: the key goes on to the field.
+// A number typed while a form waits for one belongs to it, regardless of the focus: the key is passed to the field.
 /** @param {Acted} acted @param {KeyboardEvent} event */
 const isForForm = ({ tools }, { key, ctrlKey, altKey, metaKey }) => NUMERAL.test(key) && !ctrlKey && !altKey && !metaKey && tools.toNumber();
 
-// What a key is called in the tables above.
+// Yields the names of a key in the tables above.
 /** @param {KeyboardEvent} event */
 function* namesOf({ key, shiftKey, altKey, ctrlKey, metaKey }) {
   const control = ctrlKey || metaKey ? "Ctrl+" : "";
@@ -139,7 +139,7 @@ function* namesOf({ key, shiftKey, altKey, ctrlKey, metaKey }) {
   yield `${control}${named.toLowerCase()}`; // with the capitals' lock on
 }
 
-// Does what a key says; whether it says something.
+// Carries out the action of a key; returns whether there was one.
 /** @param {Acted} acted @param {KeyboardEvent} event @returns {boolean} */
 function handle(acted, event) {
   for (const name of namesOf(event)) {
@@ -150,12 +150,12 @@ function handle(acted, event) {
 }
 
 /**
- * What keys, or the mouse, do.
+ * Actions of keys, or of the mouse.
  * @typedef {(acted: Acted, event: KeyboardEvent) => void | boolean} Act false: nothing was to be done
  * @typedef {object} Binding
- * @property {string} keys as the help names them
+ * @property {string} keys as named in the help
  * @property {string} what in words
- * @property {Record<string, Act>} [does] by what the keyboard calls the key; what the mouse does has its place elsewhere
+ * @property {Record<string, Act>} [does] by the keyboard's name of the key; actions of the mouse are handled elsewhere
  */
 
 /** @param {string} before @param {(acted: Acted, dx: number, dy: number, event: KeyboardEvent) => void | boolean} act */
@@ -172,7 +172,7 @@ const toolBindings = () => Object.entries(TOOLS).map(([name, { key, name: words,
   keys: key.toUpperCase(), what: `${words}: ${what}`, does: { [key]: ({ tools }) => tools.setTool(/** @type {ToolName} */ (name)) },
 }));
 
-// Everything that a key does; the help is made of it.
+// All keys and their actions; the help is made from this table.
 /** @type {[string, Binding[]][]} */
 export const KEYS = [
   ["Photos", [

@@ -1,4 +1,4 @@
-// Labels that are called otherwise, exchanged, taken for one point, or for two.
+// Edits of labels: rename, exchange, merge, split.
 
 import { labels, pickAt, picksOf, store } from "../connection/store.js";
 
@@ -33,7 +33,7 @@ export class LabelEdits {
     else send();
   }
 
-  // Two labels are one point. A point with known coordinates keeps its name, which they hang on.
+  // Merges two labels into one point. A point with known coordinates keeps its name, which links it to them.
   /** @param {string} label @param {string} into */
   merge(label, into) {
     if (isKnown(label) && isKnown(into)) {
@@ -59,7 +59,7 @@ export class LabelEdits {
     this.notice.show(`${label} is ${into} now. Undo: Ctrl+Z.`, true);
   }
 
-  /** The picks in some photos are another point. @param {string} label @param {string} name @param {number[]} images */
+  /** Makes the picks in some photos another point. @param {string} label @param {string} name @param {number[]} images */
   split(label, name, images) {
     const wanted = name.trim();
     const why = splitFault(wanted, images);
@@ -72,7 +72,7 @@ export class LabelEdits {
     this.notice.show(`${wanted} is a point of its own now, in ${some(images.map((image) => store.photos[image].name))}. Lengths and measurements stay with ${label}. Undo: Ctrl+Z.`, true);
   }
 
-  // What was clicked last is another point than it was taken for; what is being drawn goes there, too.
+  // Turns the last click, and the drawing in progress, into another point than it was taken for.
   /** @param {string} label @param {string} name @param {number} image */
   another(label, name, image) {
     const { state } = this.tools;

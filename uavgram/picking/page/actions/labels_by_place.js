@@ -1,5 +1,5 @@
-// Which label a click places: that of the point that is expected there, else a new one. A name that
-// somebody typed is taken, and asked about where it does not fit.
+// Choice of the label for a click: that of the point expected there, else a new one. A typed name is
+// used, after a question if it does not fit.
 
 import { adjusted, freeName, labels, namedLabels, pickAt, predictedIn, proposalAt, stale, store } from "../connection/store.js";
 import { markOn } from "../photos/near.js";
@@ -14,7 +14,7 @@ import { TOOLS } from "./keys.js";
 /** @typedef {{ u: number, v: number, scale: number, image: number }} Click */
 /** @typedef {{ label: string, words: string, isNew?: boolean, mark?: "pick" | "hollow" }} Choice `mark`: it is one that is there */
 /**
- * A label, and what is to be said of it; `instead`: the name of a new point, which may have been meant; `found`: its
+ * A label, and a message about it; `instead`: the name of a new point, which may have been meant; `found`: its
  * place as the program found it, which may have been meant.
  * @typedef {{ label: string, say?: string, instead?: string, found?: boolean, choices?: undefined }} Given
  */
@@ -27,8 +27,8 @@ export class LabelsByPlace {
   constructor({ state, link, box }) {
     this.state = state;
     this.link = link;
-    this.box = box; // of the label that the next click places
-    this.isLeft = false; // whether what stands in the box was left there by the last click
+    this.box = box; // the field with the label for the next click
+    this.isLeft = false; // whether the last click left the label in the field
     box.addEventListener("input", () => { state.typed = true; this.isLeft = false; });
   }
 
@@ -36,7 +36,7 @@ export class LabelsByPlace {
     return this.box.value.trim();
   }
 
-  /** Puts a label into the box. @param {string} label @param {boolean} isLeft */
+  /** Writes a label into the field. @param {string} label @param {boolean} isLeft */
   put(label, isLeft = false) {
     this.box.value = label;
     this.state.typed = false;
@@ -48,8 +48,8 @@ export class LabelsByPlace {
     return this.link.unconfirmed.filter((one) => one.t === "place");
   }
 
-  // Where a label stands that cannot be placed in a photo; empty where it can. What moves is at
-  // another place in each photo, so there each place has a label of its own.
+  // Returns where a label that cannot be placed in a photo is already used; empty if it can. Moving points
+  // have another place in each photo, so there each place has a label of its own.
   /** @param {number} image @param {string} label */
   taken(image, label) {
     if (pickAt(image, label) || this.coming.some((one) => one.image === image && one.label === label)) return "in this photo";
@@ -61,7 +61,7 @@ export class LabelsByPlace {
     return Boolean(TOOLS[this.state.tool].apart);
   }
 
-  /** A name that no point has. @param {string} given */
+  /** Returns a name that is not in use. @param {string} given */
   free(given = this.inBox) {
     const prefix = given.replace(/\d*$/, "") || "P";
     const coming = this.link.unconfirmed.flatMap((one) => (one.t === "place" ? [one.label] : one.t === "split" || one.t === "rename" ? [one.new] : []));
@@ -83,8 +83,8 @@ export class LabelsByPlace {
     return this.outside(click, name, here, say);
   }
 
-  // A click beside marks may mean one of them, or another point: the photo may show two in the room of one mark. On a
-  // hollow one it is the point's: a person's own observation, which checks what the program found.
+  // A click beside marks may mean one of them, or another point, as two may be closer than a mark is wide. On a
+  // hollow mark it means the point: a person's own observation, which checks the program's.
   /** @param {Near[]} near @param {Click} click @returns {Given | Unclear} */
   beside(near, click) {
     const found = this.at(click);
@@ -104,8 +104,8 @@ export class LabelsByPlace {
     };
   }
 
-  // A click where nothing is expected is a new point; where nothing tells what is expected, a point that was
-  // chosen for this click is meant, and one that was merely placed last is asked about.
+  // A click where no point is expected is a new point; if no expected places are known, the point chosen
+  // for this click is meant, and a point merely placed last leads to a question.
   /** @param {Click} click @param {string} name @param {ReturnType<typeof nearness>[]} here @param {string} say @returns {Given | Unclear} */
   outside({ image }, name, here, say) {
     if (!this.isThere(name)) return { label: name, say };
@@ -131,7 +131,7 @@ export class LabelsByPlace {
     return [...likely.slice(0, MOST_CHOICES).map((label) => ({ label, words: label })), { label: free, words: `A new point, ${free}`, isNew: true }];
   }
 
-  /** The label of an answer that somebody took his time for: what it was called may have changed. @param {number} image @param {Choice} choice @returns {Given} */
+  /** Returns the label of a late answer: the point may have been renamed meanwhile. @param {number} image @param {Choice} choice @returns {Given} */
   answered(image, { label, isNew, mark }) {
     if (mark) return { label, say: (mark === "pick" ? pickAt : proposalAt)(image, label) ? "" : `${label} is no longer there. Click again.` };
     if (isNew) return { label: this.isThere(label) ? this.free(label) : label };
@@ -143,7 +143,7 @@ export class LabelsByPlace {
     return labels().includes(label) || this.coming.some((one) => one.label === label);
   }
 
-  // Where points are expected that may still be picked there.
+  // Returns the expected places of points that may still be picked there.
   /** @param {number} image @returns {Predicted[]} */
   expectedIn(image) {
     return predictedIn(image).filter(({ label }) => !this.taken(image, label));
@@ -153,12 +153,12 @@ export class LabelsByPlace {
 /** @param {string} label @returns {Choice[]} */
 const hollowChoices = (label) => [{ label, words: `${label}, where you clicked` }, { label, words: `${label}, where the program found it`, mark: "hollow" }];
 
-// Where a point is expected, in words; empty where nothing tells.
+// Returns where a point is expected, in words; empty if that is not known.
 /** @param {number} image @param {string} label @param {ReturnType<typeof nearness>[]} here */
 function whereExpected(image, label, here) {
   const region = here.find((one) => one.label === label);
   if (region) return aside(region.away);
-  const now = stale() || store.mode !== "adjusted" ? null : adjusted(); // of the picks as they are
+  const now = stale() || store.mode !== "adjusted" ? null : adjusted(); // of the present picks
   const isPosed = now?.frames[image]?.status === "refined" || now?.predicted.some((one) => one.image === image);
   return isPosed && now?.points[label] ? "outside this photo" : "";
 }

@@ -1,4 +1,4 @@
-// What the keys do: going about in photos, points and page.
+// Keyboard navigation in photos, points and page.
 
 import { labels, pickAt, placeOf, predictedIn, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
@@ -13,7 +13,7 @@ import { bringTies, tiesIn } from "../photos/ties.js";
 const NUDGE_REST_MS = 700; // nudges closer together than this are one step
 const PAN_PX = 60; // for each press of an arrow
 
-// One further or back, round and round; from nowhere to the first or the last.
+// Steps forward or back in a circle; without a present position to the first or the last.
 /** @param {number} at @param {number} by @param {number} count */
 const turned = (at, by, count) => (at + by + count + (at < 0 && by < 0 ? 1 : 0)) % count;
 
@@ -25,7 +25,7 @@ export class Navigation {
     this.panes = panes;
     this.tools = tools;
     this.newStep = newStep;
-    this.nudge = { step: 0, label: "", at: 0 }; // the last one, and when it was
+    this.nudge = { step: 0, label: "", at: 0 }; // the last nudge, and its time
   }
 
   /** @param {number} by */
@@ -72,7 +72,7 @@ export class Navigation {
     return true;
   }
 
-  // The parts of the page in turn, as F6 does in other programs.
+  // Goes through the parts of the page in turn, as F6 does in other programs.
   /** @param {number} by */
   nextRegion(by) {
     /** @param {string} id @param {string} attribute @returns {{ part: Element | null, stop: HTMLElement | SVGElement | null }} */
@@ -132,7 +132,7 @@ export class Navigation {
     else pane.goTo(label, Math.max(pane.view.scale, 2));
   }
 
-  /** The next or the previous point. @param {number} by */
+  /** Selects the next or the previous point. @param {number} by */
   step(by) {
     const all = labels();
     if (!all.length) return;
@@ -155,7 +155,7 @@ export class Navigation {
     if (this.state.shown.ties) this.notice.show(count ? `${count} tie points in this photo: spots that the program found in others, too.` : "The project names no tie points in this photo. uavgram picks ties looks for them, and ties: in project.yaml names their file.", true);
   }
 
-  // Of the photos that are shown, where they are to be seen.
+  // Loads the tie points of the shown photos if they are to be drawn.
   async bringTies() {
     if (!this.state.shown.ties) return;
     try {

@@ -1,5 +1,5 @@
-// What was done, said with a button that takes it back or makes something else of it. The button is of that
-// change alone: it goes when anything else is changed, here or by another page.
+// A notice of a change, with a button that undoes or modifies it. The button belongs to that change alone: it
+// disappears when anything else is changed, here or by another page.
 
 /** @import { Change } from "../connection/protocol.js" */
 /** @import { Link } from "../connection/link.js" */
@@ -20,12 +20,12 @@ export class Offers {
     this.notice.show(words, true, { words: button, act: () => { if (this.isLast(change)) act(); } });
   }
 
-  /** Whether nothing is under way that came after it. @param {Change} change */
+  /** Returns whether no later change is under way. @param {Change} change */
   isLast(change) {
     return (this.link.unconfirmed.at(-1) ?? change) === change;
   }
 
-  /** Something was changed. @param {Change | null} answered null: by another page */
+  /** Withdraws the button after another change. @param {Change | null} answered null: by another page */
   changed(answered) {
     const { about } = this;
     if (!about || answered === about || this.link.unconfirmed.includes(about)) return;

@@ -1,4 +1,4 @@
-// What this page alone knows: what is selected, which tool is in hand, what is shown.
+// State of this page alone: selection, tool, and visible layers.
 
 /** @import { Folder, Measurement } from "../connection/protocol.js" */
 /** @import { View } from "../photos/view.js" */
@@ -9,12 +9,12 @@
 /** @typedef {"measure" | "results" | "frames" | "camera"} Tab */
 
 /**
- * A length or measurement whose form is open; `was`: its name, where it is there already.
+ * A length or measurement whose form is open; `was`: its name, if it exists already.
  * @typedef {{ t: "line", name: string, start: string, end: string, sigma_m: number, length_m?: number, adjust?: boolean, was?: string } | Measurement & { t: "measure", was?: string }} Entry
  */
 
 /**
- * The place in a photo that a question is about, and what follows it when the view moves.
+ * Place in a photo that a question is about, and the callback that follows it when the view moves.
  * @typedef {{ image: number, at: [number, number], view: View, moved: (x: number, y: number, view: View) => void }} AskedPlace
  */
 
@@ -25,29 +25,29 @@ export class PageState {
     /** @type {ToolName} */
     this.tool = "pick";
     /** @type {string[]} */
-    this.draft = []; // labels of the length or measurement that is being clicked
+    this.draft = []; // labels of the length or measurement that is being drawn
     /** @type {Entry | null} */
     this.entry = null;
     /** @type {Shown} */
     this.shown = { ellipses: true, residuals: true, predicted: true, labels: true, lines: true, ties: false };
     /** @type {{ image: number, places: [number, number][] } | null} */
-    this.alike = null; // what a snap could not tell apart
-    this.hidesMarks = false; // points are clicked again: no mark is shown, and none takes a click
+    this.alike = null; // candidates between which a snap could not decide
+    this.hidesMarks = false; // during repeated clicks: marks are hidden and take no clicks
     this.magnifies = true;
-    this.spaceHeld = false; // a drag pans
+    this.spaceHeld = false; // a drag pans while it is held
     this.typed = false; // the label was typed since the last point was placed
     /** @type {AskedPlace | null} */
     this.asked = null;
-    this.edits = false; // whether merging, swapping and splitting is unfolded
+    this.edits = false; // whether the part for merging, swapping and splitting is unfolded
     /** @type {number | null} */
-    this.lastSigmaM = null; // of a taped length, where one was entered since the page was opened
+    this.lastSigmaM = null; // of the last taped length entered since the page was opened
     /** @type {Tab} */
     this.tab = "measure";
     /** @type {string | null} */
-    this.side = null; // name of the measurement that is shown from the side
-    this.showsSteps = false; // though all of the first steps are done
+    this.side = null; // name of the measurement shown in side view
+    this.showsSteps = false; // even though all first steps are done
     this.exporting = false;
     /** @type {Folder[] | null} */
-    this.folders = null; // in which photos of a board could be
+    this.folders = null; // folders that may hold photos of a board
   }
 }

@@ -1,4 +1,4 @@
-// About the project as a whole: exports, calibration, reading it again.
+// Actions on the project as a whole: export, calibration, reloading.
 
 import { goOn, send } from "../door/server.js";
 import { boardText } from "../panel/camera.js";
@@ -18,7 +18,7 @@ export class ProjectActions {
     this.written = written;
   }
 
-  // The answer; none where it is refused, or cannot be had, which is shown.
+  // Returns the answer; undefined if it is refused or fails, which is shown.
   /** @template {Exclude<Question, { t: "snap" | "ground" | "side" | "ties" }>} Q @param {Q} question @returns {Promise<Answers[Q["t"]] | null>} */
   async ask(question) {
     try {
@@ -41,7 +41,7 @@ export class ProjectActions {
     else this.showPanel();
   }
 
-  // Save and close the project: the door opens, where folders are chosen or this one is set up.
+  // Saves and closes the project: the start page opens, to choose a folder or to set up this one.
   /** @param {"" | "setup"} to */
   async leave(to) {
     try {

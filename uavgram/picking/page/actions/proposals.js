@@ -1,4 +1,4 @@
-// What the program found of a point in other photos: accepted or refused by a person.
+// Proposals of the program in other photos: accepted or refused by a person.
 
 import { askedFor, predictedIn, proposalAt, proposals } from "../connection/store.js";
 
@@ -10,8 +10,8 @@ import { askedFor, predictedIn, proposalAt, proposals } from "../connection/stor
 /** @import { PageState } from "./page_state.js" */
 /** @import { Tools } from "./tools.js" */
 
-const REGION_SHARE = 0.3; // of the pane, that the region takes in which a point is expected
-const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
+const REGION_SHARE = 0.3; // of the pane, filled by the region in which a point is expected
+const CONFIDENCE = 2.4477; // 95 % of a bivariate normal distribution
 const LARGEST_SCALE = 4;
 
 export class Proposals {
@@ -37,7 +37,7 @@ export class Proposals {
     if (some.length) this.say({ t: "refuse", pairs: some });
   }
 
-  // Undo is of picks, and these are none: so it is offered here.
+  // Undo concerns picks only; refusals are therefore taken back with a button.
   /** All of the selected point, or all in this photo. @param {boolean} inPhoto */
   refuseAll(inPhoto) {
     const some = inPhoto ? this.inPhoto(this.panes.active?.image) : this.ofLabel(this.state.selected);
@@ -54,20 +54,20 @@ export class Proposals {
     void this.link.ask(what).catch((/** @type {unknown} */ fault) => this.notice.fault(fault));
   }
 
-  /** A mark was clicked. @param {Pane} pane @param {string} label */
+  /** Accepts the proposal whose mark was clicked. @param {Pane} pane @param {string} label */
   acceptHere(pane, label) {
     this.accept([{ image: pane.image, label }]);
     this.tools.clickedMark(label);
   }
 
-  // Instead of the pick that a click has just placed.
+  // Accepts the proposal instead of the pick that a click has just placed.
   /** @param {number} image @param {string} label */
   acceptInstead(image, label) {
     this.link.change({ t: "undo" });
     this.accept([{ image, label }]);
   }
 
-  // The mark that has the focus.
+  // Accepts the proposal whose mark has the focus.
   acceptFocused() {
     const { activeElement: at } = document;
     const label = at instanceof SVGElement ? at.dataset.proposal : undefined;
@@ -94,7 +94,7 @@ export class Proposals {
     return true;
   }
 
-  // What nobody need look at, in all photos.
+  // Accepts the proposals that need no inspection, in all photos.
   acceptSure() {
     if (this.accept(proposals().filter(({ is_sure }) => is_sure))) this.notice.show("Accepted. Undo: Ctrl+Z.", true);
   }
@@ -109,7 +109,7 @@ export class Proposals {
     return proposals().filter((one) => one.label === label);
   }
 
-  // To where a point is, or is expected, with the region on the screen.
+  // Goes to the place or the expected region of a point, with the region filling part of the screen.
   /** @param {number} image @param {string} label */
   goTo(image, label) {
     const { active: pane } = this.panes;

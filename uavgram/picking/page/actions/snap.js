@@ -1,5 +1,5 @@
-// A pick moved to the exact place of a target or corner, or made there: of the one that is likeliest where the label
-// is expected, else near the pick or the pointer.
+// Moves a pick to the exact place of a target or corner, or makes one there: the most likely one in the expected
+// region of the label, else the one near the pick or the pointer.
 
 import { pickAt, predictedIn } from "../connection/store.js";
 
@@ -8,7 +8,7 @@ import { pickAt, predictedIn } from "../connection/store.js";
 /** @import { PageState } from "./page_state.js" */
 /** @import { Tools } from "./tools.js" */
 
-// The selected pick, or what is under the pointer.
+// Snaps the selected pick, or a new one under the pointer.
 /** @param {Tools} tools @param {Target} target */
 export async function snap(tools, target) {
   const { state, link, notice, panes: { active: pane } } = tools;
@@ -21,7 +21,7 @@ export async function snap(tools, target) {
   showAlike(tools, null);
   try {
     const found = await link.ask({ t: "snap", image: pane.image, u_px, v_px, target, ...expected });
-    if (pane.image !== image) { // the place is not one of the photo that is shown now
+    if (pane.image !== image) { // the pane shows another photo by now
       notice.show("Nothing was placed, as the photo was changed meanwhile. Press the key again.");
       return;
     }
@@ -31,8 +31,8 @@ export async function snap(tools, target) {
   }
 }
 
-// What a snap found becomes a pick; what it could not tell apart is drawn.
-/** @param {Tools} tools @param {Pane} pane @param {string | undefined} label that is placed; none: whose point is there @param {string} wanted @param {Answers["snap"]} found */
+// Makes a pick of the snapped place; draws the candidates if the snap could not decide.
+/** @param {Tools} tools @param {Pane} pane @param {string | undefined} label to place; none: whose point is there @param {string} wanted @param {Answers["snap"]} found */
 function take(tools, pane, label, wanted, found) {
   const { notice } = tools;
   if (found.why !== undefined) {

@@ -1,4 +1,4 @@
-// The tools: those used most as buttons, the others in a menu that says what each is for.
+// The tools: those used most as buttons, the others in a menu with explanations.
 
 import { as, byId, choose, node } from "../elements/dom.js";
 import { icon } from "../elements/icons.js";

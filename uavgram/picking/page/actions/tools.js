@@ -1,4 +1,4 @@
-// Tools: what a click makes.
+// Tools: the effects of clicks.
 
 import { freeName, labels, pickAt, pickKey, store } from "../connection/store.js";
 import { as, byId } from "../elements/dom.js";
@@ -24,7 +24,7 @@ import { showTool } from "./tool_menu.js";
 /** @import { ToolName } from "./keys.js" */
 /** @import { Entry, PageState } from "./page_state.js" */
 
-const ASKED = ["skid_speed", "speed", "volume"]; // kinds that take more than their points
+const ASKED = ["skid_speed", "speed", "volume"]; // kinds that need parameters besides their points
 
 export class Tools {
   /**
@@ -33,9 +33,9 @@ export class Tools {
    * @param {Link} needs.link
    * @param {Notice} needs.notice
    * @param {Panes} needs.panes
-   * @param {() => void} needs.rebuild draws what hangs on the page's state
-   * @param {() => void} needs.moved a mark was moved: draws it with the next frame
-   * @param {() => void} needs.showForms shows the tab whose forms ask for what clicks cannot say
+   * @param {() => void} needs.rebuild redraws all parts that depend on the page's state
+   * @param {() => void} needs.moved redraws a moved mark with the next frame
+   * @param {() => void} needs.showForms shows the tab with the forms for values that clicks cannot give
    */
   constructor({ state, link, notice, panes, rebuild, moved, showForms }) {
     this.state = state;
@@ -47,7 +47,7 @@ export class Tools {
     this.showForms = showForms;
     this.heights = new Heights({ state, link, notice });
     this.proposals = new Proposals({ state, link, notice, panes, tools: this });
-    this.box = as(HTMLInputElement, byId("label")); // of the label that the next click places
+    this.box = as(HTMLInputElement, byId("label")); // the field with the label for the next click
     this.box.addEventListener("keydown", ({ key }) => { if (key === "Enter") this.name(this.label); });
     this.names = new LabelsByPlace({ state, link, box: this.box });
     this.question = new Question(() => this.answered());
@@ -79,7 +79,7 @@ export class Tools {
     return this.names.coming;
   }
 
-  /** Names that lengths or measurements have, or will have. @param {"line" | "measure"} t */
+  /** Returns the present and pending names of lengths or measurements. @param {"line" | "measure"} t */
   namesOf(t) {
     const coming = this.link.unconfirmed.flatMap((one) => (one.t === t ? [one.name] : []));
     return [...(t === "line" ? store.lines : store.measurements).map(({ name }) => name), ...coming];
@@ -96,18 +96,18 @@ export class Tools {
     if (isNew) this.rebuild();
   }
 
-  /** `isLeft`: it is in hand because of what was done last, and not for the next click. @param {string} label @param {boolean} isLeft */
+  /** `isLeft`: the label was left by the last action and not chosen for the next click. @param {string} label @param {boolean} isLeft */
   choose(label, isLeft = false) {
     this.state.selected = label;
     this.names.put(label, isLeft);
   }
 
-  /** A place in a photo. @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
+  /** Handles a click on a place in a photo. @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
   clicked(pane, u, v, sigma_px = null) {
     this.clicks.at(pane, u, v, sigma_px);
   }
 
-  // A question is no longer open.
+  // Cleans up after a question.
   answered() {
     this.state.asked = null;
     this.rebuild();
@@ -128,7 +128,7 @@ export class Tools {
     if (!pick) return;
     this.say(goneWith(pick));
     store.picks.set(pickKey(image, label), { ...byHand(pick), u_px, v_px });
-    store.version += 0.5; // newer than what the server knows: what hangs on it is grey
+    store.version += 0.5; // newer than the server's state: dependent numbers are greyed
     this.send({ t: "place", image, label, u_px, v_px, step, final });
     this.moved();
   }
@@ -140,7 +140,7 @@ export class Tools {
     if (this.state.tool !== "pick") this.extend(label);
   }
 
-  // Why a point cannot be the next one of what is drawn; empty where it can.
+  // Returns why a point cannot be the next one of the drawing; empty if it can.
   /** @param {string} label */
   faultOf(label) {
     const { draft, tool } = this.state;
@@ -152,7 +152,7 @@ export class Tools {
   extend(label) {
     const form = this.state.entry && typedForm();
     if (form) this.entered(form); // as Enter does
-    if (form && this.state.entry) return; // and says what is wrong
+    if (form && this.state.entry) return; // its fault is shown
     const { draft, tool } = this.state;
     const { most } = TOOLS[tool];
     const why = this.faultOf(label);
@@ -165,7 +165,7 @@ export class Tools {
       return;
     }
     draft.push(label);
-    this.state.typed = false; // what was typed is taken
+    this.state.typed = false; // the typed name is used
     if (draft.length === most) this.finish();
     else this.rebuild();
   }
@@ -202,11 +202,11 @@ export class Tools {
     inputIn('form[data-row="entry"] input')?.focus();
   }
 
-  // To the number that an open form waits for; whether one does.
+  // Moves the focus to the number that an open form waits for; returns whether there is one.
   toNumber() {
     const field = inputIn('form[data-row="entry"] label:not([hidden]) > input[inputmode]');
     if (!field || !this.state.entry || (this.question.isOpen && this.question.counted)) return false;
-    this.showForms(); // another tab may be shown
+    this.showForms(); // bring its tab to the front
     field.focus();
     return true;
   }
@@ -227,7 +227,7 @@ export class Tools {
     this.panes.active?.focus();
   }
 
-  // A length or measurement that is there, to be changed.
+  // Opens the form of an existing length or measurement.
   /** @param {Line} line */
   changeLine(line) {
     this.ask({ ...line, t: "line", was: line.name });
@@ -257,7 +257,7 @@ export class Tools {
     this.box.select();
   }
 
-  // The label box was left with Enter: a known label is selected, a new one is to be placed.
+  // Leaves the label field by Enter: selects a known label; a new one is placed by the next click.
   /** @param {string} label */
   name(label) {
     const { active } = this.panes;
@@ -267,7 +267,7 @@ export class Tools {
     (active?.markOf(this.state.selected) ?? active?.svg)?.focus({ preventScroll: true });
   }
 
-  // A number that was typed into a field: null where it is empty, nothing where it is none.
+  // Reads a number from a field: null if it is empty; shows a fault if it is not a number.
   /** @param {HTMLInputElement} input @param {(value: number | null) => void} act @param {(text: string) => number} read */
   number(input, act, read = parse) {
     const value = input.value.trim() ? read(input.value) : null;

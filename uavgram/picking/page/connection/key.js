@@ -1,5 +1,5 @@
-// The key of this tab. The address brings it behind its #, which goes to no server; and unlike a cookie, what
-// sessionStorage keeps goes to no other tab, and to no server of this machine that has another port.
+// The key of this tab. The address carries it behind the #, which is sent to no server; and unlike a cookie,
+// sessionStorage is sent to no other tab, and to no server of this machine on another port.
 
 const STORED = "uavgram-key";
 
@@ -8,10 +8,10 @@ if (location.hash.length > 1) {
   history.replaceState(null, "", location.pathname);
 }
 
-/** An address of the server, with the key. @param {string} address */
+/** Adds the key to an address of the server. @param {string} address */
 export const keyed = (address) => `${address}${address.includes("?") ? "&" : "?"}tab=${sessionStorage.getItem(STORED) ?? ""}`;
 
-// A tab without the key, or with that of an earlier server, goes where it reads what helps.
+// Sends a tab without a valid key to the page that explains what to do.
 export async function leaveIfRefused() {
   const answer = await fetch(keyed("/key")).catch(() => null);
   if (answer?.status === 403) location.replace("/key");

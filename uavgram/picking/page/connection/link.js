@@ -1,4 +1,4 @@
-// The socket: one change under way at a time, and of the moves that wait the newest wins.
+// The socket: one change under way at a time; of the waiting moves only the newest is sent.
 
 /** @import { Answers, Change, Question, ServerMessage } from "./protocol.js" */
 
@@ -14,9 +14,9 @@ export class Link {
     /** @type {Change[]} */
     this.waiting = [];
     /** @type {{ seq: number, change: Change } | null} */
-    this.under = null; // the change that the server is asked to confirm
+    this.under = null; // the change that awaits its confirmation
     this.seq = 0;
-    this.steps = Date.now(); // step numbers of several pages must not meet
+    this.steps = Date.now(); // makes step numbers of several pages differ
     /** @type {Map<number, { yes: (answer: ServerMessage) => void, no: (fault: Error) => void }>} */
     this.asked = new Map();
     this.wasOpen = false;
@@ -45,7 +45,7 @@ export class Link {
     return socket;
   }
 
-  // The page has what the server does not know: it begins anew.
+  // Reconnects and reloads the state, as the page has changes unknown to the server.
   reopen() {
     this.socket.close();
   }
@@ -54,7 +54,7 @@ export class Link {
     return (this.steps += 1);
   }
 
-  // A change: its answer comes to all pages as a difference.
+  // Sends a change; the answer goes to all pages as a difference.
   /** @param {Change} change */
   change(change) {
     const last = this.waiting.at(-1);
@@ -65,7 +65,7 @@ export class Link {
     this.next();
   }
 
-  // A question: its answer comes to whoever asked.
+  // Sends a question; the answer goes to this page only.
   /** @template {Question} Q @param {Q} question @returns {Promise<Answers[Q["t"]]>} */
   ask(question) {
     const seq = (this.seq += 1);

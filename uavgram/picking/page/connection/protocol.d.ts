@@ -1,14 +1,14 @@
-// What page and server say to each other, as JSON: types alone, for the checks in .ci/page. The server
-// makes its part in protocol/encode_*.py and session/, and checks what comes in protocol/parse.py.
+// Messages between page and server, as JSON: types only, for the checks in .ci/page. The server builds
+// its part in protocol/encode_*.py and session/, and checks messages of the page in protocol/parse.py.
 
 type Maybe = number | null; // null where Python has NaN
 
 // Ellipse of one sigma: half-axes, and the direction of the major one from u towards v.
 export interface Spread { major_px: Maybe; minor_px: Maybe; turn_deg: Maybe }
 
-// A height over the ground that was stated, or is to be found from photos; else the point is on the ground.
+// A height over the ground that was stated, or is to be estimated from photos; else the point is on the ground.
 export interface Height { height_m: Maybe; height_sigma_m?: Maybe; is_free?: boolean }
-// Who made a pick: a person, unless it says otherwise; of a match the pick that it was found from.
+// Origin of a pick: a person by default; for a match also the pick that it was found from.
 export type Source = "hand" | "match" | "target";
 interface Made { source?: Source; score?: Maybe; from_image?: Maybe; from_u_px?: Maybe; from_v_px?: Maybe }
 export interface Pick extends Height, Made { image: number; label: string; u_px: number; v_px: number; sigma_px: Maybe; area: string }
@@ -28,9 +28,9 @@ export interface Photo {
   seed: { east_m: Maybe; north_m: Maybe; up_m: Maybe; sigma_m: Maybe[]; turn_sigma_deg: Maybe } | null;
   event: { status: string; residual_s: Maybe; why: string } | null;
 }
-// How bright a photo is shown: values that become black and white, and how much the middle is lifted.
+// Brightness curve of a photo: values that become black and white, and the lift of the middle.
 export interface Tone { black: number; white: number; gamma: number }
-export interface Tones { first: Tone; stretched: Tone } // where nobody chose; with the automatic stretch
+export interface Tones { first: Tone; stretched: Tone } // default; with the automatic stretch
 export interface Camera {
   name: string; model: string; width_px: number; height_px: number; parameters: string[][]; facts: string[]; source: string[]; file: string; messages: Note[];
 }
@@ -38,13 +38,13 @@ export interface ClockOffset { offset_s: Maybe; sigma_s: Maybe }
 export interface Clock extends ClockOffset { log: string; events: number; unused: string[] }
 export interface Flight { track: [number, number, number][] } // UTC time [s], east and north [m]
 export interface Predicted { image: number; label: string; pixel_px: [number, number]; spread: Spread }
-// What the program found of a label in a photo, and where it is to be picked by hand, and why.
-// From which pick: of a match alone.
-export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; source: Source; from_image: Maybe; is_sure: boolean } // is_sure: nobody need look at it
+// Proposed picks, and labels to be picked by hand with the reason.
+// `from_image`: of the source pick, for a match only.
+export interface Proposal { image: number; label: string; u_px: number; v_px: number; sigma_px: number; score: number; source: Source; from_image: Maybe; is_sure: boolean } // is_sure: needs no inspection
 export interface Asked { image: number; label: string; why: string }
-export interface Proposals { labels: string[]; found: Proposal[]; asked: Asked[]; left: number } // all of these labels; left: places to look at
+export interface Proposals { labels: string[]; found: Proposal[]; asked: Asked[]; left: number } // all results of these labels; left: places still to be searched
 export interface Outputs { folder: string; files: { name: string; words: string }[]; recording: boolean; version: number | null; stamp: string }
-// What a run wrote, in the words of its report.
+// Results of a run, in the words of its report.
 export interface Results {
   level: "green" | "amber" | "red" | null; headline: string; first: string; others: string[]; scale: string; counts: string; case: [string, string][]; made: string;
   measurements: { name: string; kind: string; points: string[]; value: string; others: string; interval: string; status: Trust["status"]; words: string }[];
@@ -58,19 +58,19 @@ export type Calibration = { t: "calibration" } & (
 // The adjustment.
 
 export interface Fit { image: number; label: string; residual_px: Maybe[]; w: Maybe; status: string; spread: Spread | null }
-// The one verdict: likeliest reason (without text where all is well), what more is to be said. All of it is the server's.
-// `reasons`: how many there are; `unseen`: in which lengths a wrong reading would not show.
+// The verdict: likeliest reason (without text if all is well), further remarks. All of it comes from the server.
+// `reasons`: their number; `unseen`: lengths in which a wrong reading would not show.
 export interface Verdict { level: "green" | "amber" | "red" | null; words: string; first: Remark; why: Remark[]; reasons: number; unseen: string }
-// How far a row can be trusted, in a word where it is not in order, and why.
+// Status of a row: a word unless it is ok, and the reason.
 export interface Trust { status: "ok" | "not-checked" | "doubtful" | "contradicted"; words: string; why: string }
-// `shows`: the smallest error in it that would show, and what it would do; or of what no error would show.
+// `shows`: its minimal detectable error and the effect; or the observation in which no error would show.
 export interface Measured extends Trust { value: Maybe; sigma: Maybe; unit: string; alternatives: Maybe[]; shows: string }
 export interface LengthFit extends Trust { adjusted_m: Maybe; sigma_m: Maybe; w: Maybe; shows: string }
-// In one plain sentence, and in `text` at length; the buttons that would put it right, likeliest first; where to look.
+// One plain sentence, and `text` in detail; buttons for remedies, likeliest first; place to inspect.
 export interface Remark extends Note { plain: string; labels: string[]; frames: number[]; lengths: string[]; measurements: string[]; mends: Mend[]; show: { image: number; label: string } | null }
 export interface Mend { words: string; changes: SingleChange[]; opens?: string } // sent as one step: { t: "all", changes }; or a length to be read again
 export type Places = Record<string, [number, number] | undefined>; // latitude and longitude by label
-export interface AdjustedPoint extends Trust { sigma_m: Maybe[]; neighbour_sigma_m: Maybe; neighbours: string[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, where it is off it
+export interface AdjustedPoint extends Trust { sigma_m: Maybe[]; neighbour_sigma_m: Maybe; neighbours: string[]; height_m?: Maybe; height_sigma_m?: Maybe } // over the ground, if the point is off it
 export interface Adjusted {
   mode: "adjusted"; seconds: number; verdict: Verdict;
   points: Record<string, AdjustedPoint | undefined>;
@@ -98,14 +98,14 @@ export type FullLive = Exclude<Live, Linearised>;
 
 export interface Units { length: "m" | "ft" | "ft-in"; speed: "km/h" | "mph" | "m/s" }
 export interface Standing { version: number; undo: number; redo: number }
-// What was planned to be laid and taped: labels of the ends, the length and the ways there in words.
+// Line planned to be marked and taped: labels of the ends; length and directions to the ends in words.
 export interface PlannedLine { name: string; start: string; end: string; length: string; start_place: string; end_place: string }
-// Coded plates: what each is called, its side and the way there in words, labels of its corners.
+// Coded plate: its name, side length and directions in words, labels of its corners.
 export interface PlannedPlate { name: string; side: string; place: string; corners: string[] }
 // `why`: why the program does not look for the plates, if it does not.
 export interface Planned { lines: PlannedLine[]; plates: PlannedPlate[]; why: string }
-export interface ControlLine { name: string; points: string[] } // of known position; what is picked on it
-// Of the survey to play with: the file of what was taped on its scene, and what that says.
+export interface ControlLine { name: string; points: string[] } // of known position; labels picked on it
+// The sample survey: file and text of its tape readings.
 export interface Sample { file: string; text: string }
 export interface InitialState extends Standing {
   t: "initial-state"; project: string; units: Units; tile_px: number; pick_sigma_px: number; reading_sigma_m: number; photos: Photo[]; camera: Camera; clock: Clock | null; flight: Flight | null;
@@ -121,24 +121,24 @@ export type ServerMessage = { seq?: number | null } & (
   | InitialState | Changed | Live | Calibration | Refused | Answers[keyof Answers]
   | { t: "closed" } | { t: "saved"; version: number; fault: string } | { t: "outside"; files: string[] } | { t: "outputs"; outputs: Outputs } | { t: "proposals" } & Proposals);
 
-// From the page: changes of what is picked, and questions.
+// From the page: changes of the picked state, and questions.
 
 export interface Place extends Made { t: "place"; image: number; label: string; u_px: number; v_px: number; sigma_px?: Maybe; step?: number; final?: boolean }
 export interface SetLine extends Reading { t: "line"; was: string; tape?: string; along?: Along }
 export interface SetMeasurement extends Measurement { t: "measure"; was: string }
 export interface SetHeight extends Height { t: "height"; label: string; step?: number }
 type Pair = [number, string]; // photo and label
-// `keep`: the one of the two whose picks stay in photos in which both are picked.
+// `keep`: the label whose picks stay in photos in which both are picked.
 export interface Merge { t: "merge"; label: string; into: string; keep?: string }
 export type Change = SingleChange | { t: "all"; changes: SingleChange[] } | { t: "accept"; pairs: Pair[] } | { t: "undo" } | { t: "redo" };
-// One that can be made together with others, in one step; a swap without a photo is of all photos.
+// A change that can be combined with others in one step; a swap without a photo concerns all photos.
 export type SingleChange = Place | SetLine | SetMeasurement
   | { t: "repeat"; image: number; label: string; u_px: number; v_px: number } | { t: "unpick"; image: number; label: string } | { t: "forget"; label: string } | { t: "rename"; label: string; new: string }
   | Merge | { t: "split"; label: string; new: string; images: number[] } | { t: "swap"; image: number | null; label: string; other: string }
   | { t: "sigma"; image: number; label: string; sigma_px: Maybe } | SetHeight
   | { t: "remove-line"; name: string } | { t: "remove-measurement"; name: string };
 
-export type Target = "any" | "target"; // the likeliest thing; marks that people put down alone
+export type Target = "any" | "target"; // the likeliest feature; only marks that people put down
 export type Question =
   | { t: "snap"; image: number; u_px: number; v_px: number; target: Target; expected?: string } | { t: "ground"; image: number; u_px: number; v_px: number }
   | { t: "side"; name: string } | { t: "ties"; image: number } | { t: "refuse"; pairs: Pair[]; is_taken_back?: boolean } | { t: "export" } | { t: "reload" } | { t: "take-aside" } | { t: "discard-aside" } | { t: "folders" } | { t: "stop-calibration" } | { t: "use-camera" }
@@ -147,7 +147,7 @@ type Placed = [Maybe, Maybe]; // value and sigma [m]
 export interface SidePoint { label: string; station_m: Placed; offset_m: Placed; height_m: Placed; ground_m: Placed } // heights over the first point
 interface Done { t: "done"; why?: string }
 export interface Answers {
-  snap: { t: "snapped"; why: string; places_px: [number, number][] } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target"; is_sure: boolean }; // else it only looks like what is meant
+  snap: { t: "snapped"; why: string; places_px: [number, number][] } | { t: "snapped"; why?: undefined; u_px: number; v_px: number; sigma_px: number; what: "corner" | "target"; is_sure: boolean }; // otherwise it only looks like the target
   side: { t: "side"; points: SidePoint[] };
   ties: { t: "ties"; places_px: [number, number][] };
   ground: { t: "ground"; places: Record<number, [number, number, number] | undefined> }; // u, v [px] and scale

@@ -1,4 +1,4 @@
-// What the server sent: the picked state, and what the adjustment makes of it.
+// Data from the server: the picked state and its adjustment.
 
 import { useUnits } from "../elements/units.js";
 
@@ -11,11 +11,11 @@ import { useUnits } from "../elements/units.js";
  * @property {Photo[]} photos
  * @property {number} tilePx
  * @property {number} pickSigmaPx
- * @property {number} readingSigmaM of a taped length, as the project says
+ * @property {number} readingSigmaM of a taped length, from the project file
  * @property {Camera | null} camera
  * @property {string[]} control
  * @property {string[]} check
- * @property {string[]} named labels that the project's other tables, or the photos of the sample, have for points
+ * @property {string[]} named labels of points in the project's other tables, or in the photos of the sample
  * @property {Sample | null} sample
  * @property {ControlLine[]} controlLines
  * @property {Remark[]} opening
@@ -26,25 +26,25 @@ import { useUnits } from "../elements/units.js";
  * @property {Planned} planned
  * @property {Outputs | null} outputs
  * @property {string[]} outside
- * @property {number | null} aside how many changes an earlier session could not save
+ * @property {number | null} aside number of changes that an earlier session could not save
  * @property {Calibration | null} calibration
  * @property {Map<string, Pick>} picks "image|label" -> pick
- * @property {string[]} repeated "image|label" of what was clicked again
+ * @property {string[]} repeated "image|label" of repeated clicks
  * @property {Line[]} lines
  * @property {Measurement[]} measurements
- * @property {Map<string, Proposal>} found "image|label" -> what the program found there
- * @property {Map<string, Asked>} asked "image|label" -> why it is to be picked by hand there
- * @property {number} seeking how many places the program has still to look at
+ * @property {Map<string, Proposal>} found "image|label" -> the proposal there
+ * @property {Map<string, Asked>} asked "image|label" -> why the label is to be picked by hand there
+ * @property {number} seeking number of places still to be searched
  * @property {number} undo
  * @property {number} redo
  * @property {number} version
- * @property {FullLive | null} live the last full adjustment, with first-order values laid over it
- * @property {Map<string, Fit>} fits "image|label" -> how the pick fits there
+ * @property {FullLive | null} live the last full adjustment, updated with first-order values
+ * @property {Map<string, Fit>} fits "image|label" -> fit of the pick there
  * @property {number} liveFor
  * @property {Live["mode"] | "waiting"} mode
  * @property {boolean} connected
- * @property {boolean} waits whether the numbers have been older than the picks for so long that it is to be shown
- * @property {boolean} gone not connected for so long that it is to be shown
+ * @property {boolean} waits whether the numbers have been older than the picks for so long that this is shown
+ * @property {boolean} gone not connected for so long that this is shown
  * @property {string} fault
  */
 
@@ -98,8 +98,8 @@ export const pickKey = (image, label) => `${image}|${label}`;
 /** @template {{ image: number, label: string }} T @param {T[]} all @returns {Map<string, T>} */
 const byKey = (all) => new Map(all.map((one) => [pickKey(one.image, one.label), one]));
 
-// `moved`: picks that were moved since what the server answers to here. Returns whether there is
-// something new to draw: what a drag does is drawn before the server confirms it.
+// `moved`: picks moved here since the state that the server answers to. Returns whether there is
+// something new to draw: drags are drawn before the server confirms them.
 /** @param {ServerMessage} message @param {Set<string>} moved */
 export function receive(message, moved) {
   if (message.t === "initial-state") begin(message);
@@ -172,7 +172,7 @@ function live(message) {
   store.fits = byKey(message.mode === "adjusted" ? message.picks : []);
 }
 
-// A first-order answer has values alone: sigmas and tests stay those of the last adjustment.
+// Applies a first-order answer, which has values only: sigmas and tests stay those of the last adjustment.
 /** @param {Linearised} message */
 function layOver({ residuals_px, lengths_m, values, heights_m, earth_deg }) {
   const base = adjusted();
@@ -196,7 +196,7 @@ function layOver({ residuals_px, lengths_m, values, heights_m, earth_deg }) {
   base.earth_deg = earth_deg;
 }
 
-// All that stands of some labels.
+// Replaces all search results of some labels.
 /** @param {Proposals} message */
 function proposed({ labels: of, found, asked, left }) {
   for (const all of [store.found, store.asked]) for (const [key, { label }] of all) if (of.includes(label)) all.delete(key);
@@ -205,7 +205,7 @@ function proposed({ labels: of, found, asked, left }) {
   store.seeking = left;
 }
 
-// What was found, or is asked for, where nobody has picked it meanwhile.
+// Lists the proposals or requests of labels that are not picked meanwhile.
 /** @template {{ image: number, label: string }} T @param {Map<string, T>} all */
 const open = (all) => [...all].flatMap(([key, one]) => (store.picks.has(key) ? [] : [one]));
 export const proposals = () => open(store.found);
@@ -225,14 +225,14 @@ export const fitOf = (image, label) => store.fits.get(pickKey(image, label));
 /** @param {string} label */
 export const picksOf = (label) => [...store.picks.values()].filter((pick) => pick.label === label);
 
-// What was said of a label's height: at one of its picks, which holds for all.
+// Returns the stated height of a label: a statement at one of its picks holds for all.
 /** @param {string} label @returns {Height} */
 export function heightOf(label) {
   const all = picksOf(label);
   return all.find(({ is_free, height_m }) => is_free || height_m !== null) ?? all[0] ?? { height_m: null };
 }
 
-// How high a point stands as adjusted, where it is off the ground.
+// Returns the adjusted height of a point that is off the ground.
 /** @param {string} label @returns {{ height: number, sigma: number | null } | null} */
 export function standsAt(label) {
   const { height_m, height_sigma_m } = adjusted()?.points[label] ?? {};
@@ -243,13 +243,13 @@ export function labels() {
   return [...new Set([...store.picks.values()].map((pick) => pick.label))];
 }
 
-// All names that points have, whether they are picked yet or not.
+// All names of points, picked or not.
 export const namedLabels = () => [...new Set([
   ...labels(), ...store.control, ...store.check, ...store.named,
   ...[...store.lines, ...store.planned.lines].flatMap(({ start, end }) => [start, end]), ...store.measurements.flatMap(({ points }) => points), ...store.planned.plates.flatMap(({ corners }) => corners),
 ])];
 
-/** How many picks each label has. */
+/** Counts the picks of each label. */
 export function countsOfPicks() {
   /** @type {Map<string, number>} */
   const count = new Map();
@@ -262,13 +262,13 @@ export function picksIn(image) {
   return [...store.picks.values()].filter((pick) => pick.image === image);
 }
 
-// The photo in which most is picked: what was worked on last, and shows most.
+// The photo with the most picks: the last one worked on, as a rule.
 export function mostPicked() {
   const counts = store.photos.map((_, image) => picksIn(image).length);
   return Math.max(counts.indexOf(Math.max(...counts)), 0);
 }
 
-// Labels that are picked in other photos, and points with known coordinates and planned places that are in none yet.
+// Lists labels picked in other photos, and points with known coordinates or planned places that are in none yet.
 /** @param {number} image */
 export function predictedIn(image) {
   /** @param {Predicted} one */
@@ -284,7 +284,7 @@ const isPicked = (label) => picksOf(label).length > 0 || (plannedPlate(label)?.c
 /** @param {string} label */
 const plannedPlate = (label) => store.planned.plates.find(({ name }) => name === label);
 
-// Where a label is in a photo: its pick, else its predicted place.
+// Returns the place of a label in a photo: its pick, else its predicted place.
 /** @param {number} image @param {string} label */
 export function placeOf(image, label) {
   const pick = pickAt(image, label);
@@ -305,7 +305,7 @@ export function freeName(prefix, taken) {
 /** @param {string | undefined} status */
 export const isSuspect = (status) => status === "suspect" || status === "removed";
 
-// By photo, how far its worst pick is off, in its own standard deviations.
+// Largest standardised residual of each photo's picks.
 export function worstOfPhotos() {
   /** @type {Map<number, { w: number, status: string }>} */
   const worst = new Map();

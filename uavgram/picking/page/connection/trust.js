@@ -1,5 +1,5 @@
-// How far what the page shows can be trusted: the server's verdict, as long as it is of what is marked now.
-// Never green before there are numbers, while they are older than the marks, or without the server.
+// How far the shown numbers can be trusted: the server's verdict, if it belongs to the present picks.
+// Never green before there are numbers, while they are older than the picks, or without the server.
 
 import { adjusted, store } from "./store.js";
 
@@ -30,11 +30,11 @@ export function light() {
   return age === "current" && verdict ? { level: verdict.level ?? "none", words: verdict.words } : { level: "none", words: WORDS[age === "current" ? "none" : age] };
 }
 
-/** What is said of the point with this label. @param {string} label @returns {Trust | undefined} */
+/** Status of the point with this label. @param {string} label @returns {Trust | undefined} */
 export const trustOfPoint = (label) => adjusted()?.points[label];
 
 /** @param {number} image @returns {Trust | undefined} */
 export const trustOfPhoto = (image) => adjusted()?.frames[image]?.standing;
 
-/** What is drawn and written in another way: doubtful or contradicted; else empty. @param {Trust | undefined} trust @returns {"doubtful" | "contradicted" | ""} */
+/** Returns "doubtful" or "contradicted", which are shown differently; else empty. @param {Trust | undefined} trust @returns {"doubtful" | "contradicted" | ""} */
 export const fault = (trust) => (trust?.status === "doubtful" || trust?.status === "contradicted" ? trust.status : "");

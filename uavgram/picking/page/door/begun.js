@@ -1,8 +1,8 @@
-// What was set for a folder and not yet sent: a page that is loaded again has it still, in this tab alone.
+// Unsent settings of a folder, kept in this tab when the page is loaded again.
 
 const STORED = "uavgram-setup";
 
-/** @typedef {{ number: number, path: string, fields: [string, string][] }} Begun `fields`: names of fields and what they hold */
+/** @typedef {{ number: number, path: string, fields: [string, string][] }} Begun `fields`: names and contents of fields */
 
 /** @returns {Begun | null} */
 function stored() {
@@ -15,7 +15,7 @@ function stored() {
 export const begunFolder = () => stored()?.number ?? null;
 export const forget = () => sessionStorage.removeItem(STORED);
 
-/** Fills a form with what was set for its folder before, and keeps what is set from now on. @param {HTMLFormElement} form @param {{ number: number, path: string }} folder */
+/** Fills a form with the earlier settings of its folder, and keeps further ones. @param {HTMLFormElement} form @param {{ number: number, path: string }} folder */
 export function keepSet(form, { number, path }) {
   const before = stored();
   if (before?.path === path) {
@@ -37,5 +37,5 @@ function fill(form, name, value) {
     field.value = value;
   }
   const one = field instanceof RadioNodeList ? form.querySelector(`[name="${CSS.escape(name)}"]:checked`) : field;
-  if (one instanceof HTMLElement) one.dispatchEvent(new Event("change")); // what hangs on it
+  if (one instanceof HTMLElement) one.dispatchEvent(new Event("change")); // update dependent parts
 }

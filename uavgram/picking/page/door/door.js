@@ -1,4 +1,4 @@
-// The door: a folder of this computer becomes a project, and its page opens.
+// The start page: a folder of this computer becomes a project, and its page opens.
 
 import { byId, node } from "../elements/dom.js";
 import { begunFolder, forget } from "./begun.js";
@@ -15,7 +15,7 @@ class Door {
     /** @type {Listed[]} */
     this.recent = [];
     /** @type {number | null} */
-    this.at = null; // the folder whose folders are listed
+    this.at = null; // the listed folder
     void this.begin();
   }
 
@@ -24,7 +24,7 @@ class Door {
       const { folder, is_chosen, recent } = /** @type {Beginning} */ (await find("/door/beginning"));
       this.recent = recent;
       this.at = folder;
-      const begun = begunFolder(); // before the page was loaded again
+      const begun = begunFolder(); // from before the page was loaded again
       if (is_chosen && folder !== null) await this.look(folder);
       else if (begun !== null) await this.look(begun).catch(() => this.list(folder));
       else await this.list(folder);
@@ -77,7 +77,7 @@ class Door {
     window.scrollTo(0, 0);
   }
 
-  // One thing at a time: what takes long is said, and what goes wrong.
+  // Does one thing at a time; shows slow actions and errors.
   /** @param {string} words @param {() => Promise<void>} act */
   async doing(words, act) {
     if (document.body.ariaBusy === "true") return;
@@ -95,7 +95,7 @@ class Door {
     document.body.ariaBusy = "false";
   }
 
-  /** @param {string} why @param {[string, () => void][]} ways out, as buttons */
+  /** @param {string} why @param {[string, () => void][]} remedies, as buttons */
   trouble(why, ways = []) {
     const box = byId("trouble");
     box.replaceChildren(why, ...ways.map(([words, act]) => node("button", { type: "button", onclick: act }, words)));

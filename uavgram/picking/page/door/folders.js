@@ -1,4 +1,4 @@
-// Which folder holds the photos: names alone, below the home and the drives of this computer.
+// Choice of the folder with the photos: names only, below the home and the drives of this computer.
 
 import { shape, node } from "../elements/dom.js";
 

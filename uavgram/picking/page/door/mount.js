@@ -1,4 +1,4 @@
-// How did the camera hang? Small drawings: a drone from its side, flying to the right, over the ground.
+// Orientation of the camera on the drone. Small drawings: a drone from its side, flying to the right.
 
 import { node, shape, textIn } from "../elements/dom.js";
 
@@ -8,7 +8,7 @@ const OTHER = "other";
 const AT = /** @type {const} */ ([44, 30]); // the camera
 const [REACH, HALF_VIEW_DEG] = [44, 22];
 
-/** @type {[string, string, string][]} value, words, what is meant */
+/** @type {[string, string, string][]} value, words, explanation */
 const WAYS = [
   ["auto", "As recorded", ""],
   ["-90", "Straight down", "fixed, looking at the ground below"],
@@ -35,7 +35,7 @@ function drawing(way) {
     shape("path", { class: "ground", d: "M2 78h108M8 78l-4 5M28 78l-4 5M48 78l-4 5M68 78l-4 5M88 78l-4 5M108 78l-4 5" }), ...seen, shape("path", { class: "drone", d: drone }), shape("circle", { class: "lens", cx: AT[0], cy: AT[1], r: 4 }));
 }
 
-// What is recorded, as far as the files say before they are read.
+// Describes the recorded orientation, as far as it is known before the files are read.
 /** @param {Found} found @param {number | null} looks */
 function recorded({ logs, has_gimbal }, looks) {
   if (looks !== null) return `the photos say ${Math.round(looks)}\u00b0 below the horizon`;
@@ -43,7 +43,7 @@ function recorded({ logs, has_gimbal }, looks) {
   return logs.length && has_gimbal === null ? "by a gimbal, where the log has one" : "neither log nor photos say it: 90\u00b0 down would be assumed, and not be trusted";
 }
 
-/** @param {Found} found @param {number | null} looks how far below the horizon, as the photos say */
+/** @param {Found} found @param {number | null} looks angle below the horizon from the photos */
 export function mountPart(found, looks) {
   const set = `${found.setup.pitch_deg}`;
   const chosen = WAYS.some(([value]) => value === set) ? set : OTHER;
@@ -60,7 +60,7 @@ export function mountPart(found, looks) {
   return part;
 }
 
-/** The angle that a form holds: degrees above the horizon. @param {FormData} form @returns {number | "auto"} */
+/** Reads the angle from a form: degrees above the horizon. @param {FormData} form @returns {number | "auto"} */
 export function pitchIn(form) {
   const way = textIn(form, "pitch");
   if (!way) throw new Error("How did the camera hang? Choose one of the drawings.");

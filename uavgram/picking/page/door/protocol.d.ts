@@ -1,4 +1,4 @@
-// What the door and the server say to each other, as JSON: types alone. The server's part is session/door.py.
+// Messages between start page and server, as JSON: types only. The server's part is session/door.py.
 
 export interface Listed { number: number; name: string; photos: number; is_flight: boolean; has_project: boolean }
 export interface Beginning { folder: number | null; is_chosen: boolean; recent: Listed[] }

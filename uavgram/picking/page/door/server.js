@@ -1,8 +1,8 @@
-// Questions to the server, and what it refuses in words.
+// Requests to the server; refusals become errors with their text.
 
 import { keyed, leaveIfRefused } from "../connection/key.js";
 
-/** Another project is open: its name. */
+/** Another project is open; holds its name. */
 export class OpenAlready extends Error {
   /** @param {string} why @param {string} name */
   constructor(why, name) {
@@ -14,7 +14,7 @@ export class OpenAlready extends Error {
 
 const GONE = "The program does not answer. Start uavgram again, and open the address that it prints.";
 
-/** Where no project is open this page is the door, else the project's: the server knows. */
+/** Loads the page that the server chooses: the start page, or that of the open project. */
 export const goOn = () => { location.replace("/"); };
 
 /** @template T @param {string} address @returns {Promise<T>} */

@@ -1,4 +1,4 @@
-// What was found in the folder, and what only a person knows: camera, mount, tape, case.
+// Set-up of a project: the files found in the folder, and data that only a person knows: camera, mount, tape, case.
 
 import { keyed } from "../connection/key.js";
 import { as, node, textIn } from "../elements/dom.js";
@@ -90,7 +90,7 @@ function photosPart({ number, has_project }, kinds, choose) {
 /** @param {string | number} value @param {string} words @param {boolean} [selected] */
 const option = (value, words, selected = false) => node("option", { value, selected }, words);
 
-// One file of a kind is chosen already; of several a person says which.
+// A single file of a kind is preselected; among several a person chooses.
 /** @param {string} name @param {string[]} all @param {string} what @param {string} chosen empty: to be chosen @param {[string, string] | null} none how to choose none of them */
 const oneOf = (name, all, what, chosen, none = null) => node("label", { class: "wide" }, chosen || all.length < 2 ? node("span", { class: "unseen" }, what) : `There are ${all.length}: choose the ${what} of these photos`,
   node("select", { name }, chosen ? null : option("", "choose\u2026", true), ...all.map((one) => option(one, one, one === chosen)), none ? option(...none, none[0] === chosen) : null));
@@ -105,7 +105,7 @@ function filesPart({ logs, log, poses, has_project }) {
   return box("Flight log", node("p", { class: "dim" }, "None: the photos' own positions are used if they have some, else taped lengths alone."));
 }
 
-// Camera files for these photos, the one that the project names among them.
+// Camera files for these photos, including the one that the project names.
 /** @param {Found} found @param {Kind} kind */
 function cameraFiles({ cameras, camera }, { photos: [{ width_px, height_px }] }) {
   const fitting = cameras.filter((one) => one.width_px === width_px && one.height_px === height_px).map(({ name }) => name);

@@ -1,9 +1,9 @@
-// Elements: made, found, and changed only where they differ.
+// Elements: created, found, and updated only if they differ.
 
 /** @typedef {string | number | boolean | null | undefined | ((event: Event) => void)} Attribute */
 /** @typedef {Node | string | number | null | undefined} Child */
 
-/** A value that must be of a kind. @template T @param {abstract new () => T} kind @param {unknown} value @returns {T} */
+/** Returns a value after checking its class. @template T @param {abstract new () => T} kind @param {unknown} value @returns {T} */
 export function as(kind, value) {
   if (value instanceof kind) return value;
   throw new TypeError(`the page has no ${kind.name} here`);
@@ -15,7 +15,7 @@ export const byId = (id) => as(HTMLElement, document.getElementById(id));
 /**
  * @template {keyof HTMLElementTagNameMap} K
  * @param {K} tag
- * @param {Record<string, Attribute>} attributes "on...": a listener; false, null and undefined: none, but of aria-...
+ * @param {Record<string, Attribute>} attributes "on...": a listener; false, null and undefined: none, except for aria-...
  * @param {...Child} children
  */
 export function node(tag, attributes = {}, ...children) {
@@ -40,7 +40,7 @@ export function shape(tag, attributes = {}, ...children) {
 /** @type {WeakMap<Element, Record<string, string | number>>} */
 const attributesPut = new WeakMap();
 
-/** Sets an attribute where it is not what it was set to before: setting alone costs a layout. @param {Element} element @param {string} name @param {string | number} value */
+/** Sets an attribute if its value is new: even setting the same value costs a layout. @param {Element} element @param {string} name @param {string | number} value */
 export function put(element, name, value) {
   const before = attributesPut.get(element) ?? {};
   if (before[name] === value) return;
@@ -52,14 +52,14 @@ export function put(element, name, value) {
 /** @type {WeakMap<Element, string>} */
 const signs = new WeakMap();
 
-/** Fills an element where the `sign` of what it shows is new. @param {Element} element @param {string} sign @param {() => (Node | string)[]} make */
+/** Fills an element if the `sign` of its content is new. @param {Element} element @param {string} sign @param {() => (Node | string)[]} make */
 export function fillIfNew(element, sign, make) {
   if (signs.get(element) === sign) return;
   signs.set(element, sign);
   element.replaceChildren(...make());
 }
 
-/** Of a group one button is chosen, and that one is reached with Tab. @param {Element} group @param {(button: HTMLElement) => boolean} isChosen @param {string} attribute */
+/** Chooses one button of a group, which is then the one reached with Tab. @param {Element} group @param {(button: HTMLElement) => boolean} isChosen @param {string} attribute */
 export function choose(group, isChosen, attribute) {
   for (const child of group.children) {
     const button = as(HTMLElement, child);
@@ -68,7 +68,7 @@ export function choose(group, isChosen, attribute) {
   }
 }
 
-/** What a field of a form holds. @param {FormData} form @param {string} name */
+/** Returns the text of a form's field. @param {FormData} form @param {string} name */
 export function textIn(form, name) {
   const value = form.get(name);
   return typeof value === "string" ? value.trim() : "";

@@ -1,4 +1,4 @@
-// Pictures of the tools and of a few buttons: lines on 16 x 16, in the colour of the text beside them.
+// Icons of the tools and of a few buttons: lines on 16 x 16, in the colour of the text beside them.
 
 import { shape } from "./dom.js";
 

@@ -1,9 +1,9 @@
-// One sentence over the page, for a while; with a button where something else may have been meant.
+// A temporary message over the page, with a button for an alternative if there is one.
 
 import { node } from "./dom.js";
 
-const SHOWN_MS = 8000; // what went well is shown for half of it
-const OFFERED_MS = 20_000; // time to read what else may have been meant, and to reach it
+const SHOWN_MS = 8000; // messages of success are shown for half of it
+const OFFERED_MS = 20_000; // time to read about the alternative, and to reach the button
 
 /** @typedef {{ words: string, act: () => void }} Instead */
 
@@ -23,12 +23,12 @@ export class Notice {
     this.timer = setTimeout(() => this.hide(), offer ? OFFERED_MS : good ? SHOWN_MS / 2 : SHOWN_MS);
   }
 
-  // Something else was done since: the words stand, and the button goes.
+  // Removes the button, but keeps the words, after something else was done.
   withdraw() {
     this.box.querySelector("button")?.remove();
   }
 
-  /** What a question ended with instead of an answer. @param {unknown} fault */
+  /** Shows the error of a failed question. @param {unknown} fault */
   fault(fault) {
     this.show(fault instanceof Error ? fault.message : "that failed");
   }

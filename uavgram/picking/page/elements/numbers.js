@@ -1,16 +1,16 @@
-// Numbers as people read them.
+// Numbers in readable form.
 
 import { lengthUnit, quantity, sizeText } from "./units.js";
 
 /** @import { Measured } from "../connection/protocol.js" */
 
-export const NUMERAL = /^[\d.,]$/; // what a key writes into a number
+export const NUMERAL = /^[\d.,]$/; // characters that begin or continue a number
 
-// What terms of the field mean, for who rests the pointer on them.
+// Explanations of technical terms, shown as tooltips.
 export const SIGMA = "standard deviation: the true value lies within twice as much 19 times out of 20";
 export const MISFIT = "how far it is off, in its own standard deviations; what is above about 3 deserves a second look";
 const BENDS = "how the lens bends straight lines, the more the farther from the middle";
-/** By the first word that they are called by. @type {Record<string, string | undefined>} */
+/** By the first word of the term. @type {Record<string, string | undefined>} */
 const TERMS = {
   Sigma: SIGMA, Friction: "how well the tyres hold on this road, such as 0.7 on dry asphalt",
   fx: "focal length across the photo", fy: "focal length down the photo", cx: "where the lens looks straight ahead: from the left", cy: "where the lens looks straight ahead: from the top",
@@ -19,30 +19,30 @@ const TERMS = {
   brown: "bends lines by Brown's formula, as ordinary lenses do", fisheye: "sees very wide, and bends lines strongly",
 };
 
-/** In sentences. @type {Record<string, string>} */
+/** Terms in sentences. @type {Record<string, string>} */
 const STATISTICS = { sigma: SIGMA, w: MISFIT, "variance factor": "how much larger misfits are than stated errors explain; 1 is as stated", "chi-square": "the squares of all misfits together, which chance alone makes about as many as there are values" };
 
-/** What terms in a sentence mean. @param {string} text */
+/** Explains the terms in a sentence. @param {string} text */
 export const explained = (text) => Object.entries(STATISTICS).flatMap(([term, words]) => (new RegExp(`\\b${term}s?\\b`).test(text) ? [`${term}: ${words}`] : [])).join("\n") || null;
 
-/** What a caption means that is a term of the field. @param {string} caption */
+/** Explains a caption that is a technical term. @param {string} caption */
 export const meaning = (caption) => TERMS[caption.split(/[ ,]/)[0]] ?? null;
 
-/** Nothing where there is no value. @param {number | null | undefined} value @param {number} digits */
+/** Empty if there is no value. @param {number | null | undefined} value @param {number} digits */
 export function fixed(value, digits) {
   if (value === null || value === undefined) return "";
   const words = value.toFixed(digits);
   return Number(words) === 0 ? words.replace("-", "") : words;
 }
 
-// A number with as many digits as its sigma deserves: two digits of the sigma, no more than 3 places.
+// Decimals of a number from its sigma: two significant digits of the sigma, at most 3 places.
 /** @param {number | null | undefined} sigma */
 export function places(sigma) {
   if (!sigma || !(sigma > 0)) return 3;
   return Math.min(Math.max(1 - Math.floor(Math.log10(sigma)), 0), 3);
 }
 
-// With a unit as the server says it ("m", "m2", "m/s"...), in the units of the project.
+// Formats a value with sigma; `unit` is the server's ("m", "m2", "m/s"...), shown in the units of the project.
 /** @param {number | null | undefined} value @param {number | null | undefined} sigma @param {string} unit */
 export function withSigma(value, sigma, unit = "") {
   if (value === null || value === undefined) return "";
@@ -52,7 +52,7 @@ export function withSigma(value, sigma, unit = "") {
   return `${fixed(value, digits)}${error}${unit && ` ${unit}`}`;
 }
 
-// How high a point stands, as people would say it: with one digit of its sigma, or two that begin with 1.
+// Height of a point in everyday form: with one digit of its sigma, or two if the first is 1.
 /** @param {{ height: number, sigma: number | null }} stands */
 export function heightText({ height, sigma }) {
   const order = sigma ? Math.floor(Math.log10(sigma)) : -3;
@@ -63,7 +63,7 @@ export function heightText({ height, sigma }) {
   return `${high} ${height < 0 ? "below" : "above"} the ground${spread}`;
 }
 
-// A value without its sigma, which says how many digits it deserves.
+// A value without its sigma, which only determines the number of digits.
 /** @param {number} value @param {number | null} sigma @param {string} unit */
 export const valueOnly = (value, sigma, unit) => {
   const [told, ...rest] = quantity(value, sigma, unit).split(" \u00b1 ");
@@ -73,7 +73,7 @@ export const valueOnly = (value, sigma, unit) => {
 
 const METRES_OF_A_DEGREE = 111_320; // of a great circle
 
-// Latitude or longitude to the digits that its sigma in metres deserves.
+// Latitude or longitude, with the digits justified by the sigma in metres.
 /** @param {number} value @param {number | null} sigma */
 export function degrees(value, sigma) {
   const digits = sigma && sigma > 0 ? 1 - Math.floor(Math.log10(sigma / METRES_OF_A_DEGREE)) : 7;
@@ -92,12 +92,12 @@ export function gradeText({ value, sigma }) {
   return withSigma(100 * Math.tan(angle), sigma === null ? null : (100 * spread) / Math.cos(angle) ** 2, "%");
 }
 
-// What other solutions, that fit as well, make of a value; empty where there is none.
+// Values of other solutions that fit as well; empty if there is none.
 /** @param {Measured} found */
 export function alternativesText({ alternatives, sigma, unit }) {
   const words = alternatives.flatMap((value) => (value === null ? [] : [valueOnly(value, sigma, unit)]));
   if (!words.length) return "";
-  const last = /^\S+( \S+)$/.exec(words[words.length - 1])?.[1] ?? ""; // numbers of one unit have it once
+  const last = /^\S+( \S+)$/.exec(words[words.length - 1])?.[1] ?? ""; // a common unit is written once
   const alike = last && words.every((one) => one.endsWith(last));
   return `or ${words.map((one, k) => (alike && k < words.length - 1 ? one.slice(0, -last.length) : one)).join(", ")}`;
 }

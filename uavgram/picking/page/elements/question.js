@@ -1,5 +1,5 @@
-// A question with buttons, beside what it is about. It keeps nobody from anything else: whoever goes on
-// without an answer has cancelled it.
+// A question with buttons, beside its subject. It blocks nothing else: continuing without an answer
+// cancels it.
 
 import { node } from "./dom.js";
 import { NUMERAL } from "./numbers.js";
@@ -21,7 +21,7 @@ export class Question {
     return this.box !== null;
   }
 
-  /** @param {string} words @param {Choice[]} choices the first is what Enter does @param {Element} place in which it stands @param {boolean} counted whether digits answer it */
+  /** @param {string} words @param {Choice[]} choices Enter chooses the first @param {Element} place its container @param {boolean} counted whether digits answer it */
   ask(words, choices, place = document.body, counted = true) {
     this.cancel();
     const buttons = choices.map((choice, k) => node("button", {
@@ -49,17 +49,17 @@ export class Question {
     this.end(null);
   }
 
-  // A key that answers it, wherever the focus is.
+  // Handles a key that answers the question, regardless of the focus.
   /** @param {KeyboardEvent} event */
   answers({ key, repeat, ctrlKey, altKey, metaKey }) {
     if (!this.box || ctrlKey || altKey || metaKey) return false;
     const buttons = [...this.box.querySelectorAll("button")];
     const button = key === "Escape" ? buttons.at(-1) : buttons.slice(0, -1)[key === "Enter" ? 0 : this.counted ? Number(key) - 1 : -1];
     if (!repeat) button?.click();
-    return Boolean(button) || (!this.counted && NUMERAL.test(key)); // a number that comes too early is no other key's business
+    return Boolean(button) || (!this.counted && NUMERAL.test(key)); // a number typed too early is not passed on
   }
 
-  // Within it, Enter is of the button that has the focus, and the arrows go from one to the next.
+  // Inside the question, Enter presses the focused button, and the arrows go from one to the next.
   /** @param {KeyboardEvent} event */
   within(event) {
     const { key, repeat, target } = event;
@@ -73,7 +73,7 @@ export class Question {
     if (step || isAnswer || (ofButton && repeat)) event.preventDefault();
   }
 
-  // Brings it beside a place of the box in which it stands, and keeps it within that.
+  // Moves the question beside a place in its container, and keeps it inside.
   /** @param {number} x @param {number} y @param {{ width: number, height: number }} view */
   stand(x, y, view) {
     if (!this.box) return;
@@ -82,10 +82,10 @@ export class Question {
   }
 }
 
-const GAP_PX = 16; // so that the place itself is seen
+const GAP_PX = 16; // keeps the place itself visible
 const EDGE_PX = 6;
 
-// Where something of a size begins, after a place or before it, and not out of the room.
+// Start of a box of given size after a place, or before it, inside the room.
 /** @param {number} at @param {number} size @param {number} room */
 function beside(at, size, room) {
   const start = at + GAP_PX + size <= room ? at + GAP_PX : at - GAP_PX - size;

@@ -1,4 +1,4 @@
-// Tables and lists of the panel, and how a part of it stays as it is while nothing of it changed.
+// Tables and lists of the panel, and reuse of unchanged parts.
 
 import { isSuspect } from "../connection/store.js";
 import { fillIfNew, node } from "./dom.js";
@@ -8,12 +8,12 @@ import { explained, fixed } from "./numbers.js";
 /** @import { Child } from "./dom.js" */
 /** @typedef {{ name: string, row: string | undefined, table: string | null | undefined, place: number, value: string }} Focus a field or button of a section */
 
-const LONG = 9; // rows from which on a table scrolls by itself
+const LONG = 9; // number of rows from which on a table scrolls by itself
 
 /** @type {Map<string, { sign: string, made: HTMLElement }>} */
 const kept = new Map();
 
-// A part as it was made before, where nothing of it has changed.
+// Returns the existing part if its content is unchanged, else makes it.
 /** @param {string} name @param {unknown} sign @param {() => HTMLElement} make */
 export function keep(name, sign, make) {
   const before = kept.get(name);
@@ -27,8 +27,8 @@ export function keep(name, sign, make) {
 /** @param {string} name */
 export const drop = (name) => { kept.delete(name); };
 
-// Shows parts in a section. Elements that stay are not touched: what is focused in them stays so,
-// what was scrolled stays there, and what is being typed is left alone.
+// Shows parts in a section. Elements that stay are not touched: they keep focus, scroll position and
+// the text being typed.
 /** @param {Element} section @param {(HTMLElement | null)[]} parts */
 export function fill(section, parts) {
   const focus = focusIn(section);
@@ -53,11 +53,11 @@ function focusIn(section) {
   return { name: at.name, row: row?.dataset.row, table: row?.closest("table")?.getAttribute("aria-label"), place: rows.findIndex((one) => one === row), value: at.value };
 }
 
-// Rows of things: what is said beneath one has none of its buttons.
+// Rows of items, without the rows of remarks beneath them.
 /** @param {Element | null | undefined} body */
 const rowsOf = (body) => [...(body?.querySelectorAll("tr[data-row]") ?? [])];
 
-// The row that was focused; where its button removed it, the one that took its place, or the last.
+// The focused row; if its button removed it, the row in its place, or the last.
 /** @param {Element} section @param {Focus} focus */
 function rowOf(section, { name, row, table: caption, place }) {
   const same = section.querySelector(`[data-row="${CSS.escape(row ?? "")}"]`);
@@ -76,7 +76,7 @@ function restore(section, focus) {
   if (at instanceof HTMLInputElement && at.value !== focus.value) at.value = focus.value;
 }
 
-// A long table scrolls in a box of its own, so that what stands beneath it stays in reach.
+// A long table scrolls in its own box, so that the parts beneath it stay in reach.
 /** @param {string} caption @param {(string | Node)[]} heads @param {Node[]} rows */
 export function table(caption, heads, rows) {
   const made = node("table", { "aria-label": caption },
@@ -85,7 +85,7 @@ export function table(caption, heads, rows) {
   return made.querySelectorAll("tr[data-row]").length > LONG ? node("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": `${caption}, scrolls` }, made) : made;
 }
 
-// A word that says what it means where the pointer rests on it.
+// A word with an explanation as a tooltip.
 /** @param {string} words @param {string} meaning */
 export const about = (words, meaning) => node("span", { class: "about", title: meaning }, words);
 
@@ -95,12 +95,12 @@ export const titled = (title, ...parts) => node("div", { class: "part" }, node("
 /** @param {string} what @param {() => void} act */
 export const remove = (what, act) => node("button", { class: "small", name: "remove", "aria-label": `Remove ${what}`, title: `Remove ${what}`, onclick: act }, "\u00d7");
 
-// `more`: what stands beneath a message, such as a button that does what it asks for.
+// `more`: content beneath a message, such as a button for its remedy.
 /** @template {Pick<Remark, "level" | "text"> & Partial<Remark>} M @param {M[]} messages @param {(message: M) => Node | null} more */
 export const list = (messages, more = () => null) => node("ul", { class: "messages" }, ...messages.map((message) => node("li", { class: message.level, title: explained(message.text) }, message.text, message.code ? node("small", { class: "code" }, ` ${message.code}`) : null, more(message))));
 
-// Numbers into the cells of a part that stays: making it anew at each move of a drag takes too long, and so
-// does making cells that say what they said before. `sign`: what the cells of a row show.
+// Updates the numbers in the cells of an existing part: making it anew at each move of a drag takes too
+// long, and so do cells with unchanged content. `sign`: content of a row's cells.
 /** @param {HTMLElement} part @param {{ sign: unknown[], make: () => (string | Element)[][] }[]} rows */
 export function withValues(part, rows) {
   const cells = part.querySelectorAll("td.value");
@@ -114,26 +114,26 @@ export function withValues(part, rows) {
   return part;
 }
 
-// A value as far as it can be trusted: grey or struck where it cannot, and why where the pointer rests.
+// A value with its status: grey or struck out if it is not reliable, with the reason as a tooltip.
 /** @param {Trust | undefined} trust @param {...(Node | string)} value */
 export const trusted = (trust, ...value) => node("span", { class: `is-${trust?.status ?? "ok"}`, title: trust?.why }, ...value);
 
-// The sign of what is not in order; nothing where all is. `words`: whether it is written beside the sign.
+// The sign of a status that is not ok; nothing otherwise. `words`: whether it is written beside the sign.
 /** @param {Trust | undefined} trust @param {boolean} spelt */
 export function standingSign(trust, spelt = false) {
   if (!trust?.words) return null;
   return node("span", { class: `standing ${trust.status}`, title: `${trust.words}: ${trust.why}`, role: spelt ? null : "img", ...(spelt ? {} : { "aria-label": trust.words }) }, spelt ? trust.words : "");
 }
 
-// What is said beneath a row, over its whole width; nothing takes no room.
+// A remark beneath a row, over its whole width; empty ones take no room.
 /** @param {number} columns @param {string} kind */
 export const beneath = (columns, kind = "") => node("tr", { class: "beneath" }, node("td", { class: kind, colspan: columns }));
 
-// `why`: what is to be known of it where the pointer rests.
+// `why`: tooltip.
 /** @param {number | null | undefined} w @param {string | undefined} status */
 export function wCell(w, status, why = "") {
   if (w === null || w === undefined) return "";
-  const words = fixed(w, Math.abs(w) < 100 ? 1 : 0); // what is so far off leaves the row no room for more
+  const words = fixed(w, Math.abs(w) < 100 ? 1 : 0); // a large value needs its room
   if (isSuspect(status)) return node("span", { class: "bad", title: why || "suspect" }, `\u25c6 ${words}`);
   return why ? node("span", { title: why }, words) : words;
 }

@@ -1,8 +1,8 @@
-// Lengths, areas, volumes and speeds as people read and write them, in the units of the project. The
-// server says and takes metres. views/units.py has the same rules.
+// Lengths, areas, volumes and speeds, formatted and parsed in the units of the project. The server
+// sends and takes metres. views/units.py has the same rules.
 
 /** @import { Units } from "../connection/protocol.js" */
-/** @typedef {{ factor: number, symbol: string, least: number, most: number }} Shown times what a value is shown, called what, with how many decimals */
+/** @typedef {{ factor: number, symbol: string, least: number, most: number }} Shown factor from the server's unit, name, least and most decimals */
 
 const FOOT_M = 0.3048; // the international foot, exactly
 const INCHES = 12;
@@ -10,7 +10,7 @@ const INCH_M = FOOT_M / INCHES;
 const YARD_FT3 = 27;
 const SIXTEENTHS = 16;
 const FINEST = 64; // of an inch, on a tape
-const STEPS_IN = [[0.1, 1 / 16], [0.3, 1 / 8], [0.75, 1 / 4], [1.5, 1 / 2], [12, 1]]; // up to which sigma which fraction is told
+const STEPS_IN = [[0.1, 1 / 16], [0.3, 1 / 8], [0.75, 1 / 4], [1.5, 1 / 2], [12, 1]]; // fraction by largest sigma
 
 /** @type {Units} */
 let units = { length: "m", speed: "km/h" };
@@ -26,8 +26,8 @@ const YARDS = { factor: FOOT_M ** -3 / YARD_FT3, symbol: "yd\u00b3", least: 0, m
 /** @type {Record<Units["speed"], number>} */
 const PACES = { "km/h": 3.6, mph: 3600 / (5280 * FOOT_M), "m/s": 1 };
 
-// How values of a unit are shown; small volumes in cubic feet.
-/** @param {string} unit as the server says it @param {number} value @returns {Shown} */
+// Returns how values of a unit are shown; small volumes in cubic feet.
+/** @param {string} unit as the server sends it @param {number} value @returns {Shown} */
 export function shown(unit, value = Infinity) {
   if (unit === "m/s") return { factor: PACES[units.speed], symbol: units.speed, least: 0, most: 4 };
   const found = (units.length === "m" ? METRES : FEET)[unit] ?? { factor: 1, symbol: unit === "deg" ? "\u00b0" : unit, least: 0, most: 4 };
@@ -108,7 +108,7 @@ export function sizeText(metres) {
   return metres >= 0.01 ? `${Number((100 * metres).toPrecision(3))} cm` : `${Number((1000 * metres).toPrecision(3))} mm`;
 }
 
-// A length beside a mark: short.
+// A short form of a length beside a mark.
 /** @param {number} metres @param {number | null} sigma */
 export function shortText(metres, sigma) {
   if (units.length === "ft-in") return metres < FOOT_M ? `${steady(metres / INCH_M, 1)} in` : feetInches(metres / INCH_M, Math.max(stepIn((sigma ?? 0) / INCH_M), 1 / 4));
@@ -116,13 +116,13 @@ export function shortText(metres, sigma) {
   return `${steady(metres * one.factor, Math.min(decimals((sigma ?? 0) * one.factor, { ...one, least: 0 }), units.length === "m" ? 2 : 1))} ${one.symbol}`;
 }
 
-// Of tables whose heads say the unit: feet have decimals there.
+// Unit for table heads: feet have decimals there.
 export const lengthUnit = () => shown("m").symbol;
 export const smallUnit = () => (units.length === "m" ? { symbol: "mm", metres: 0.001 } : { symbol: "in", metres: INCH_M });
 /** @template {number | null | undefined} T @param {T} metres @returns {T | number} */
 export const inLength = (metres) => (typeof metres === "number" ? metres * shown("m").factor : metres);
 
-// What people write.
+// Parsing.
 
 // A field takes lengths such as "13.2", in its own unit, "13 ft 2 1/2 in", 13' 2 1/2", "4.1 m" or "401 cm".
 /** @typedef {"length" | "small"} Sort sigmas are small: a bare number is inches where lengths are feet and inches */
@@ -135,7 +135,7 @@ const SCALES = { m: 1, cm: 0.01, mm: 0.001, km: 1000, ft: FOOT_M, feet: FOOT_M, 
 const ONE = /^([-+]?)(\d+\.?\d*|\.\d+)(e[-+]?\d+)?\s*(m|cm|mm|km|ft|feet|foot|'|\u2032|in|inch|inches|"|\u2033|yd)?$/i;
 const INCH_FRACTION = /^([-+]?)(?:(\d+)\s*(?:ft|feet|foot|'|\u2032)\s*-?\s*)?(?:(\d+\.?\d*|\.\d+)(?:[\s-]+(\d+)\/(\d+))?|(\d+)\/(\d+))\s*(?:in|inch|inches|"|\u2033|'')$/i;
 
-// Metres; NaN where a text is no length.
+// Returns metres; NaN if the text is not a length.
 /** @param {string} text @param {Sort} [sort] */
 export function parseLength(text, sort = "length") {
   const written = text.trim();
@@ -147,11 +147,11 @@ export function parseLength(text, sort = "length") {
   return exact((sign === "-" ? -1 : 1) * (Number(feet) * INCHES + Number(inches) + Number(over) / Number(under) + Number(alone) / Number(of)) * INCH_M);
 }
 
-// To eight digits, one less than a field shows: what stands there unchanged means what it meant.
+// Rounds to eight digits, one less than a field shows: an unchanged field keeps its meaning.
 /** @param {number} metres @returns {number} */
 const exact = (metres) => (Number.isFinite(metres) ? Number(metres.toPrecision(8)) : NaN);
 
-// What a field holds, so that it means the same when it is read again: "13.2", or "13 ft 2 1/2 in".
+// Text of a field that is read back with the same meaning: "13.2", or "13 ft 2 1/2 in".
 /** @param {number | null | undefined} metres @param {Sort} [sort] */
 export function fieldText(metres, sort = "length") {
   if (metres === null || metres === undefined) return "";
@@ -162,7 +162,7 @@ export function fieldText(metres, sort = "length") {
   return isOnTape ? feetInches(inches, 1 / FINEST) : `${Number((metres / FOOT_M).toPrecision(9))} ft`;
 }
 
-// What was understood, in metres, where that is not what stands there.
+// The parsed value in metres, if it differs from the text.
 /** @param {string} text @param {Sort} [sort] */
 export function understood(text, sort = "length") {
   const metres = parseLength(text, sort);

@@ -1,4 +1,4 @@
-// The tab of the camera: what is known of it, what is odd about it, and a calibration.
+// The camera tab: parameters, remarks, and a calibration.
 
 import { keyed } from "../connection/key.js";
 import { adjusted, store } from "../connection/store.js";
@@ -82,7 +82,7 @@ function runShown(run, project) {
     node("p", {}, "Written: ", node("code", {}, run.file), ". ", node("a", { href: keyed("/calibration"), target: "_blank", rel: "noopener" }, "Open its report")), ...use);
 }
 
-// The board as the command line writes it.
+// The board in the notation of the command line.
 /** @param {FormData} form */
 export function boardText(form) {
   /** @param {string} name */

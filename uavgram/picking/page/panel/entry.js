@@ -1,4 +1,4 @@
-// Forms that ask for what clicks cannot say: a length's reading, a skid's friction, a name.
+// Forms for values that clicks cannot give: a length's reading, a skid's friction, a name.
 
 import { as, fillIfNew, node, textIn } from "../elements/dom.js";
 import { meaning } from "../elements/numbers.js";
@@ -56,7 +56,7 @@ function entryForm(entry, tools) {
 
 /** @typedef {(name: string, caption: string, value: Attribute, more?: Record<string, Attribute>) => HTMLElement} Field */
 
-// A field for a length in the unit of the project, or in the one that is written behind it.
+// A field for a length in the unit of the project, or in a unit typed behind the number.
 /** @param {Field} field @param {string} name @param {string} caption @param {number | null | undefined} metres @param {Sort} sort @param {Record<string, Attribute>} more */
 function lengthField(field, name, caption, metres, sort, more = {}) {
   const words = node("span", { class: "dim understood", role: "status" });
@@ -73,7 +73,7 @@ function lengthField(field, name, caption, metres, sort, more = {}) {
 /** @type {Record<string, string>} */
 const WORDS = { m: "metres", ft: "feet", in: "inches" };
 
-// What a volume stands on, and whether its points are all around it.
+// Base surface of a volume, and whether all its points are on the boundary.
 /** @param {Measurement} entry @param {Field} field */
 function volumeFields({ parameters = {} }, field) {
   const base = "plane" in parameters ? "plane" : "level" in parameters ? "level" : "ground";
@@ -90,8 +90,8 @@ function volumeFields({ parameters = {} }, field) {
   ];
 }
 
-// The photos and times of a speed, and what is in its way: as they are now, while the form is open.
-// Points that are not confirmed yet are waited for.
+// Shows photos and times of a speed, and obstacles to it, kept up to date while the form is open.
+// Unconfirmed points are awaited.
 /** @param {HTMLElement} form @param {string[]} points @param {boolean} isNew @param {string[]} coming */
 function showNeeds(form, points, isNew, coming) {
   const waits = points.some((label) => coming.includes(label));
@@ -102,7 +102,7 @@ function showNeeds(form, points, isNew, coming) {
     () => [...lines.map((line) => node("p", { class: "dim" }, line)), ...(why ? [node("p", { class: "wrong" }, why)] : [])]);
 }
 
-// The open form into which something was typed: what comes next is not to lose that.
+// Returns the open form with typed input, which further actions must not lose.
 export function typedForm() {
   const form = document.querySelector('form[data-row="entry"]');
   if (!(form instanceof HTMLFormElement)) return null;
@@ -114,7 +114,7 @@ const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
 const WITH_COMMA = /^[-+]?\d*,\d+$/;
 const THOUSANDS = /^[-+]?[1-9]\d{0,2},\d{3}$/;
 
-// A decimal comma is taken where it can mean nothing else, as the program's readers do.
+// Reads a number; a decimal comma is accepted if it is unambiguous, as in the program's readers.
 /** @param {string} text */
 export function parse(text) {
   const written = text.trim();
@@ -122,16 +122,16 @@ export function parse(text) {
   return NUMBER.test(pointed) ? Number(pointed) : NaN;
 }
 
-/** A length in metres, as it was written or with a decimal comma. @param {string} text @param {Sort} [sort] */
+/** Reads a length in metres, also with a decimal comma. @param {string} text @param {Sort} [sort] */
 export function readLength(text, sort = "length") {
-  const bare = parse(text); // with what it takes for a number
+  const bare = parse(text); // with parse's number format
   return parseLength(Number.isNaN(bare) ? text : `${bare}`, sort);
 }
 
 /** @param {string} text */
 export const readSmall = (text) => readLength(text, "small");
 
-// Why a text is no number, or what it is asked to mean.
+// Explains why a text is no number, or gives a valid example.
 /** @param {string} text @param {string} example */
 export function noNumber(text, example = "") {
   const written = text.trim();
@@ -139,7 +139,7 @@ export function noNumber(text, example = "") {
   return `${written || "nothing"} is no number.${example && ` Write it ${example}.`}`;
 }
 
-// Says beside the fields what is wrong, and goes to the field that is.
+// Shows a fault beside the fields, and focuses the field concerned.
 /** @param {HTMLFormElement} form @param {string} why @param {string} field */
 export function showFault(form, why, field) {
   const box = as(HTMLElement, form.querySelector("[role=alert]"));
@@ -152,8 +152,8 @@ export function showFault(form, why, field) {
   input.select();
 }
 
-// The message that a filled-in form makes, or why it makes none, and which field is to blame.
-// `taken`: names of the others of its sort.
+// Returns the message of a filled-in form, or the fault and its field.
+// `taken`: names of the others of its kind.
 /**
  * @param {Entry} entry @param {FormData} form @param {string[]} taken
  * @returns {{ message: SetLine | SetMeasurement, why?: undefined, field?: undefined } | { message?: undefined, why: string, field: string }}
@@ -188,7 +188,7 @@ function numbersIn(form, wanted) {
   return { found };
 }
 
-// Of a volume: whether its last points are a top and a plane.
+// Flags of a volume: whether its last points are a top and a plane.
 /** @param {Entry} entry @param {FormData} form @returns {Record<string, number>} */
 function flagsOf(entry, form) {
   if (entry.t === "line" || entry.kind !== "volume") return {};

@@ -1,4 +1,4 @@
-// What a new user does first, ticked as it is done. It goes when all is done, and comes back with help.
+// The first steps of a new user, ticked when done. The list disappears when all are done; help shows it again.
 
 import { TOOLS } from "../actions/keys.js";
 import { countsOfPicks, store } from "../connection/store.js";
@@ -23,10 +23,10 @@ export function firstStepsPart(state) {
   return box;
 }
 
-// As who asks for help wants them: unfolded.
+// Unfolds the list when help is asked for.
 export const unfold = () => { box.open = true; };
 
-// How it is done stands beneath the one that is next.
+// The explanation is shown beneath the next step only.
 /** @param {Step} step @param {boolean} isNext */
 const stepItem = ({ words, how, done }, isNext) => node("li", { class: done ? "done" : "" },
   node("span", { class: "unseen" }, done ? "Done: " : ""), node("b", {}, words), isNext ? node("span", { class: "dim" }, how) : null);
@@ -55,5 +55,5 @@ function stepsOf() {
   ];
 }
 
-// Whether the photos have places in the world without taped lengths: by a log, their tags, or known points.
+// Returns whether the photos are positioned without taped lengths: by a log, their tags, or known points.
 const isPlaced = () => store.photos.some(({ seed }) => seed) || store.control.length >= 3 || store.controlLines.length >= 3;

@@ -1,4 +1,4 @@
-// The map of the flight: which photo was taken where and when, to see whether the camera's clock is right.
+// The map of the flight: place and time of each photo, to check the camera's clock.
 
 import { roving } from "../actions/keys.js";
 import { store } from "../connection/store.js";
@@ -15,7 +15,7 @@ const [WIDTH, MOST_HEIGHT, LEAST_HEIGHT, EDGE, DOT] = [296, 220, 90, 16, 5];
 const [LABEL_WIDTH, LABEL_HEIGHT] = [50, 12];
 const UNTIMED = "time not known";
 
-/** Time of day in UTC; nothing where it is not known. @param {number | null} seconds @param {number} digits of a second */
+/** Time of day in UTC; empty if unknown. @param {number | null} seconds @param {number} digits of a second */
 export const utcText = (seconds, digits, zone = "") => (seconds === null ? "" : `${new Date(seconds * 1000).toISOString().slice(11, digits ? 20 + digits : 19)}${zone}`);
 
 /** @param {(image: number) => void} show @param {number | undefined} current the photo in use */
@@ -26,12 +26,12 @@ export function flightMap(show, current) {
   const part = keep("flight map", [store.photos, track], () => made(placed, track, show));
   const dots = part.querySelector(".dots");
   if (dots) choose(dots, (button) => Number(button.dataset.image) === current, "aria-current");
-  // One dot at least is reached with Tab.
+  // At least one dot is reached with Tab.
   if (dots && !dots.querySelector("[tabindex='0']")) dots.querySelector("button")?.setAttribute("tabindex", "0");
   return part;
 }
 
-/** In the order of their times. @returns {Placed[]} */
+/** Positioned photos in the order of their times. @returns {Placed[]} */
 function placedPhotos() {
   const placed = store.photos.flatMap((photo, k) => {
     const [east, north] = [photo.seed?.east_m ?? null, photo.seed?.north_m ?? null];
@@ -55,7 +55,7 @@ function made(placed, track, show) {
     node("div", { class: "map" }, drawing(placed, track, scales), dots), elsewhere(placed));
 }
 
-/** What the camera's own clock said. @param {Photo} photo */
+/** Time of the camera's own clock. @param {Photo} photo */
 const clockText = ({ file_time_s }) => (file_time_s === null ? "" : `; its file says ${utcText(file_time_s, 2)}`);
 
 /** @param {[number, number, number][]} track */
@@ -74,7 +74,7 @@ function speedOf(track) {
   return last[0] > first[0] ? way / (last[0] - first[0]) : 0;
 }
 
-// The same scale both ways.
+// The same scale in both directions.
 /** @param {number[][]} places east and north @returns {Scales} */
 function scalesOf(places) {
   const [easts, norths] = [places.map(([east]) => east), places.map(([, north]) => north)];
@@ -110,7 +110,7 @@ function textShape(words, x, y, anchor) {
   return text;
 }
 
-// Times beside the first photo, the last, and those between where there is room.
+// Times beside the first photo, the last, and those between if there is room.
 /** @param {Placed[]} placed @param {(east: number) => number} x @param {(north: number) => number} y */
 function timeLabels(placed, x, y) {
   const timed = placed.filter(({ photo }) => photo.time_utc_s !== null);
@@ -126,7 +126,7 @@ function timeLabels(placed, x, y) {
   });
 }
 
-/** Photos whose place nothing says. @param {Placed[]} placed */
+/** Photos without a known place. @param {Placed[]} placed */
 function elsewhere(placed) {
   const others = store.photos.filter((_, k) => !placed.some((one) => one.k === k));
   return others.length ? node("p", { class: "dim" }, `Not on the map, because nothing says where ${others.length > 1 ? "they were" : "it was"}: ${others.map(({ name }) => name).join(", ")}.`) : null;

@@ -1,4 +1,4 @@
-// The tab of frames: which photo is when, how it was matched and seeded, and what is unmatched.
+// The photos tab: time, match and seed of each photo, and unmatched photos and events.
 
 import { adjusted, picksIn, store } from "../connection/store.js";
 import { node } from "../elements/dom.js";
@@ -29,13 +29,13 @@ function clockPart(now) {
     node("p", {}, `Camera clock minus UTC: ${offset(clock)} before the adjustment`, now?.clock ? `, ${offset(now.clock)} after it.` : "."));
 }
 
-/** Words about a value; none where it is not known. @param {string} before @param {string} value @param {string} after */
+/** Words about a value; empty if it is unknown. @param {string} before @param {string} value @param {string} after */
 const told = (before, value, after = "") => (value ? `${before} ${value}${after}` : "");
 
-/** The largest of sigmas; none where all are none. @param {(number | null)[] | undefined} sigma */
+/** Largest of the sigmas; null if all are null. @param {(number | null)[] | undefined} sigma */
 const most = (sigma) => (sigma?.some((one) => one !== null) ? Math.max(...sigma.map(Number)) : null);
 
-/** How a photo was matched, and what the flight alone says of it. @param {Photo} photo */
+/** The match of a photo, and its pose from the flight alone. @param {Photo} photo */
 const wordsOf = ({ reason, event, seed }) => [
   reason, told("its camera event in the log is", event?.status ?? ""), told("and off by", fixed(event?.residual_s, 3), " s"),
   told("by the flight", withSigma(seed?.up_m, null, "m"), " up"), told("direction \u00b1", fixed(seed?.turn_sigma_deg, 2), "\u00b0"),

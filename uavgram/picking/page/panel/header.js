@@ -1,16 +1,16 @@
-// What the header says: how far the numbers are, whether all is saved, what can be undone.
+// The header: age of the numbers, state of saving, undo and redo.
 
 import { namedLabels, stale, store } from "../connection/store.js";
 import { ageOfNumbers, light } from "../connection/trust.js";
 import { as, byId, fillIfNew, node } from "../elements/dom.js";
 
-const STALE_AFTER_MS = 100; // up to this long people take an answer for immediate
+const STALE_AFTER_MS = 100; // up to this delay people perceive an answer as immediate
 
 export class Header {
-  /** @param {() => void} onAge the numbers are older than the picks now, or are not any more */
+  /** @param {() => void} onAge called when the numbers become older than the picks, or current again */
   constructor(onAge) {
     this.onAge = onAge;
-    this.answered = 0; // when the last answer came
+    this.answered = 0; // time of the last answer
     /** @type {number | null} */
     this.staleSince = null;
     this.greying = 0; // timer
@@ -30,7 +30,7 @@ export class Header {
     this.showStale();
   }
 
-  // Numbers that follow the pointer at once are not old, though it is always a step ahead of them.
+  // Numbers that follow the pointer at once do not count as old, though it is always a step ahead of them.
   showStale() {
     clearTimeout(this.greying);
     this.staleSince = stale() ? this.staleSince ?? performance.now() : null;
@@ -49,7 +49,7 @@ export class Header {
   }
 
   showMode() {
-    if (!store.connected) byId("saved").textContent = ""; // nobody knows, until the server says so again
+    if (!store.connected) byId("saved").textContent = ""; // unknown until the server confirms it again
     const [mode, words] = modeText();
     const box = byId("mode");
     if (box.textContent === words && box.dataset.mode === mode) return;

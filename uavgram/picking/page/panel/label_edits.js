@@ -1,4 +1,4 @@
-// What can be said of the selected point and another one: they are one, they are mixed up, or one is two.
+// Edits of the selected point and another one: merge them, exchange them, or split one.
 
 import { labels, picksOf, placeOf, store } from "../connection/store.js";
 import { as, node } from "../elements/dom.js";
@@ -6,7 +6,7 @@ import { as, node } from "../elements/dom.js";
 /** @import { PageState } from "../actions/page_state.js" */
 /** @import { Tools } from "../actions/tools.js" */
 
-/** What the part shows: it is made anew where that changes. @param {string} label */
+/** Content of the part, which is made anew when it changes. @param {string} label */
 export const editsSign = (label) => [labels(), picksOf(label).map(({ image }) => image)];
 
 /** @param {string} label @param {number} image the photo in use @param {PageState} state @param {Tools} tools */
@@ -31,7 +31,7 @@ function withOther(label, others, image, { edits }) {
     button("swap-all", "are mixed up everywhere: swap", "Exchange the two labels in all photos; lengths and measurements stay as they are", (other) => edits.swap(null, label, other)));
 }
 
-// The point that is mixed up with another one as a rule stands near it.
+// The nearest point is preselected, as confused points are mostly close to each other.
 /** @param {string} label @param {string[]} others @param {number} image */
 function nearestTo(label, others, image) {
   const here = placeOf(image, label);

@@ -1,4 +1,4 @@
-// The tab of measurements: points, lengths, what is measured, and what the program has to say.
+// The measurements tab: points, lengths, measurements, and remarks of the program.
 
 import { TOOLS } from "../actions/keys.js";
 import { adjusted, countsOfPicks, remarks, standsAt, store } from "../connection/store.js";
@@ -24,7 +24,7 @@ import { placeText } from "./speed.js";
 /** @param {Element} section @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @param {SideView} side */
 export function showMeasure(section, state, image, tools, side) {
   const steps = firstStepsPart(state);
-  const measured = store.measurements.length > 0; // its values come first
+  const measured = store.measurements.length > 0; // their values come first
   fill(section, [
     steps && !store.picks.size ? null : missingPart(), measured ? null : steps, plannedPart(tools), plannedPlatesPart(), hintPart(state), entryPart(state.entry, tools), side.part(), pointPart(state, image, tools), measurementsPart(tools), measured ? steps : null, ...proposalParts(state, image, tools), lengthsPart(tools),
     advicePart(tools), pointsPart(state.selected, tools), knownPart(tools), linesOfPositionPart(), remarksPart(),
@@ -36,7 +36,7 @@ function missingPart() {
   return live?.mode === "none" ? keep("missing", live.why, () => node("p", { class: "why", role: "status" }, live.why)) : null;
 }
 
-// What the tool in hand waits for.
+// The input that the present tool waits for.
 const hint = node("p", { class: "hint", role: "status" });
 /** @param {PageState} state */
 function hintPart({ tool, draft, entry }) {
@@ -109,10 +109,10 @@ function lengthsPart(tools) {
   }));
 }
 
-/** What is shown of how far something can be trusted. @param {Trust | undefined} trust */
+/** Displayed part of a status. @param {Trust | undefined} trust */
 const standing = (trust) => trust && [trust.status, trust.words, trust.why];
 
-/** The word for what is not in order, and which errors would show. @param {Trust | undefined} trust @param {string | undefined} shows */
+/** Word for a status that is not ok, and the detectable errors. @param {Trust | undefined} trust @param {string | undefined} shows */
 function saidBeneath(trust, shows = "") {
   const sign = standingSign(trust, true);
   return sign ? [sign, shows && ": ", shows] : [shows];
@@ -135,7 +135,7 @@ function lengthRow(line, tools) {
       onchange: ({ target }) => {
         const input = as(HTMLInputElement, target);
         tools.number(input, (length_m) => { if (length_m !== null) change({ length_m }); }, readLength);
-        input.value = fieldText(line.length_m); // until it is confirmed, and the table made anew
+        input.value = fieldText(line.length_m); // until the change is confirmed and the table made anew
       },
     })),
     value(), value(), value(),
@@ -161,15 +161,15 @@ function measurementsPart(tools) {
   }));
 }
 
-/** What is not in order of a measurement, or of one of its rows. @param {Measurement} measurement */
+/** A status that is not ok, of a measurement or one of its rows. @param {Measurement} measurement */
 const worstOf = (measurement) => rowsOf(measurement).map((row) => adjusted()?.measurements[row]).find((found) => found?.words);
 
-// A coordinate has two rows, with one standing.
+// A coordinate has two rows, with one status.
 /** @param {Measurement} measurement */
 const rowsOf = ({ name, kind }) => (kind === "coordinate" ? [`${name} east`, `${name} north`] : [name]);
 
-// The lines of a measurement's value. A coordinate has several: east and north, and where that is on
-// the earth; of a survey that nothing ties to the earth only the first two.
+// The lines of a measurement's value. A coordinate has several: east and north, and latitude and longitude;
+// a survey that is not tied to the earth has only the first two.
 /** @param {Measurement} measurement @param {Adjusted | null} now @returns {(string | Element)[]} */
 function valuesOf(measurement, now) {
   const { name, kind, points } = measurement;
@@ -227,7 +227,7 @@ function remarksPart() {
   return all.length ? keep("remarks", all, () => node("details", { class: "part", "aria-label": "Remarks" }, node("summary", {}, `Remarks (${all.length})`), list(all))) : null;
 }
 
-// Points with known coordinates: which are picked, and how far the withheld ones are off.
+// Points with known coordinates: those that are picked, and the errors at the withheld ones.
 /** @param {Tools} tools */
 function knownPart(tools) {
   const known = [...store.control.map((label) => [label, "control"]), ...store.check.map((label) => [label, "check"])];
@@ -245,7 +245,7 @@ function knownPart(tools) {
     }))));
 }
 
-// Lines of known position: what is picked on each, and how far beside it that lies.
+// Lines of known position: the points picked on each, and their offset from it.
 function linesOfPositionPart() {
   const lines = store.controlLines;
   if (!lines.length) return null;

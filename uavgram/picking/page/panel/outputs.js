@@ -1,4 +1,4 @@
-// What stands at the foot of the measurements: one click runs the project and writes everything.
+// The foot of the measurements tab: one click runs the project and writes all outputs.
 
 import { adjusted, store } from "../connection/store.js";
 import { ageOfNumbers, light } from "../connection/trust.js";
@@ -24,7 +24,7 @@ export function showOutputs(foot, exporting, exportAll) {
   if (foot.firstChild !== made) foot.replaceChildren(made);
 }
 
-// Whoever writes numbers reads on the button how far they can be trusted.
+// The button for writing results shows how far they can be trusted.
 /** @param {ReturnType<typeof light>["level"]} level */
 function writeWords(level) {
   const count = adjusted()?.verdict.reasons ?? 0;
@@ -40,7 +40,7 @@ function age(outputs, old) {
   return old ? "older than what you see" : "up to date";
 }
 
-// What an earlier session could not save, as another program had changed the tables.
+// Changes that an earlier session could not save, as another program had changed the tables.
 /** @param {number} count @param {ProjectActions} project */
 const offered = (count, project) => [
   node("p", {}, `An earlier session ended before it could save ${count === 1 ? "a change" : `${count} changes`}, and the files were changed since.`),
@@ -49,7 +49,7 @@ const offered = (count, project) => [
   node("button", { name: "discard-aside", onclick: () => void project.ask({ t: "discard-aside" }) }, "Discard"),
 ];
 
-// A bar that stays while files of the project differ from what the page shows, or cannot be saved.
+// A bar shown as long as project files differ from the page's state, or cannot be saved.
 /** @param {HTMLElement} bar @param {ProjectActions} project */
 export function showOutside(bar, project) {
   const { outside, aside } = store;

@@ -1,4 +1,4 @@
-// The numbers beside the photos: tabs, and what stands at their foot.
+// The numbers beside the photos: tabs and their foot.
 
 import { byId, choose } from "../elements/dom.js";
 import { showCamera } from "./camera.js";
@@ -38,7 +38,7 @@ export class Panel {
     this.showTrust();
   }
 
-  // The light, and the button that hangs on it.
+  // Shows the light, and updates the button that depends on it.
   showTrust() {
     showVerdict(byId("verdict"), this.tools);
     this.showFoot();
@@ -55,7 +55,7 @@ export class Panel {
   setTab(name) {
     this.state.tab = name;
     document.body.dataset.tab = name;
-    for (const covered of ["panes", "strip"]) byId(covered).inert = name === "results"; // the results lie over them
+    for (const covered of ["panes", "strip"]) byId(covered).inert = name === "results"; // the results cover them
     choose(byId("tabs"), (button) => button.id === `tab-button-${name}`, "aria-selected");
     if (name === "camera" && !this.state.folders) void this.project.listFolders();
     this.show();

@@ -1,12 +1,12 @@
-// What was planned before the flight: which ends of lines are to be marked, which lengths to be entered; which
-// plates were to be laid, and which of them are found.
+// Plan made before the flight: line ends to be marked, lengths to be entered, plates to be put down, and the
+// plates found so far.
 
 import { labels, picksOf, proposals, store } from "../connection/store.js";
 import { fillIfNew, node } from "../elements/dom.js";
 
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { PlannedLine, PlannedPlate } from "../connection/protocol.js" */
-/** @typedef {{ plate: PlannedPlate, photos: number, proposed: boolean }} PlateRow `photos`: in how many a corner is picked */
+/** @typedef {{ plate: PlannedPlate, photos: number, proposed: boolean }} PlateRow `photos`: number in which a corner is picked */
 /** @typedef {{ line: PlannedLine, taped: boolean, missing: string[] }} Row `missing`: labels of ends that are not marked yet */
 
 const list = node("ol", {});
@@ -29,7 +29,7 @@ const plateTitle = node("summary", {});
 const why = node("p", { class: "dim" });
 const plateBox = node("details", { class: "steps planned", open: true, "aria-label": "Planned plates" }, plateTitle, why, plateList);
 
-// The program finds plates itself: nothing is to be clicked but its proposals.
+// The program finds plates itself: only its proposals need a click.
 export function plannedPlatesPart() {
   const { plates } = store.planned;
   if (!plates.length) return null;
@@ -54,7 +54,7 @@ function plateItem({ plate, photos, proposed }) {
   return node("li", {}, words, where, ...(proposed ? [node("span", { class: "dim" }, "found: accept it below")] : []));
 }
 
-// Where its ends are stands beneath the one that is next.
+// The places of the ends are shown beneath the next line only.
 /** @param {Row} row @param {boolean} isNext @param {Tools} tools */
 function lineItem({ line, taped, missing }, isNext, tools) {
   const words = node("b", {}, `${line.name}: about ${line.length}, from ${line.start} to ${line.end}`);
@@ -65,13 +65,13 @@ function lineItem({ line, taped, missing }, isNext, tools) {
   return node("li", {}, words, ...(isNext ? where : []), node("span", { class: "row" }, ...buttons));
 }
 
-// The next click places that label.
+// Makes the next click place that label.
 /** @param {string} label @param {Tools} tools */
 const markButton = (label, tools) => node("button", {
   type: "button", onclick: () => {
     tools.setTool("pick");
     tools.name(label);
-    tools.state.typed = true; // as if it were: this label, and no other
+    tools.state.typed = true; // as if typed: this label, and no other
   },
 }, `Mark ${label}`);
 

@@ -1,5 +1,5 @@
-// The point that is selected, and its pick in this photo: what a person may say of them, and how high
-// it stands.
+// The selected point, and its pick in this photo: statements of a person about them, and its adjusted
+// height.
 
 import { roving } from "../actions/keys.js";
 import { adjusted, heightOf, pickAt, picksOf, stale, standsAt, store } from "../connection/store.js";
@@ -49,17 +49,17 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
     stated,
     height_m === null ? null : field("height_sigma", `Sigma of the height, ${fieldUnit("small")}`, fieldText(height_sigma_m, "small"), "exact", (sigma) => heights.set(label, height_m, sigma), readSmall),
     choices, edits, node("div", { class: "both stands", role: "status", "aria-label": "How high it stands" }),
-    node("button", { type: "submit", hidden: true }, "Done")); // without it Enter would not end the form
+    node("button", { type: "submit", hidden: true }, "Done")); // without it Enter would not submit the form
 }
 
-// The field shows what holds until it is confirmed.
+// Keeps the valid name in the field until the new one is confirmed.
 /** @param {string} label @param {HTMLInputElement} field @param {Tools} tools */
 function renamed(label, field, { edits }) {
   edits.rename(label, field.value);
   Object.assign(field, { value: label });
 }
 
-// How high the point stands as adjusted, or why nothing tells it.
+// Shows the adjusted height of the point, or why it cannot be found.
 /** @param {HTMLElement} box @param {string} label @param {Tools} tools */
 function showHeight(box, label, tools) {
   const stands = standsAt(label);
@@ -73,15 +73,15 @@ function showHeight(box, label, tools) {
   ]);
 }
 
-const OFF_GROUND = "point-off-ground"; // code of the message that tells of them
+const OFF_GROUND = "point-off-ground"; // code of the message about them
 
-// Labels that fit off the ground, which nobody said of them.
+// Labels that fit off the ground without a stated height.
 function offGround() {
   const all = (store.live?.messages ?? []).flatMap(({ code, labels }) => (code === OFF_GROUND ? labels ?? [] : []));
   return all.filter((label) => picksOf(label).length && !heightOf(label).is_free);
 }
 
-// Why the height of a free point cannot be found; empty where it can, or where that is not known yet.
+// Returns why the height of a free point cannot be found; empty if it can, or if that is not known yet.
 /** @param {string} label */
 function unfound(label) {
   const now = adjusted();

@@ -1,4 +1,4 @@
-// What the program found in other photos and nobody has accepted yet, and what it asks for.
+// Proposals in other photos that are not accepted yet, and labels to be picked by hand.
 
 import { askedFor, picksOf, proposals, store } from "../connection/store.js";
 import { node } from "../elements/dom.js";
@@ -8,8 +8,8 @@ import { about, drop, keep, table, titled } from "../elements/table.js";
 /** @import { Tools } from "../actions/tools.js" */
 /** @import { Asked, Proposal } from "../connection/protocol.js" */
 
-const MOST = 60; // rows that anybody goes through
-const FEW = 6; // that push nothing else off the screen
+const MOST = 60; // most rows that a person reads
+const FEW = 6; // a list so short leaves room for the rest
 
 /** @param {PageState} state @param {number | undefined} image the photo in use @param {Tools} tools @returns {(HTMLElement | null)[]} */
 export function proposalParts(state, image, tools) {
@@ -76,7 +76,7 @@ function askedPart({ selected }, tools) {
     node("ul", { class: "scroll", tabindex: 0, "aria-label": "What is still to be picked by hand" }, ...rows.slice(0, MOST).map((some) => askedRow(some, tools))), more(rows.length)));
 }
 
-/** Those of one point and one reason together. @param {Asked[]} all @returns {Asked[][]} */
+/** Groups by point and reason. @param {Asked[]} all @returns {Asked[][]} */
 function groups(all) {
   /** @type {Map<string, Asked[]>} */
   const found = new Map();
@@ -104,7 +104,7 @@ const more = (count) => (count > MOST ? node("p", { class: "dim" }, `and ${count
 /** @param {number} count */
 const places = (count) => `${count} place${count === 1 ? "" : "s"}`;
 
-// Those that are in hand, then the others by label and photo.
+// Sorts the present ones first, then the others by label and photo.
 /** @template {{ image: number, label: string }} T @param {T[]} all @param {(one: T) => boolean} isFirst */
 function first(all, isFirst) {
   const order = all.sort((a, b) => a.label.localeCompare(b.label, undefined, { numeric: true }) || a.image - b.image);

@@ -1,4 +1,4 @@
-// What the last run wrote: verdict, measurements and plan, and every file of it.
+// Results of the last run: verdict, measurements and plan, and all its files.
 
 import { keyed } from "../connection/key.js";
 import { store } from "../connection/store.js";
@@ -15,7 +15,7 @@ let read = { stamp: "", results: null };
 
 const SIGNS = { green: "\u25CF", amber: "\u25B2", red: "\u25A0", none: "\u25CB" };
 
-/** @param {Element} section @param {() => void} again shows it anew, when the results were read */
+/** @param {Element} section @param {() => void} again called when the results were read */
 export function showResults(section, again) {
   const { outputs } = store;
   if (!outputs) return;
@@ -43,10 +43,10 @@ async function bring(stamp, again) {
   if (!stamp) return;
   try {
     const results = /** @type {Results} */ (await find("/results.json"));
-    if (read.stamp !== stamp) return; // there are newer ones
+    if (read.stamp !== stamp) return; // superseded by newer ones
     read = { stamp, results };
   } catch {
-    return; // files of an older version: their links are there
+    return; // files of an older version: their links remain
   }
   again();
 }

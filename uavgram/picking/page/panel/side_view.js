@@ -1,4 +1,4 @@
-// A measurement from the side: its points along it, how high they are, and the ground below.
+// A measurement in side view: its points along it, their heights, and the ground below.
 
 import { adjusted, store } from "../connection/store.js";
 import { node, shape } from "../elements/dom.js";
@@ -17,7 +17,7 @@ import { KINDS } from "./entry.js";
 
 const [WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM] = [296, 150, 34, 10, 16, 18];
 const CONFIDENCE = 1.96; // 95 % of a normal distribution
-const LEAST_HEIGHT_M = 0.02; // a flat line is not blown up to hills
+const LEAST_HEIGHT_M = 0.02; // a flat line is not exaggerated to hills
 const TIMES = [100, 50, 20, 10, 5, 2, 1];
 const CHARACTER_PX = 6;
 
@@ -28,7 +28,7 @@ export class SideView {
     this.link = link;
     this.notice = notice;
     this.show = show;
-    this.asked = ""; // for which measurement, as which adjustment has it
+    this.asked = ""; // measurement and adjustment of the last question
     this.asking = false;
     /** @type {Shown} */
     this.shown = { name: "", points: [] };
@@ -49,7 +49,7 @@ export class SideView {
     this.show();
   }
 
-  // Once for each full adjustment, one question at a time.
+  // Asks once for each full adjustment, one question at a time.
   /** @param {Measurement} one */
   async ask(one) {
     const sign = JSON.stringify([one, store.liveFor]);
@@ -71,7 +71,7 @@ export class SideView {
 /** @param {[number | null, number | null]} placed @returns {[number, number]} */
 const known = ([value, sigma]) => [value ?? 0, sigma ?? 0];
 
-// Heights are drawn larger than lengths where there is room, by a round number that is written.
+// Heights are exaggerated if there is room, by a round factor that is shown.
 /** @param {SidePoint[]} points @returns {Scales} */
 function scalesOf(points) {
   const stations = points.map(({ station_m }) => known(station_m)[0]);
@@ -133,7 +133,7 @@ function pointShape({ station_m, height_m }, { x, y }) {
   return shape("g", {}, shape("path", { class: "bar", d: `M${at} ${top}V${foot}M${at - 3} ${top}h6M${at - 3} ${foot}h6` }), shape("circle", { class: "dot", cx: at, cy: y(height).toFixed(1), r: 2.5 }));
 }
 
-// Labels over their points, each where there is room.
+// Labels over their points, each if there is room.
 /** @param {SidePoint[]} along @param {Scales} scales */
 function labelShapes(along, { x, y }) {
   /** @type {[number, number, number][]} */

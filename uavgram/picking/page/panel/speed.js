@@ -1,5 +1,5 @@
-// The speed of what moved between two photos: which photos and times its two places have, and what
-// is in the way of it.
+// The speed of an object that moved between two photos: photos and times of its two places, and
+// obstacles to it.
 
 import { picksOf, store } from "../connection/store.js";
 
@@ -7,7 +7,7 @@ import { picksOf, store } from "../connection/store.js";
 
 const CLOCK = [11, 22]; // hours to hundredths of an ISO time
 
-// Which photos a label is picked in, and when they were taken [s]; null where that is not known.
+// Photos in which a label is picked, and their times [s]; null if unknown.
 /** @param {string} label @returns {Seen[]} */
 function seenIn(label) {
   return picksOf(label).map(({ image }) => {
@@ -19,7 +19,7 @@ function seenIn(label) {
 /** @param {number | null} time */
 const clockText = (time) => (time === null ? "time not known" : `${new Date(time * 1000).toISOString().slice(...CLOCK)} UTC`);
 
-// A label with its photo and time, or in how many photos it is.
+// A label with its photo and time, or the number of its photos.
 /** @param {string} label */
 export function placeText(label) {
   const seen = seenIn(label);
@@ -35,7 +35,7 @@ function names(seen) {
   return all.length > MOST_NAMES ? `${all.slice(0, MOST_NAMES).join(", ")} \u2026` : all.join(", ");
 }
 
-// Why one label cannot be a place of something that moves; empty where it can.
+// Returns why one label cannot be a place of a moving object; empty if it can.
 /** @param {string} label */
 export function placeFault(label) {
   const seen = seenIn(label);
@@ -47,7 +47,7 @@ export function placeFault(label) {
   return seen[0].time === null ? `The time of ${seen[0].name} is not known, so nothing tells how fast ${label} moved.` : "";
 }
 
-// What a speed needs, as it stands: the seconds between its photos, or why there are none.
+// Returns the seconds between the photos of a speed, or why there are none.
 /** @param {string[]} points */
 export function speedFacts([start, end]) {
   const why = placeFault(start) || placeFault(end);

@@ -1,5 +1,5 @@
-// The one verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence,
-// and what would put it right. Statistics and all else fold away behind "why". Level and words are the server's.
+// The verdict of the adjustment, above the numbers: its light, the likeliest reason in one plain sentence, and
+// its remedies. Statistics and all else are folded behind "why". Level and words come from the server.
 
 import { adjusted, remarks, stale, store } from "../connection/store.js";
 import { light } from "../connection/trust.js";
@@ -27,18 +27,18 @@ export function showVerdict(box, tools) {
   fillIfNew(byId("reasons"), JSON.stringify([behind, isOld]), () => [list(behind, (remark) => (remark === first ? null : buttons(remark)))]);
 }
 
-// Before there are numbers: what was warned of.
+// Warnings as remarks, before there are numbers.
 /** @param {Note} note @returns {Remark} */
 const asRemark = ({ level, code, text, labels = [] }) => ({ level, code, text, plain: text, labels, frames: [], lengths: [], measurements: [], mends: [], show: null });
 const NOTHING = asRemark({ level: "warning", code: "", text: "" });
 const unjudged = () => ({ first: NOTHING, why: remarks().filter(({ level }) => level !== "info").map(asRemark), unseen: "" });
 
-// Whether a reason stands among others at more length.
+// Returns whether another remark gives the reason at more length.
 /** @param {Remark} reason @param {Remark[]} others */
 const isTold = ({ text }, others) => others.some((other) => other.text.startsWith(text.replace(/\.$/, "")));
 
-// What would put it right, the likeliest first, and a way to see it. Of old numbers only that: what would put
-// right what was marked before may put wrong what is marked now.
+// Buttons for remedies, the likeliest first, and one to see the place. Remedies of old numbers are disabled:
+// a remedy for earlier picks may harm the present ones.
 /** @param {Remark} remark @param {boolean} isOld @param {Tools} tools */
 function actionsOf({ code, labels, mends, show }, isOld, tools) {
   const ways = mends.map((mend) => ({ name: "mend", words: mend.words, rank: rankOf(mend), disabled: isOld, act: () => { putRight(mend, tools); } }));
@@ -51,7 +51,7 @@ function actionsOf({ code, labels, mends, show }, isOld, tools) {
 const [MEND, LOOK, REMOVE] = [0, 1, 2];
 const REMOVALS = ["unpick", "remove-line"];
 
-// Who removes something has looked at it first.
+// Removals come last: a person should look first.
 /** @param {Mend} mend */
 const rankOf = ({ changes }) => (changes.length && changes.every(({ t }) => REMOVALS.includes(t)) ? REMOVE : MEND);
 
@@ -62,7 +62,7 @@ function putRight({ words, changes, opens }, tools) {
     tools.changeLine(line);
     return;
   }
-  // The second click of two would undo the first; and what is changed just now may need something else.
+  // The second click of two would undo the first; and a change just made may need another remedy.
   if (stale() || tools.link.unconfirmed.length) return;
   tools.offers.show(`Done: ${words}.`, tools.send({ t: "all", changes }), { words: "Undo", act: () => tools.send({ t: "undo" }) });
 }

@@ -1,4 +1,4 @@
-// The place that a question is about: hollow, as it is no pick before somebody answers.
+// The place that a question is about: a hollow mark, as it is no pick before the answer.
 
 import { put, shape } from "../elements/dom.js";
 

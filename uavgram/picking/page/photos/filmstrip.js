@@ -1,4 +1,4 @@
-// The strip of small pictures: what is picked in each photo, and how well it fits.
+// The strip of small pictures: number and fit of the picks in each photo.
 
 import { keyed } from "../connection/key.js";
 import { isSuspect, proposals, store, worstOfPhotos } from "../connection/store.js";
@@ -10,12 +10,12 @@ import { as, byId, node } from "../elements/dom.js";
 /** @typedef {{ count: number, found: number, worst: { w: number, status: string }, unmatched: boolean, here: boolean, first: boolean }} Shown here: in a pane; first: reached with Tab */
 
 const SIGNS = { doubtful: " ?", contradicted: " \u2260", "": "" };
-const THUMBNAILS_AFTER_MS = 4000; // at the latest: the photo may be none that can be shown
+const THUMBNAILS_AFTER_MS = 4000; // at the latest, as the photo may not be displayable
 
 /** @param {Photo} photo */
 const matchOf = ({ matched, reason }) => (matched ? "placed in the flight" : `not placed in the flight: ${reason}`);
 
-// What the verdict says of a photo: nothing where it is in order.
+// Status of a photo; nothing if it is ok.
 /** @param {number} image */
 function standingOf(image) {
   const trust = trustOfPhoto(image);
@@ -23,7 +23,7 @@ function standingOf(image) {
   return { status, words: status ? `, ${status}: ${trust?.why ?? ""}` : "" };
 }
 
-/** How many of them each photo has. @param {Iterable<{ image: number }>} all */
+/** Counts the items of each photo. @param {Iterable<{ image: number }>} all */
 function countsByImage(all) {
   /** @type {Map<number, number>} */
   const counts = new Map();
@@ -36,7 +36,7 @@ export class Filmstrip {
   constructor(panes) {
     this.panes = panes;
     this.box = byId("strip");
-    /** By photo, what it was shown with. @type {string[]} */
+    /** Displayed content, by photo. @type {string[]} */
     this.signs = [];
   }
 
@@ -62,7 +62,7 @@ export class Filmstrip {
 
   /** @param {Photo} photo @param {number} k @param {Shown} shown */
   showPhoto(photo, k, shown) {
-    // A drag comes here at each frame, and changes nothing of most photos.
+    // A drag comes here at each frame, and leaves most photos unchanged.
     const [standing, matched] = [standingOf(k), matchOf(photo)];
     const sign = JSON.stringify([shown, standing, matched]);
     if (this.signs[k] === sign) return;
@@ -84,7 +84,7 @@ export class Filmstrip {
     button.title = `${photo.name}: ${words}`;
   }
 
-  // A photo is there as a whole: now its small pictures may come, which would have delayed it.
+  // Loads the small pictures once a photo is complete, which they would have delayed.
   loadThumbnails() {
     for (const picture of this.box.querySelectorAll("img")) if (!picture.hasAttribute("src")) picture.src = picture.dataset.src ?? "";
   }

@@ -1,4 +1,4 @@
-// Two fingers on a pane: what lies under them stays under them, so they zoom and pan at once.
+// Two fingers on a pane: the points under them stay under them, so they zoom and pan at once.
 
 /** @import { Pane } from "./pane.js" */
 
@@ -7,13 +7,13 @@ export class Fingers {
   constructor(pane) {
     this.pane = pane;
     /** @type {Map<number, [number, number]>} */
-    this.down = new Map(); // where each is, by the pointer's number
+    this.down = new Map(); // position of each, by the pointer's number
     this.several = false; // until the last one is lifted
     /** @type {{ u: number, v: number, scale: number, apart: number } | null} */
-    this.held = null; // what lies between them in the photo, since they came
+    this.held = null; // photo point between them when both were down
   }
 
-  /** Whether this one is not alone. @param {PointerEvent} event @param {[number, number]} at */
+  /** Adds a finger; returns whether it is not alone. @param {PointerEvent} event @param {[number, number]} at */
   come({ pointerId, pointerType }, at) {
     if (pointerType !== "touch") return false;
     this.down.set(pointerId, at);
@@ -22,13 +22,13 @@ export class Fingers {
     return this.several;
   }
 
-  /** Whether it was one of several that moved. @param {PointerEvent} event @param {[number, number]} at */
+  /** Moves a finger; returns whether it was one of several. @param {PointerEvent} event @param {[number, number]} at */
   move({ pointerId }, at) {
     if (!this.down.has(pointerId)) return false;
     this.down.set(pointerId, at);
     const { held, pane } = this;
     const now = this.spread();
-    if (held && now) { // from where they came, not step by step: what is rounded does not add up
+    if (held && now) { // from the start, not step by step: roundings do not add up
       pane.zoom(now.x, now.y, (held.scale * now.apart) / held.apart / pane.view.scale);
       const [x, y] = pane.view.toScreen(held.u, held.v);
       pane.view.panBy(now.x - x, now.y - y);
@@ -36,7 +36,7 @@ export class Fingers {
     return this.several;
   }
 
-  /** Whether it was one of several that is lifted. @param {PointerEvent} event */
+  /** Removes a finger; returns whether it was one of several. @param {PointerEvent} event */
   gone({ pointerId }) {
     const { several } = this;
     this.down.delete(pointerId);
@@ -51,7 +51,7 @@ export class Fingers {
     this.held = now && { u, v, scale: this.pane.view.scale, apart: now.apart };
   }
 
-  // The middle of the first two, and how far apart they are.
+  // The middle of the first two, and their distance.
   spread() {
     const [a, b] = this.down.values();
     return b ? { x: (a[0] + b[0]) / 2, y: (a[1] + b[1]) / 2, apart: Math.max(Math.hypot(a[0] - b[0], a[1] - b[1]), 1) } : null;

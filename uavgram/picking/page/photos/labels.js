@@ -1,4 +1,4 @@
-// Where labels and values stand beside their marks: each where no other one and no mark is.
+// Placement of labels and values beside their marks, without overlaps.
 
 import { put } from "../elements/dom.js";
 
@@ -8,10 +8,10 @@ import { put } from "../elements/dom.js";
 
 const CHARACTER_PX = 6.8;
 const LINE_PX = 15;
-const LEAST_ROOM_PX = 60; // of a line, for its value
+const LEAST_ROOM_PX = 60; // length of a line with a value, at least
 
-// Where a label may stand beside its mark, the usual place first: away from it, and which part of the
-// text stands left of that place.
+// Positions of a label beside its mark, the usual one first: offset, and the part of the text that is
+// to the left of it.
 const SPOTS = [
   { dx: 12, dy: -8, anchor: "start", aside: 0 }, { dx: 12, dy: 19, anchor: "start", aside: 0 },
   { dx: -12, dy: -8, anchor: "end", aside: 1 }, { dx: -12, dy: 19, anchor: "end", aside: 1 },
@@ -19,7 +19,7 @@ const SPOTS = [
 ];
 
 /** @type {WeakMap<Element, number>} */
-const spots = new WeakMap(); // of each mark's group; -1: there is no room
+const spots = new WeakMap(); // by each mark's group; -1: there is no room
 
 /** @param {Element | undefined} group */
 const spotOf = (group) => SPOTS[Math.max((group && spots.get(group)) ?? 0, 0)];
@@ -45,7 +45,7 @@ function tagBox(label, [x, y], { dx, dy, aside }) {
 /** The marks among the parts. @param {Map<Part, SVGGElement>} parts @param {View} view @returns {{ label: string, group: SVGGElement, at: [number, number] }[]} */
 const marksOn = (parts, view) => [...parts].flatMap(([{ mark }, group]) => (mark ? [{ label: mark.label, group, at: view.toScreen(...mark.at) }] : []));
 
-// Labels of marks that lie close together. That hangs on the view alone, so it is done when that rests.
+// Places the labels of marks close together. It depends on the view alone, so it is done when that is at rest.
 /** @param {Map<Part, SVGGElement>} parts @param {View} view */
 export function spreadTags(parts, view) {
   const marks = marksOn(parts, view).filter(({ at: [x, y] }) => x > -50 && y > -50 && x < view.width + 50 && y < view.height + 50);
@@ -62,8 +62,8 @@ export function spreadTags(parts, view) {
   }
 }
 
-// Values stand where nothing else does: in the middle of their line, else nearer to an end, else
-// they are left out of the photo (the table has them).
+// Places values where nothing else is: in the middle of their line, else nearer to an end, else they
+// are left out of the photo (the table has them).
 /** @param {Map<Part, SVGGElement>} parts @param {View} view */
 export function keepApart(parts, view) {
   const taken = [...furniture(view), ...marksOn(parts, view).map(({ label, group, at: [x, y] }) => {
@@ -95,7 +95,7 @@ function wordsPlaces({ screen, closed }) {
   return [0.5, 0.35, 0.65, 0.22, 0.78].map((part) => [x + (toX - x) * part, y + (toY - y) * part]);
 }
 
-/** What lies over every photo: the box that chooses it, and the line of numbers beneath. @param {View} view @returns {Box[]} */
+/** Controls over every photo: the box that chooses it, and the line of numbers beneath. @param {View} view @returns {Box[]} */
 const furniture = ({ height }) => [{ x: 0, y: 0, width: 212, height: 38 }, { x: 0, y: height - 34, width: 330, height: 34 }];
 
 /** @param {View} view @param {Box} box */

@@ -4,7 +4,7 @@ import { node } from "../elements/dom.js";
 import { tile, tileKey } from "./tiles.js";
 
 /** @import { Photo } from "../connection/protocol.js" */
-/** @typedef {{ u: number, v: number, scale: number, aside: boolean }} LoupePlace aside: it would be in the way where it stands */
+/** @typedef {{ u: number, v: number, scale: number, aside: boolean }} LoupePlace aside: whether it would be in the way at its usual place */
 
 const SIDE = 168;
 const LEAST_SCALE = 8; // screen pixels for each pixel of the photo
@@ -31,7 +31,7 @@ export class Loupe {
     this.canvas.classList.toggle("left", at.aside);
   }
 
-  // The photo's own tiles beneath it; where they are not there yet, coarser ones stand in.
+  // The finest tiles beneath it; coarser ones replace those not yet loaded.
   get keys() {
     return this.visible(0).map(({ key }) => key);
   }

@@ -19,18 +19,18 @@ import { tiesPart } from "./ties.js";
 /** @import { View } from "./view.js" */
 
 /**
- * What is drawn in a photo. `sign` tells whether the group that was made before will do.
+ * An item drawn in a photo. An equal `sign` means that the existing group can be kept.
  * @typedef {object} Part
  * @property {string} key
  * @property {string} sign
  * @property {() => SVGGElement} make
- * @property {(group: SVGGElement, view: View) => void} move brings the group to its place
- * @property {{ label: string, at: [number, number] }} [mark] a point, and where it is in the photo
- * @property {Words} [words] a value that stands at a path; `keepApart` finds its place
+ * @property {(group: SVGGElement, view: View) => void} move moves the group to its place
+ * @property {{ label: string, at: [number, number] }} [mark] a point, and its place in the photo
+ * @property {Words} [words] a value beside a path; `keepApart` finds its place
  */
 
 /**
- * @typedef {object} Path lines between points, on the screen since they were moved last
+ * @typedef {object} Path lines between points, with screen positions of the last move
  * @property {string} kind
  * @property {string} words
  * @property {string[]} points labels
@@ -40,14 +40,14 @@ import { tiesPart } from "./ties.js";
 
 /** @typedef {{ path: Path, text: SVGTextElement | null }} Words */
 
-const CONFIDENCE = 2.4477; // 95 % of a plane's normal distribution
+const CONFIDENCE = 2.4477; // 95 % of a bivariate normal distribution
 
 export const KNOWN = { control: "M0 -13L11.5 7H-11.5Z", check: "M-10 -10H10V10H-10Z" }; // points with known coordinates
 export const HOLLOW = "M-8 0A8 8 0 1 0 8 0A8 8 0 1 0 -8 0ZM-2 0H2M0 -2V2"; // found by the program, not accepted
-export const OCTAGON = "M-6 -14H6L14 -6V6L6 14H-6L-14 6V-6Z"; // a point that something contradicts: stop
+export const OCTAGON = "M-6 -14H6L14 -6V6L6 14H-6L-14 6V-6Z"; // a point that is contradicted: stop
 export const DIAMOND = "M0 -13L13 0L0 13L-13 0Z";
 
-// Everything that is drawn in a photo.
+// All items drawn in a photo.
 /** @param {number} image @param {PageState} state @returns {Part[]} */
 export function buildMarks(image, { selected, shown, draft, asked, alike }) {
   const paths = shown.lines ? linesIn(image, selected) : [];
@@ -56,7 +56,7 @@ export function buildMarks(image, { selected, shown, draft, asked, alike }) {
   return [
     ...(shown.ties ? [tiesPart(image)] : []),
     ...paths.map(({ name, path }) => pathPart(image, name, path)),
-    ...paths.filter(({ path }) => path.words).map(({ name, path }) => wordsPart(name, path)), // over all lines
+    ...paths.filter(({ path }) => path.words).map(({ name, path }) => wordsPart(name, path)), // above all lines
     ...(drawn ? [pathPart(image, "", drawn)] : []),
     ...(shown.predicted ? predictedIn(image).map((one) => predictedPart(one, selected, shown)) : []),
     ...(shown.predicted ? proposals().filter((one) => one.image === image).map((one) => proposalPart(one, selected, shown)) : []),
@@ -73,7 +73,7 @@ function pickPart(pick, selected, shown, scale) {
   const stands = standsAt(pick.label);
   const tag = tagText(pick.label, stands);
   const high = stands ? `, ${heightText(stands)}` : "";
-  let spoken = ""; // once: the view changes nothing of it
+  let spoken = ""; // made once: it is independent of the view
   return {
     key: `pick ${pick.label}`,
     mark: { label: tag, at: [pick.u_px, pick.v_px] },
@@ -88,7 +88,7 @@ function pickPart(pick, selected, shown, scale) {
   };
 }
 
-// Its residual, as a line from the mark. At each frame: a query for it would leave a list to be cleared away.
+// Draws the residual as a line from the mark. At each frame: a query for it would create a list as garbage.
 /** @param {SVGGElement} group @param {[number, number]} residual @param {number} scale */
 function pull(group, [u, v], scale) {
   for (let line = group.firstElementChild; line; line = line.nextElementSibling) {
@@ -98,7 +98,7 @@ function pull(group, [u, v], scale) {
   }
 }
 
-// To what can be seen: a drag moves all residuals a little, and what stays need not be drawn anew.
+// Rounds to visible steps: a drag moves all residuals a little, and those in the same step need no redrawing.
 /** @param {number} length */
 const seen = (length) => Math.round(length * 2) / 2;
 
@@ -119,7 +119,7 @@ function pickGroup(pick, tag, fit, selected, shown, pulled) {
   return group;
 }
 
-// Round a mark: that it does not fit, or rests on what does not, and that its place is known.
+// Signs round a mark: it does not fit, or depends on observations that do not, or its place is known.
 /** @param {string} label @param {boolean} suspect @param {ReturnType<typeof fault>} wrong */
 function signs(label, suspect, wrong) {
   const known = knownAs(label);
@@ -130,7 +130,7 @@ function signs(label, suspect, wrong) {
 /** @param {Trust | undefined} trust */
 const toldOf = (trust) => (trust?.words ? `\n${trust.words}: ${trust.why}` : "");
 
-// A label, and how high its point stands where it is off the ground.
+// A label, with the height of its point if that is off the ground.
 /** @param {string} label @param {ReturnType<typeof standsAt>} stands */
 function tagText(label, stands) {
   return stands ? `${label} ${stands.height < 0 ? "\u2193" : "\u2191"}${shortText(Math.abs(stands.height), stands.sigma)}` : label;
@@ -149,7 +149,7 @@ function spokenPick(pick, fit) {
 
 /** @param {Predicted} one @param {string | null} selected @param {Shown} shown @returns {Part} */
 function predictedPart({ image, label, pixel_px: at, spread }, selected, shown) {
-  const proposed = Boolean(proposalAt(image, label)); // which has the label then
+  const proposed = Boolean(proposalAt(image, label)); // which then has the label
   return {
     key: `predicted ${label}`,
     mark: proposed ? undefined : { label, at },
@@ -167,7 +167,7 @@ function predictedPart({ image, label, pixel_px: at, spread }, selected, shown) 
   };
 }
 
-// What the program found: a hollow mark, which is no pick before somebody says so.
+// A proposal: a hollow mark, which is no pick before it is accepted.
 /** @param {Proposal} one @param {string | null} selected @param {Shown} shown @returns {Part} */
 function proposalPart(one, selected, shown) {
   const { label, u_px, v_px } = one;
@@ -187,7 +187,7 @@ function proposalPart(one, selected, shown) {
   };
 }
 
-// One of several that a label may be meant to be on.
+// One of several candidates for a label.
 /** @param {[number, number]} at @param {number} number @returns {Part} */
 function alikePart(at, number) {
   return {
@@ -202,13 +202,13 @@ function alikePart(at, number) {
 const proposalWords = ({ label, source, from_image, sigma_px, score }) =>
   `${label}, ${source === "target" || from_image === null ? "a target that the program found" : `found from the pick in ${store.photos[from_image].name}`}, \u00b1 ${sigma_px.toFixed(2)} px, score ${score.toFixed(2)}`;
 
-/** Of ellipses, whose size hangs on the zoom; `reach_px`: of the photo; `scale`: at which it was drawn last. @type {WeakMap<Element, { reach_px: number, scale: number, resize: (scale: number) => void }>} */
+/** Resizers of ellipses, which depend on the zoom; `reach_px`: in the photo; `scale`: of the last drawing. @type {WeakMap<Element, { reach_px: number, scale: number, resize: (scale: number) => void }>} */
 const resizers = new WeakMap();
-/** Where groups were placed last, on the screen. @type {WeakMap<Element, [number, number]>} */
+/** Last places of the groups on the screen. @type {WeakMap<Element, [number, number]>} */
 const places = new WeakMap();
-const EDGE = 20; // of what is drawn round a mark, however small its ellipse is
+const EDGE = 20; // of the drawing round a mark, for any size of its ellipse
 
-// A 95 % ellipse; `least` keeps it visible where it is smaller than that on the screen. It is a
+// A 95 % ellipse; `least` keeps it visible if it is smaller than that on the screen. It is a
 // path, as a turned <ellipse> has a system of coordinates of its own, and hundreds of those are slow.
 /** @param {Spread} spread @param {number} least */
 function ellipse({ major_px, minor_px, turn_deg }, least = 0) {
@@ -237,7 +237,7 @@ function place(group, view, u, v) {
   const away = Math.max(-x, -y, x - view.width, y - view.height);
   for (let child = group.firstElementChild; child; child = child.nextElementSibling) {
     const sized = resizers.get(child);
-    // What cannot be seen is drawn again when it can be.
+    // Ellipses outside the view are redrawn when they come into it.
     if (!sized || sized.scale === view.scale || away > sized.reach_px * view.scale + EDGE) continue;
     sized.scale = view.scale;
     sized.resize(view.scale);

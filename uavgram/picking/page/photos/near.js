@@ -1,4 +1,4 @@
-// Which marks a place on the screen is on, or so near that a click there may mean them.
+// The marks at a place on the screen, or so near that a click there may mean them.
 
 import { picksIn, proposals } from "../connection/store.js";
 
@@ -6,13 +6,13 @@ import { picksIn, proposals } from "../connection/store.js";
 /** @import { View } from "./view.js" */
 
 /**
- * A mark, and how far it is away on the screen.
+ * A mark, and its distance on the screen.
  * @typedef {{ image: number, label: string, u_px: number, v_px: number }} Place
  * @typedef {{ label: string, at: [number, number], away: number, hollow: boolean }} Near hollow: found by the program, no pick yet
  */
 
 export const ON_PX = 7; // a click so close means the mark, if no other is as close
-export const NEAR_PX = 16; // a click so close, within the ring that is drawn round it, may mean the mark, or another point beside it
+export const NEAR_PX = 16; // a click so close, within the ring round the mark, may mean the mark, or another
 
 /** The marks near a place of the photo, the nearest first, none where they are hidden; `coming`: picks that are not confirmed yet.
  * @param {{ image: number, view: View, state: PageState }} pane @param {number} u @param {number} v @param {Place[]} coming @returns {Near[]} */
@@ -25,7 +25,7 @@ export function marksNear({ image, view, state }, u, v, coming = []) {
   return all.filter(({ away }) => away <= NEAR_PX).sort((a, b) => a.away - b.away);
 }
 
-/** The one mark that a place is on; none where it is on several. @param {Near[]} near @param {number} reach */
+/** The mark at a place; none if there are several. @param {Near[]} near @param {number} reach */
 export function markOn(near, reach = ON_PX) {
   const on = near.filter(({ away }) => away <= reach);
   return on.length === 1 ? on[0] : null;

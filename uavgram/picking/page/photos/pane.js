@@ -17,7 +17,7 @@ import { View } from "./view.js";
 /** @import { Part } from "./marks.js" */
 
 /**
- * What a pane tells of, and what the mouse on it asks for.
+ * Events of a pane, and requests by the mouse on it.
  * @typedef {object} PaneEvents
  * @property {(pane: Pane) => void} entered
  * @property {() => void} shown another photo
@@ -31,8 +31,8 @@ import { View } from "./view.js";
  * @property {() => number} newStep
  */
 
-// A picture that moves is drawn fast, one that has rested so long exactly: fast smoothing takes
-// its places from sixteenths of a pixel, rounded down, which moves what is seen by 1/32 of a pixel.
+// A moving picture is drawn fast, one at rest for so long exactly: fast smoothing rounds positions
+// down to sixteenths of a pixel, which shifts the picture by 1/32 of a pixel.
 const REST_MS = 100;
 let panes = 0;
 
@@ -52,8 +52,8 @@ export class Pane {
     this.spreading = 0;
     this.placed = ""; // the view for which marks were placed
     this.spread = ""; // the view for which labels were spread
-    this.tags = ""; // what stands beside the marks
-    this.asked = false; // for a frame
+    this.tags = ""; // text beside the marks
+    this.asked = false; // whether a frame is requested
     /** @type {[number, number] | null} */
     this.pointed = null; // the place in the photo whose numbers are shown
     this.canvas = node("canvas", { class: "photo" });
@@ -89,7 +89,7 @@ export class Pane {
     this.image = image;
     this.svg.replaceChildren();
     this.parts.clear();
-    this.spread = ""; // these are other elements, even of the same photo
+    this.spread = ""; // the elements are new, even for the same photo
     this.choice.replaceChildren(...store.photos.map((photo, k) => node("option", { value: k }, photo.name)));
     this.choice.value = `${image}`;
     this.svg.setAttribute("aria-label", `${this.photo.name}: arrows pan, Enter places a point in the middle`);
@@ -101,7 +101,7 @@ export class Pane {
     this.events.shown();
   }
 
-  // The canvas lies on whole CSS pixels and whole device pixels, or the browser moves the picture.
+  // Puts the canvas on whole CSS and device pixels; otherwise the browser shifts the picture.
   resize() {
     const ratio = window.devicePixelRatio;
     const { left, top, right, bottom } = this.box.getBoundingClientRect();
@@ -175,14 +175,14 @@ export class Pane {
     const rests = performance.now() - this.movedAt >= REST_MS;
     const { pictured, sharp } = this.picture.paint(this.photo, this.image, rests, this.loupe.keys);
     this.loupe.draw();
-    if (this.placed !== this.view.sign) this.moveMarks(); // tiles that arrive move none
+    if (this.placed !== this.view.sign) this.moveMarks(); // arriving tiles move no marks
     if (sharp && this.box.dataset.sharp !== "true") this.events.sharpened();
     const { scale, left, top } = this.view;
     Object.assign(this.box.dataset, { pictured, sharp, scale, left, top });
     this.showReadout();
   }
 
-  // The line of numbers beneath the photo.
+  // Updates the line of numbers beneath the photo.
   showReadout() {
     const [u, v] = this.pointed ?? [];
     const place = u === undefined || v === undefined ? "" : `u ${u.toFixed(2)}  v ${v.toFixed(2)} px \u00b7 `;
@@ -207,7 +207,7 @@ export class Pane {
     this.events.viewed(this);
   }
 
-  // The magnifier and the numbers of a place of the photo, which stands at x, y; by itself in the middle.
+  // Shows the magnifier and the numbers of a place of the photo, which is at x, y; the default is the middle.
   /** @param {number} u @param {number} v @param {number} x @param {number} y */
   magnify(u, v, x = this.view.width / 2, y = this.view.height / 2) {
     this.pointed = [u, v];
@@ -219,10 +219,10 @@ export class Pane {
     }
     this.loupe.show({ u, v, scale: this.view.scale, aside: x > this.view.width - 230 && y < 230 }, this.photo, this.image, store.tilePx);
     if (this.loupe.keys.every((key) => tile(key))) this.loupe.drawSoon();
-    else this.redraw(); // which asks for them
+    else this.redraw(); // which loads the missing tiles
   }
 
-  // The magnifier stays with the pointer; where the keys brought it, it goes when they are done.
+  // The magnifier stays with the pointer; one that was shown by a key disappears when the keys are released.
   calm() {
     if (!this.pointer.hover) this.pointAway();
   }
@@ -243,7 +243,7 @@ export class Pane {
     return u >= -0.5 && v >= -0.5 && u <= this.photo.width_px - 0.5 && v <= this.photo.height_px - 0.5;
   }
 
-  /** The place under the pointer, or in the middle where it is elsewhere. */
+  /** The place under the pointer, or the middle if it is elsewhere. */
   get aim() {
     return this.pointer.hover ? this.view.toPhoto(...this.pointer.hover) : this.view.middle;
   }
@@ -276,7 +276,7 @@ export class Pane {
   }
 }
 
-// The first CSS pixel from `value` on, forwards or backwards, that lies on a whole device pixel.
+// Returns the first CSS pixel from `value` on, forwards or backwards, on a whole device pixel.
 /** @param {number} value @param {number} ratio @param {1 | -1} step */
 function wholePixel(value, ratio, step) {
   for (let k = 0; k < 20; k += 1) {
@@ -286,7 +286,7 @@ function wholePixel(value, ratio, step) {
   return value;
 }
 
-// What is focused or pressed stays the same element.
+// Updates a group in place, so that focused or pressed elements stay the same.
 /** @param {SVGGElement} group @param {SVGGElement} fresh */
 function renew(group, fresh) {
   for (const { name, value } of fresh.attributes) group.setAttribute(name, value);

@@ -1,4 +1,4 @@
-// The panes side by side: how many, which one is in use, and all of them over the same ground.
+// The panes side by side: their number, the active one, and showing the same ground in all.
 
 import { mostPicked, store } from "../connection/store.js";
 import { byId, choose } from "../elements/dom.js";
@@ -22,7 +22,7 @@ export class Panes {
     /** @type {Pane | null} */
     this.active = null;
     this.linked = false;
-    this.asking = false; // where the same ground is
+    this.asking = false; // for the same ground
     this.askAgain = false;
     window.addEventListener("resize", () => { for (const pane of this.all) pane.resize(); });
   }
@@ -45,7 +45,7 @@ export class Panes {
     if (this.active) this.viewed(this.active);
   }
 
-  /** Whether the pane was not in use before. @param {Pane} pane */
+  /** Makes a pane the active one; returns whether it was not. @param {Pane} pane */
   activate(pane) {
     if (this.active === pane) return false;
     this.active = pane;
@@ -57,7 +57,7 @@ export class Panes {
     for (const one of this.all) one.box.classList.toggle("active", one === this.active && this.all.length > 1);
   }
 
-  /** Shows a label large in a photo. @param {number} image @param {string} label */
+  /** Shows a label enlarged in a photo. @param {number} image @param {string} label */
   look(image, label) {
     const { active } = this;
     if (!active) return;
@@ -84,7 +84,7 @@ export class Panes {
     else void this.followGround(pane);
   }
 
-  /** The other panes go where this one is. @param {Pane} pane */
+  /** Moves the other panes to the ground of this one. @param {Pane} pane */
   async followGround(pane) {
     this.asking = true;
     this.askAgain = false;

@@ -9,10 +9,10 @@ import { textShape } from "./shapes.js";
 /** @import { Line, Measurement } from "../connection/protocol.js" */
 /** @import { Part, Path, Words } from "./marks.js" */
 
-const CROWD = 24; // measurements from which on they are too many to read
+const CROWD = 24; // number of measurements from which on they are too many to read
 
-// Lengths and measurements. Where these are too many to read, only what hangs on the selected point
-// stands out: the others are faint and without their values, which the table has.
+// Lengths and measurements. If these are too many to read, only those of the selected point are
+// emphasised: the others are faint and without their values, which the table has.
 /** @param {number} image @param {string | null} selected */
 export function linesIn(image, selected) {
   const lengths = store.lines.map((line) => ({ name: line.name, path: lengthPath(image, line) }));
@@ -38,14 +38,14 @@ function measurementPath(image, { name, kind, points, parameters = {} }) {
   return points.length < 2 ? null : pathOf(image, outline(kind, points, parameters), `measured ${now?.status ?? "ok"}`, `${name} ${words}`.trim(), kind === "area" || kind === "volume");
 }
 
-// The points that are drawn: of a volume those around it, without its top and its plane.
+// The drawn points: those on the boundary of a volume, without its top and its plane.
 /** @param {string} kind @param {string[]} points @param {Record<string, number>} parameters */
 function outline(kind, points, parameters) {
   const beside = kind === "volume" ? ("top" in parameters ? 1 : 0) + ("plane" in parameters ? 3 : 0) : 0;
   return points.slice(0, points.length - beside);
 }
 
-// Lines between labels; none where one of these is not in the photo, or all are only expected there.
+// Lines between labels; null if one of these is not in the photo, or all are only expected there.
 /** @param {number} image @param {string[]} points @param {string} kind @param {string} words @param {boolean} closed @returns {Path | null} */
 export function pathOf(image, points, kind, words, closed) {
   const at = points.map((label) => placeOf(image, label));

@@ -7,7 +7,7 @@ import { isCurrent, tile, tileKey, want } from "./tiles.js";
 /** @import { View } from "./view.js" */
 /** @typedef {{ key: string, level: number, away: number, left: number, top: number }} Tile left, top: in the photo; away: from the middle of the pane */
 
-const HARD_FROM = 3; // device pixels for each photo pixel from which on pixels have hard edges
+const HARD_FROM = 3; // device pixels per photo pixel, from which on pixels have hard edges
 
 /** @param {Tile} one */
 const isThere = ({ key }) => Boolean(tile(key));
@@ -20,8 +20,8 @@ export class Picture {
     this.view = view;
   }
 
-  // Coarse tiles first, fine ones over them at their exact places; a seam shows the coarser picture.
-  // `beneath`: tiles of the magnifier. Returns whether there is a picture, and whether it is the best.
+  // Draws coarse tiles first, fine ones over them at their exact places; a seam shows the coarser picture.
+  // `beneath`: tiles of the magnifier. Returns whether there is a picture, and whether it is the finest.
   /** @param {Photo} photo @param {number} image @param {boolean} rests @param {string[]} beneath */
   paint(photo, image, rests, beneath) {
     const context = this.canvas.getContext("2d", { alpha: false });

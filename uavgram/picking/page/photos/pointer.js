@@ -1,4 +1,4 @@
-// What the mouse, a pen or fingers do on a pane: they zoom, pan, click and drag marks.
+// Mouse, pen and fingers on a pane: they zoom, pan, click and drag marks.
 
 import { Fingers } from "./fingers.js";
 import { markOn, marksNear, NEAR_PX, ON_PX } from "./near.js";
@@ -7,22 +7,22 @@ import { markOn, marksNear, NEAR_PX, ON_PX } from "./near.js";
 /** @import { Pane } from "./pane.js" */
 
 /**
- * A button that is held down, since then.
+ * A press that has not ended.
  * @typedef {object} Press
  * @property {number} x
  * @property {number} y
- * @property {[number, number]} last where the pointer was last
- * @property {boolean} far whether it moved so far that it is no click
+ * @property {[number, number]} last last position of the pointer
+ * @property {boolean} far whether it moved too far for a click
  * @property {boolean} rests whether a finger rested, and now moves the magnifier
- * @property {boolean} pans whether it can do nothing else
+ * @property {boolean} pans whether it can only pan
  * @property {Near | null} on the mark that a click here means
- * @property {{ label: string, at: [number, number], step: number } | null} mark that is held
+ * @property {{ label: string, at: [number, number], step: number } | null} mark under the press
  */
 
 const CLICK_PX = 3; // a press that moves less is a click
-const TAP_PX = 10; // of a finger
-const REST_MS = 500; // a finger that is still for so long wants the magnifier
-const FINE = 0.1; // of a move with Shift held
+const TAP_PX = 10; // for a finger
+const REST_MS = 500; // a finger at rest for so long shows the magnifier
+const FINE = 0.1; // factor of a move with Shift held
 const ZOOM_PER_PX = 0.0015; // of the wheel
 const LINE_PX = 16; // of a wheel that counts in lines
 
@@ -33,7 +33,7 @@ export class Pointer {
     /** @type {Press | null} */
     this.press = null;
     /** @type {[number, number] | null} */
-    this.hover = null; // where it is, over the pane
+    this.hover = null; // its position over the pane
     this.fingers = new Fingers(pane);
     this.resting = 0; // timer
     const { svg, box, events } = pane;
@@ -62,7 +62,7 @@ export class Pointer {
     return [event.clientX - left, event.clientY - top];
   }
 
-  /** The marks that an event is near. @param {MouseEvent} event */
+  /** The marks near an event. @param {MouseEvent} event */
   near(event) {
     return marksNear(this.pane, ...this.pane.view.toPhoto(...this.local(event)));
   }
@@ -74,7 +74,7 @@ export class Pointer {
     this.pane.zoom(...this.local(event), Math.exp(-event.deltaY * lines * ZOOM_PER_PX));
   }
 
-  /** The pick that a press holds; a finger is not as exact as a mouse. @param {Near[]} near @param {PointerEvent} event @returns {Press["mark"]} */
+  /** The pick under a press; a finger is less exact than a mouse. @param {Near[]} near @param {PointerEvent} event @returns {Press["mark"]} */
   held(near, { pointerType }) {
     const held = markOn(near, pointerType === "touch" ? NEAR_PX : ON_PX);
     return held && !held.hollow ? { label: held.label, at: held.at, step: this.pane.events.newStep() } : null;
@@ -99,7 +99,7 @@ export class Pointer {
     try {
       pane.svg.setPointerCapture(event.pointerId);
     } catch {
-      // the pointer is gone already: there is nothing to capture
+      // the pointer has already gone: there is nothing to capture
     }
     event.preventDefault();
     ((on && pane.markOf(on.label)) ?? pane.svg).focus({ preventScroll: true });
@@ -112,11 +112,11 @@ export class Pointer {
     if (this.fingers.move(event, [x, y])) return;
     this.hover = [x, y];
     if (press && !press.rests) this.follow(press, event, x, y);
-    const looks = event.pointerType !== "touch" || press?.rests; // a finger that pans does not
+    const looks = event.pointerType !== "touch" || press?.rests; // a panning finger shows no magnifier
     if (!press?.mark && looks) pane.magnify(...pane.view.toPhoto(x, y), x, y);
   }
 
-  // What is pressed goes along: a mark, else the photo.
+  // Moves the pressed mark, else the photo.
   /** @param {Press} press @param {PointerEvent} event @param {number} x @param {number} y */
   follow(press, event, x, y) {
     const { pane } = this;
@@ -133,8 +133,8 @@ export class Pointer {
     press.last = [x, y];
   }
 
-  // A finger that rests hides what it points at: the magnifier shows it, and where the finger is lifted
-  // is the click.
+  // A resting finger hides its target: the magnifier shows it, and the click is at the place where the
+  // finger is lifted.
   /** @param {number} x @param {number} y */
   rest(x, y) {
     const { press, pane } = this;
@@ -143,7 +143,7 @@ export class Pointer {
     pane.magnify(...pane.view.toPhoto(x, y), x, y);
   }
 
-  // Ends a press that is no click; a mark that was moved stays where it is.
+  // Ends a press that is no click; a mark that was moved stays at its new place.
   letGo() {
     const { press, pane } = this;
     this.press = null;

@@ -1,10 +1,10 @@
-// The region in which a point is expected in a photo, and which point a click in it means. Geometry
-// alone: nothing here knows the page.
+// The region in which a point is expected in a photo, and the points that a click in it may mean.
+// Geometry only: independent of the page.
 
 /** @import { Predicted, Spread } from "../connection/protocol.js" */
 
 /**
- * How a click fits the place where a point is expected.
+ * Fit of a click to the expected place of a point.
  * @typedef {object} Nearness
  * @property {string} label
  * @property {boolean} inside whether it is in the region
@@ -12,11 +12,11 @@
  * @property {[number, number]} away from the click to where the point is expected [px of the photo]
  */
 
-const REGION = 13.8155; // chi-square of a plane: 99.9 % of all clicks that mean the point are inside
-const LEAST_PX = 8; // half the size of a region on the screen, however well the place is known
-const CLEARLY = 2 * Math.log(100); // a point is meant where it is 100 times likelier than the next one
+const REGION = 13.8155; // chi-square of 2 degrees of freedom: 99.9 % of all clicks that mean the point are inside
+const LEAST_PX = 8; // half the size of a region on the screen, at least
+const CLEARLY = 2 * Math.log(100); // a point is meant if it is 100 times likelier than the next one
 
-// How a click fits a region: the ellipse of the expected place, widened by what a click on the screen needs.
+// Fit of a click to a region: the ellipse of the expected place, widened by the accuracy of clicks on the screen.
 /** @param {Predicted} expected @param {number} u @param {number} v @param {number} scale CSS pixels for each of the photo @returns {Nearness} */
 export function nearness({ label, pixel_px, spread }, u, v, scale) {
   const away = /** @type {[number, number]} */ ([pixel_px[0] - u, pixel_px[1] - v]);
@@ -28,24 +28,24 @@ export function nearness({ label, pixel_px, spread }, u, v, scale) {
   return { label, inside: off <= REGION, cost: off + 2 * Math.log(2 * Math.PI * major * minor), away };
 }
 
-/** @param {Spread} spread @param {number} least @returns {number[]} NaN where nothing is known: no click is inside */
+/** @param {Spread} spread @param {number} least @returns {number[]} NaN if nothing is known: no click is inside */
 const axes = ({ major_px, minor_px }, least) => [major_px, minor_px].map((axis) => (axis === null ? NaN : Math.hypot(axis, least)));
 
-// The points that a click may mean, likeliest first: one where that is clear, none outside all regions.
+// Points that a click may mean, likeliest first: a single one if that is clear, none outside all regions.
 /** @param {Nearness[]} all */
 export function meant(all) {
   const inside = all.filter((one) => one.inside).sort((a, b) => a.cost - b.cost);
   return inside.filter(({ cost }) => cost <= inside[0].cost + CLEARLY).map(({ label }) => label);
 }
 
-// Whether a point is clearly likelier at a click than anything else that a photo shows, each place of which is as
-// likely as the next: a region of half the photo tells nothing.
+// Returns whether a point is clearly likelier at a click than anything else in the photo, all places of which
+// are equally likely: a region of half the photo is no evidence.
 /** @param {Nearness} one @param {{ width_px: number, height_px: number }} photo */
 export const isTelling = ({ cost }, { width_px, height_px }) => cost + CLEARLY <= 2 * Math.log(width_px * height_px);
 
 const ASIDE = ["to the right", "to the lower right", "below", "to the lower left", "to the left", "to the upper left", "above", "to the upper right"];
 
-// Where the expected place lies, seen from the click.
+// Direction of the expected place, seen from the click.
 /** @param {[number, number]} away */
 export function aside([du, dv]) {
   const eighth = Math.round((4 * Math.atan2(dv, du)) / Math.PI + 8) % 8;

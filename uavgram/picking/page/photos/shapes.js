@@ -12,7 +12,7 @@ export function textShape(words, kind) {
   return made;
 }
 
-/** What is said to who rests the pointer there. @param {string} words */
+/** A tooltip. @param {string} words */
 export function titleShape(words) {
   const made = shape("title");
   made.textContent = words;

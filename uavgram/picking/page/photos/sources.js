@@ -1,12 +1,12 @@
-// Who made a pick: how it is drawn, and what is said of it.
+// Origin of a pick: its shape and description.
 
 import { picksOf, store } from "../connection/store.js";
 
 /** @import { Pick, Source } from "../connection/protocol.js" */
 
-const SAME_PLACE_PX = 0.01; // as the server has it: a match is of a pick that lies no further from there
+const SAME_PLACE_PX = 0.01; // as on the server: a match belongs to a pick no further from its source place
 
-// The mark of each: the shape says it without its colour.
+// The mark of each source: distinguished by shape, not only by colour.
 export const SHAPES = {
   hand: "M-9 0H-3M3 0H9M0 -9V-3M0 3V9",
   match: "M-9 -9L-2.5 -2.5M2.5 2.5L9 9M-9 9L-2.5 2.5M2.5 -2.5L9 -9",
@@ -16,7 +16,7 @@ export const SHAPES = {
 /** @param {Pick} pick @returns {Source} */
 export const sourceOf = ({ source }) => source ?? "hand";
 
-// One line, for who rests the pointer on it.
+// One line for a tooltip.
 /** @param {Pick} pick */
 export function madeBy(pick) {
   const { source, sigma_px, score, from_image } = pick;
@@ -30,7 +30,7 @@ export function madeBy(pick) {
 /** @param {number | null | undefined} image */
 const photo = (image) => (image === null || image === undefined ? "another photo" : store.photos[image].name);
 
-// What a pick is once a person has moved it.
+// Returns a pick as moved by a person.
 /** @param {Pick} pick @returns {Pick} */
 export function byHand(pick) {
   if (!pick.source) return pick;
@@ -43,12 +43,12 @@ export function byHand(pick) {
   return moved;
 }
 
-// Matches that were found from a pick: they go when it does.
+// Matches that were found from a pick: they are removed with it.
 /** @param {Pick} pick */
 export const matchesOf = ({ image, label, u_px, v_px }) => picksOf(label).filter((one) =>
   one.from_image === image && Math.hypot(Number(one.from_u_px) - u_px, Number(one.from_v_px) - v_px) <= SAME_PLACE_PX);
 
-// What is to be said when they do; empty where there is none.
+// Notice about their removal; empty if there are none.
 /** @param {Pick} pick */
 export function goneWith(pick) {
   const count = matchesOf(pick).length;

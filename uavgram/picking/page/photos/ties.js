@@ -1,4 +1,4 @@
-// Tie points: spots without a name that the program found in several photos, as small dots.
+// Tie points: unnamed points that the program found in several photos, as small dots.
 
 import { put, shape } from "../elements/dom.js";
 
@@ -6,14 +6,14 @@ import { put, shape } from "../elements/dom.js";
 /** @import { Part } from "./marks.js" */
 
 /** @type {Map<number, [number, number][]>} */
-const known = new Map(); // by photo, of those that were asked for
+const known = new Map(); // by photo, if already loaded
 
 /** @param {number} image */
 export const tiesIn = (image) => known.get(image) ?? [];
 
 export const forgetTies = () => known.clear();
 
-/** Those of photos of which they are not known yet. @param {Link} link @param {number[]} images */
+/** Loads the tie points of photos that are not loaded yet. @param {Link} link @param {number[]} images */
 export async function bringTies(link, images) {
   for (const image of images.filter((one) => !known.has(one))) {
     const { places_px } = await link.ask({ t: "ties", image });
@@ -21,7 +21,7 @@ export async function bringTies(link, images) {
   }
 }
 
-// All dots are one path, drawn anew with the view: thousands of shapes of their own would be slow.
+// All dots are one path, redrawn with the view: thousands of separate shapes would be slow.
 /** @param {number} image @returns {Part} */
 export function tiesPart(image) {
   const places = tiesIn(image);

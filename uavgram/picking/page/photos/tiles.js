@@ -1,11 +1,11 @@
-// Tiles of all photos: fetched few at a time, the most wanted first, the longest unused dropped.
+// Tiles of all photos: loaded few at a time, the most wanted first, the longest unused dropped.
 
 import { keyed } from "../connection/key.js";
 import { store } from "../connection/store.js";
 import { toneSign } from "./tone.js";
 
 const LEAST_KEPT = 16; // a tile takes a megabyte
-const SPARE = 1.25; // of what is drawn: fewer than that would be fetched again and again
+const SPARE = 1.25; // share of the drawn tiles; with fewer, tiles would be loaded again and again
 const AT_ONCE = 6;
 /** @type {Map<string, { picture: ImageBitmap, tone: string }>} */
 const kept = new Map(); // by key, in the order of their last use
@@ -13,7 +13,7 @@ const kept = new Map(); // by key, in the order of their last use
 const under = new Map(); // by key
 /** @type {Set<string>} */
 const failed = new Set();
-/** What each pane wants: keys, the most wanted first; how many tiles it draws, and of which photo. @type {Map<number, { keys: string[], drawn: number, photo: number }>} */
+/** Wanted tiles of each pane: keys, the most wanted first; number of drawn tiles; photo. @type {Map<number, { keys: string[], drawn: number, photo: number }>} */
 const panes = new Map();
 const page = Math.random().toString(36).slice(2, 14);
 /** @type {(photo: number) => void} */
@@ -42,7 +42,7 @@ export function tile(key) {
   return found?.picture;
 }
 
-/** Whether a tile is there, as bright as its photo is to be shown now. @param {string} key */
+/** Whether a tile is loaded with the present brightness of its photo. @param {string} key */
 export const isCurrent = (key) => kept.get(key)?.tone === toneSign(photoOf(key));
 
 /** @param {number} pane @param {number} photo @param {string[]} keys @param {number} drawn */
@@ -65,7 +65,7 @@ function mostKept() {
   return Math.max(LEAST_KEPT, SPARE * [...panes.values()].reduce((sum, { drawn }) => sum + drawn, 0));
 }
 
-// What was drawn when more of the photo was looked at goes when less is.
+// Drops tiles: those of a larger view are no longer needed in a smaller one.
 function trim() {
   let spare = Math.ceil(kept.size - mostKept());
   for (const [oldest, { picture }] of kept) {
@@ -93,7 +93,7 @@ async function load(key) {
   under.set(key, control);
   try {
     const digest = store.photos[photoOf(key)]?.digest;
-    // The server keeps decoded what is shown side by side, and little else.
+    // The server keeps only photos shown side by side decoded.
     const headers = { "x-shown": `${page} ${[...new Set([...panes.values()].map(({ photo }) => photo))].join()}` };
     const tone = toneSign(photoOf(key));
     const answer = await fetch(keyed(`/photo/${key}.jpg?${digest}&tone=${tone}`), { signal: control.signal, headers });

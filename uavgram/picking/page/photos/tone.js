@@ -1,8 +1,8 @@
-// How bright each photo is shown, remembered as long as the page is open. It is for looking only: what
-// is measured, found or snapped to is of the file's own pixels.
+// Brightness of each photo, kept as long as the page is open. It is for display only: measurements,
+// matching and snapping use the file's own pixels.
 //
 // The server brightens the tiles. A filter on the canvas works on each frame anew: without a GPU one
-// frame in twenty took 50 ms then, and 17 ms without one. And stretching what a JPEG kept shows its steps.
+// frame in twenty took 50 ms then, and 17 ms without a filter. And stretching a JPEG again shows its steps.
 
 import { keyed } from "../connection/key.js";
 import { store } from "../connection/store.js";
@@ -14,7 +14,7 @@ import { store } from "../connection/store.js";
 const AS_IT_IS = { black: 0, white: 255, gamma: 1 };
 const [LEAST_GAMMA, MOST_GAMMA] = [0.1, 10];
 
-/** By photo, as the server finds them. @type {Map<number, Tones>} */
+/** Curves from the server, by photo. @type {Map<number, Tones>} */
 const known = new Map();
 /** @type {Set<number>} */
 const asked = new Set();
@@ -31,10 +31,10 @@ export function onTone(callback) {
 /** @param {Tone | undefined} tone */
 const isAsItIs = (tone) => !tone || (tone.black === AS_IT_IS.black && tone.white === AS_IT_IS.white && tone.gamma === AS_IT_IS.gamma);
 
-/** What is chosen of a photo, or shown where nobody chose. @param {number} photo @returns {Choice} */
+/** The choice for a photo, or its default. @param {number} photo @returns {Choice} */
 export const choiceOf = (photo) => choices.get(photo) ?? { stretch: !isAsItIs(known.get(photo)?.first), brightness: 0, contrast: 0 };
 
-/** As the server is asked for it. @param {number} photo */
+/** The brightness in a request to the server. @param {number} photo */
 export function toneSign(photo) {
   const chosen = choices.get(photo);
   if (!chosen) return "first";
@@ -49,7 +49,7 @@ function toneBy({ stretch, brightness, contrast }, tones) {
   return { black: middle - half, white: middle + half, gamma: Math.min(Math.max(base.gamma * 2 ** brightness, LEAST_GAMMA), MOST_GAMMA) };
 }
 
-/** What is said of it on the photo; empty where it is as in its file. @param {number} photo */
+/** Note on the photo; empty if it is shown as in its file. @param {number} photo */
 export function toneWords(photo) {
   const chosen = choices.get(photo);
   if (!chosen) return isAsItIs(known.get(photo)?.first) ? "" : "Brightened for display";
@@ -62,25 +62,25 @@ export function chooseTone(photo, choice) {
   changed(photo);
 }
 
-// Between the automatic stretch and the photo as it is.
+// Switches between the automatic stretch and the photo as it is.
 /** @param {number} photo */
 export function toggleStretch(photo) {
   const { stretch, brightness, contrast } = choiceOf(photo);
   chooseTone(photo, { stretch: !stretch && !brightness && !contrast, brightness: 0, contrast: 0 });
 }
 
-/** Asks once how bright a photo is to be shown. @param {number} photo */
+/** Asks the server once for the curves of a photo. @param {number} photo */
 export async function askTones(photo) {
   if (asked.has(photo)) return;
   asked.add(photo);
   try {
     const answer = await fetch(keyed(`/photo/${photo}/tones.json?${store.photos[photo].digest}`));
-    if (!answer.ok) return; // the photo's tiles say why
+    if (!answer.ok) return; // the photo's tiles report the reason
     /** @type {unknown} */
     const said = await answer.json();
     known.set(photo, /** @type {Tones} */ (said));
   } catch {
-    asked.delete(photo); // nobody answers, which the page says elsewhere: when it is shown again
+    asked.delete(photo); // no answer, which is reported elsewhere; ask again at the next display
     return;
   }
   changed(photo);

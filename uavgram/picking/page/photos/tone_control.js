@@ -1,4 +1,4 @@
-// The button of a pane that makes its photo brighter, and the sliders behind it.
+// The brightness button of a pane, and its sliders.
 
 import { as, node } from "../elements/dom.js";
 import { choiceOf, chooseTone, toneWords } from "./tone.js";
@@ -46,14 +46,14 @@ export class ToneControl {
     this.words.textContent = toneWords(image);
   }
 
-  // Beneath its button: the page's own layer knows no place.
+  // Places the sliders beneath their button, as popovers are not positioned by the page.
   place() {
     const { left, bottom } = this.button.getBoundingClientRect();
     Object.assign(as(HTMLElement, this.box).style, { left: `${left}px`, top: `${bottom + 4}px` });
   }
 }
 
-/** Of the photo in use. @param {number} image @param {Partial<Record<"brightness" | "contrast", number>>} by */
+/** Changes the brightness of a photo by steps. @param {number} image @param {Partial<Record<"brightness" | "contrast", number>>} by */
 export function stepTone(image, { brightness = 0, contrast = 0 }) {
   const now = choiceOf(image);
   /** @param {number} value */

@@ -1,5 +1,5 @@
-// The one place where pixels of the photo and of the screen meet. Pixel (0, 0) of a photo is the
-// centre of its first pixel, so its left edge lies at u = -0.5:  screen = (u + 0.5 - left) * scale.
+// The only conversion between pixels of the photo and of the screen. Pixel (0, 0) of a photo is the
+// centre of its first pixel, so its left edge is at u = -0.5:  screen = (u + 0.5 - left) * scale.
 
 const MOST_SCALE = 64;
 
@@ -7,10 +7,10 @@ export class View {
   constructor() {
     this.left = 0; // of the window, in photo pixels from the photo's left edge
     this.top = 0;
-    this.scale = 1; // CSS pixels for each photo pixel
+    this.scale = 1; // CSS pixels per photo pixel
     this.width = 1; // of the window, in CSS pixels
     this.height = 1;
-    this.ratio = 1; // device pixels for each CSS pixel
+    this.ratio = 1; // device pixels per CSS pixel
   }
 
   /** @param {number} width @param {number} height @param {number} ratio */
@@ -29,7 +29,7 @@ export class View {
     return this.toPhoto(this.width / 2, this.height / 2);
   }
 
-  // Tells one view from another.
+  // Identifier of the view.
   get sign() {
     return [this.left, this.top, this.scale, this.width, this.height].join();
   }
@@ -39,8 +39,8 @@ export class View {
     return [x / this.scale + this.left - 0.5, y / this.scale + this.top - 0.5];
   }
 
-  // What is drawn and what is clicked are one: the window starts on a whole device pixel of the
-  // picture, so that nothing is shifted when the picture is drawn.
+  // Starts the window on a whole device pixel of the picture, so that drawing does not shift it and clicks
+  // hit the drawn place.
   settle() {
     const step = this.scale * this.ratio;
     this.left = Math.round(this.left * step) / step;
