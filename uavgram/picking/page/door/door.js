@@ -95,7 +95,7 @@ class Door {
     document.body.ariaBusy = "false";
   }
 
-  /** @param {string} why @param {[string, () => void][]} remedies, as buttons */
+  /** @param {string} why @param {[string, () => void][]} ways remedies, as buttons */
   trouble(why, ways = []) {
     const box = byId("trouble");
     box.replaceChildren(why, ...ways.map(([words, act]) => node("button", { type: "button", onclick: act }, words)));
