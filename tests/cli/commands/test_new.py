@@ -136,7 +136,7 @@ def test_a_camera_of_which_nothing_is_known_is_an_ordinary_one_until_it_is_calib
     said = capsys.readouterr().out
     assert "camera: unknown, so an ordinary drone camera" in said
     assert said.count("Nothing is known of this camera") == 1
-    assert "does not say which camera took it" in said
+    assert "does not name its camera" in said
     assert "`uavgram calibrate`" in said
     project = folder / "project.yaml"
     assert f"Next: uavgram pick {project}" in said

@@ -68,7 +68,7 @@ def test_one_length_and_one_right_angle_are_one_thing_short() -> None:
 
 
 def test_what_is_missing_is_named() -> None:
-    with pytest.raises(GeometryError, match=r"3 right angles: none says how large anything is"):
+    with pytest.raises(GeometryError, match=r"3 right angles: none fixes the scale"):
         codes(lane(2).known(*CORNERS))
     with pytest.raises(GeometryError, match=r"'f0' sees 1 distance from a line: two more are"):
         codes(lane(2).known(WIDTH))

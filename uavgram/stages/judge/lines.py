@@ -222,7 +222,7 @@ def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
     which = [f"the length {name!r}" for name in each] + [f"the click on {one!r}" for one in clicks]
     again = "Tape one of them again, or another line"
     if is_open := is_mount_open(refined.adjustment):
-        which.append("the camera's direction, straight down, which nobody states")
+        which.append("the camera's direction, straight down, which is only assumed")
     if clicks:
         it = "it" if len(each) == 1 else "one of these lengths"
         again = (

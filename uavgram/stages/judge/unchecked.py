@@ -144,7 +144,7 @@ def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
     measured, member = examined.measured, worst.member
     what = f"the {examined.names.observation(member)}"
     if worst.sigmas > UNDETECTABLE_SIGMAS:
-        return f"an error in {what} stays hidden, whatever its size"
+        return f"an error of any size in {what} stays hidden"
     unit, factor = examined.names.unit(member)
     size = worst.sigmas * float(examined.groups[member.kind].scale[member.row, member.axis])
     return (

@@ -479,7 +479,7 @@ FACTOR_SIGMAS = 3.0
 
 ADVICE = {
     "hand": "Look whether each label is at the same place in all photos.",
-    "target": "Look whether the plates lay flat and still.",
+    "target": "Check whether the plates were flat and did not move.",
     "match": "Look at those with the largest residuals.",
     "tie": "Something may have moved between the photos.",
 }
@@ -508,9 +508,9 @@ def report_noise(noise: Noise | None) -> Iterator[Message]:
     if beside is not None and beside.factor > max(CARELESS_FACTOR, 1.0 + beside.sigma):
         text = (
             "Picks and lengths fit each other less well than stated: points were picked within "
-            f"{_length_text(beside.stated_m)} of what was meant as stated, within "
+            f"{_length_text(beside.stated_m)} of the meant points as stated, within "
             f"{_length_text(beside.stated_m * beside.factor)} as found. All uncertainties are "
-            "wider for that, but several wrong lengths would look alike. Look whether tape and "
+            "wider for that, but several wrong lengths would look alike. Check whether tape and "
             "picks mean the same place of each mark, and whether each length was read right."
         )
         yield Message("warning", "identification-less-exact", text)

@@ -275,8 +275,8 @@ def _unchecked_message(unseen: list[str], sigma_m: float, found: int) -> Message
     what = f"{len(unseen)} points are" if several else f"The point {unseen[0]!r} is"
     it = "They" if several else "It"
     text = (
-        f"{what} picked in one photo only, where {found} others stand off the ground: pick "
-        f"{'them' if several else 'it'} in a second photo. {it} may stand off the ground too, so "
+        f"{what} picked in one photo only, where {found} others are off the ground: pick "
+        f"{'them' if several else 'it'} in a second photo. {it} may be off the ground too, so "
         f"{'their heights are' if several else 'its height is'} taken as uncertain by "
         f"{sigma_m:.2f} m."
     )

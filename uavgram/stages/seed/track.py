@@ -235,7 +235,7 @@ def _gimbal_track(
     if inside.sum() < 2:
         text = (
             f"The log's gimbal angles were not used: {gimbal.source} never overlaps "
-            f"{attitudes.source}. The camera looks as `mount` says: look whether that is right."
+            f"{attitudes.source}. The camera's direction is taken from `mount`: check it."
         )
         return np.zeros(0), np.zeros((0, 4)), (Message("warning", "gimbal-unused", text),)
     time = gimbal.time_boot_s[inside]

@@ -312,7 +312,7 @@ def _disorder_message(diagnosis: Diagnosis, right: dict[int, int], _: Explained 
         several=MessagePlural(
             "Labels seem to be swapped in {count} photos or groups of picks",
             f"{', '.join(map(repr, names))} in {frame!r}",
-            ending="Each pick lies where another of them belongs: look, and change the labels "
+            ending="Each pick is at the place of another of them: look, and change the labels "
             "there.",
         ),
     )

@@ -181,7 +181,7 @@ def swapped_message(diagnosis: Diagnosis, right: Mapping[int, int], _: Explained
         what = f"{labels[0]!r} and {labels[1]!r}"
         text = (
             f"The labels {what} seem to be swapped in {frame!r}: look at both, and swap the labels "
-            "in this photo. Each pick lies where the other belongs."
+            "in this photo. Each pick is at the place of the other."
         )
     else:
         what = f"{', '.join(map(repr, labels[:-1]))} and {labels[-1]!r}"
@@ -199,7 +199,7 @@ def swapped_message(diagnosis: Diagnosis, right: Mapping[int, int], _: Explained
         several=MessagePlural(
             "Labels seem to be swapped in {count} photos or groups of picks",
             f"{what} in {frame!r}",
-            ending="Each pick lies where another of them belongs: look, and change the labels "
+            ending="Each pick is at the place of another of them: look, and change the labels "
             "there.",
         ),
     )
