@@ -184,7 +184,7 @@ def test_a_project_without_log_and_lengths_says_that_nothing_gives_it_a_scale(
 ) -> None:
     folder = bare(tmp_path / "flight")
     assert main(["new", str(folder)]) == 0
-    assert "nothing says how large anything is" in capsys.readouterr().out
+    assert "without one of them the scale is unknown" in capsys.readouterr().out
     assert main(["check", str(folder / "project.yaml")]) == 0
 
 

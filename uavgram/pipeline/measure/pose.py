@@ -325,7 +325,7 @@ def height_shift(inputs: Inputs, datum: HeightDatum) -> float:
     if not np.isfinite(undulation):
         raise UavgramError(
             f"heights in the input files are {heights}, those of {source} are {datum}, and it "
-            f"does not say how far apart the two are: give all heights as {datum} and set "
+            f"does not state the difference: give all heights as {datum} and set "
             f"world.heights: {datum}"
         )
     return undulation if datum == "ellipsoid" else -undulation
