@@ -265,8 +265,8 @@ def _without_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
 def _not_placed(kinds: Mapping[str, str], why: Exception) -> Message:
     some = ", ".join(f"{label} ({kind})" for label, kind in list(kinds.items())[:5])
     text = (
-        f"Targets that you picked ({some}) were not looked for in the other photos, as it is not "
-        f"known how the photos lie to each other: {why}"
+        f"Targets that you picked ({some}) were not searched for in the other photos, as the "
+        f"relation between the photos is not known: {why}"
     )
     return Message("warning", "target-not-sought", text)
 

@@ -357,9 +357,9 @@ def _unused_readout(survey: Survey) -> Iterator[Message]:
         yield Message(
             "info",
             "readout-unused",
-            f"This camera reads a photo in {1e3 * abs(readout.value_s):.0f} ms, row after row. How "
-            "it moved meanwhile is not known without a flight log, so that is left out: what "
-            "follows from it stays in the results. Name the flight's log (`log:`), if there is "
+            f"This camera reads a photo in {1e3 * abs(readout.value_s):.0f} ms, row after row. Its "
+            "motion meanwhile is unknown without a flight log, so the effect is not corrected and "
+            "stays in the results. Name the flight's log (`log:`), if there is "
             "one; or find tie points (`uavgram picks ties`), which show much of it.",
         )
 

@@ -234,7 +234,7 @@ def _pick_message(picks: Picks) -> tuple[Message, ...]:
     text = (
         "The same click with the same pixel, to the last digit, was counted once: "
         f"{'; '.join(parts[:_MAX_NAMED])}{_rest(parts)}. Remove the copies; a second click checks "
-        "the first only where it was made anew."
+        "the first only if you really clicked again."
     )
     return (Message("warning", "pick-duplicate", text),)
 

@@ -136,7 +136,7 @@ def _unusual(boot: Boot) -> Iterator[Message]:
         outside = int(((events.time_boot_s < first) | (events.time_boot_s > last)).sum())
         if outside:
             text = (
-                f"{outside} camera events lie before the first or after the last position: their "
+                f"{outside} camera events are before the first or after the last position: their "
                 "photos have no place."
             )
             yield _warning("event-outside", text)

@@ -219,7 +219,7 @@ def test_ground_that_is_no_plane_is_told_and_where_to_see_it(
     (message,) = report_noise(noise(rough_m, relief_m, shape))
 
     assert (message.level, message.code) == ("warning", "ground-not-plane")
-    assert message.text.startswith(f"This ground is not a plane: its points lie {said}; the ")
+    assert message.text.startswith(f"This ground is not a plane: its points are {said}; the ")
     assert "drawing in the report shows where" in message.text
 
 

@@ -50,7 +50,7 @@ from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
-ANEW = "or take the tie points out by `uavgram picks ties --undo`, and look for them anew"
+ANEW = "or take the tie points out by `uavgram picks ties --undo`, and search for them again"
 
 
 def check_picks(project: Project, picks: Picks, photos: Photos) -> None:

@@ -226,7 +226,7 @@ def _on_the_model(result: CalibrationResult) -> Iterator[Message]:
         yield Message(
             "error",
             "calibration-not-converged",
-            f"The adjustment did not come to rest in {result.quality.iterations} steps: estimate "
+            f"The adjustment did not converge in {result.quality.iterations} steps: estimate "
             "fewer coefficients, or take more photos with the board tilted.",
         )
 

@@ -209,7 +209,7 @@ def _report_wide_sigmas(
     )
     text = (
         "Everything fits far better than stated: the stated errors are far too wide, and so are "
-        "the uncertainties of the results. State them as they are: picks_sigma_px, sigma_m of the "
+        "the uncertainties of the results. State the true ones: picks_sigma_px, sigma_m of the "
         f"lengths, ground, telemetry (variance factor {figures(cost / degrees)}, probability "
         f"{probability:.7g}" + (f"; by group: {which})." if which else ").")
     )

@@ -478,7 +478,7 @@ FACTOR_SIGMAS = 3.0
 """Least difference of the factor from one, in sigmas."""
 
 ADVICE = {
-    "hand": "Look whether each label is at the same place in all photos.",
+    "hand": "Check whether each label is at the same place in all photos.",
     "target": "Check whether the plates were flat and did not move.",
     "match": "Look at those with the largest residuals.",
     "tie": "Something may have moved between the photos.",
@@ -527,7 +527,7 @@ def _report_ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
         "correlated": "in smooth rises and hollows",
     }[area.shape]
     text = (
-        f"{where} is not a plane: its points lie about {_length_text(size)} off it, {shape}; the "
+        f"{where} is not a plane: its points are about {_length_text(size)} off it, {shape}; the "
         "drawing in the report shows where. The uncertainties contain that. Where they must be "
         "smaller: pick the points in more photos, or give other ground an area of its own."
     )

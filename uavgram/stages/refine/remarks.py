@@ -213,7 +213,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
     plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
     text = (
         f"The {what} was taken out, as it does not fit the rest (w = {removal.w:.1f}); everything "
-        "else was adjusted anew. Look at it, and correct or delete it."
+        "else was adjusted again. Look at it, and correct or delete it."
     )
     if removal.suspicion.group:
         text += f" It may be the {names.group(removal.suspicion)}: {names.look(removal.suspicion)}."
@@ -226,7 +226,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
         **names.subjects(removal.suspicion.accused),
         several=MessagePlural(
             f"{{count}} {plural} were taken out, as they do not fit the rest, which was adjusted "
-            "anew",
+            "again",
             f"{what} (w = {removal.w:.1f})",
             ending="Look at them, and correct or delete them.",
         ),
@@ -236,7 +236,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
 def _correction_message(cause: Cause, before: str, after: str) -> Message:
     """Report a cause, with the correction that was made."""
     first, _, rest = cause.message.text.removesuffix(".").partition(". ")
-    done = f"It was mended, look whether rightly: {before}; now {after}"
+    done = f"The program corrected it, check this: {before}; now {after}"
     text = ". ".join(filter(None, (first, done, rest)))
     return replace(cause.message, text=f"{text}.", several=None, mend=None, instead=())
 

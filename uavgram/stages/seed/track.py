@@ -261,7 +261,7 @@ def _held_to(
         text = (
             "The log's gimbal angles do not cover the whole flight: "
             f"{source} begins {before:.1f} s after and ends {after:.1f} s before the vehicle's "
-            "attitude. Its first and last values were held there: look whether the gimbal moved."
+            "attitude. Its first and last values were used there: check whether the gimbal moved."
         )
         messages = (Message("warning", "gimbal-held", text),)
     if before > 0:

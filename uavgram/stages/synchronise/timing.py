@@ -114,8 +114,8 @@ def _snapped(
     if not alignment.unique:
         text = (
             f"The photos' times are rough: they are in steps of {resolution:g} s, and fit the "
-            "log's camera events in several ways. They were used as they are. Take all photos of "
-            "the flight, or state time.offset_s better."
+            "log's camera events in several ways. They were used without correction. Take all "
+            "photos of the flight, or state time.offset_s better."
         )
         return replace(plain, messages=(Message("warning", "time-coarse", text),))
     taken = int(alignment.certain.sum())

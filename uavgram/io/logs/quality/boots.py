@@ -147,7 +147,7 @@ def remove_inconsistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     if events is not None:
         inside = (events.time_boot_s >= first) & (events.time_boot_s <= last)
         if not inside.all():
-            notes.append(f"{int((~inside).sum())} {events.source} events lie far outside the log")
+            notes.append(f"{int((~inside).sum())} {events.source} events are far outside the log")
             events = select_rows(events, inside) if inside.any() else None
     if home is not None and boot.positions is not None:
         doubted, remarks = _homes_in_doubt(home, boot.positions)
@@ -158,7 +158,7 @@ def remove_inconsistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
         if boot.positions is not None:
             inside &= _away_m(home, boot.positions) < _FARTHEST_M
         if not inside.all():
-            notes.append(f"{int((~inside).sum())} {home.source} homes lie far outside the flight")
+            notes.append(f"{int((~inside).sum())} {home.source} homes are far outside the flight")
             home = select_rows(home, inside) if inside.any() else None
     return replace(boot, events=events, home=home), tuple(notes)
 

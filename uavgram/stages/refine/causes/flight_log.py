@@ -239,9 +239,9 @@ def _heights_message(found: Explained | None) -> Message:
         "heights-off",
         f"All heights of the log are {abs(up):.1f} ± {figures(sigma, 1)} m too "
         f"{'large' if up > 0 else 'small'} "
-        "for the height of the ground: look whether both are above the same reference (a geoid "
-        "differs from the ellipsoid by up to 100 m), at `world.origin` and at `ground.height_m`. "
-        "Heights in the world rest on it; distances do not.",
+        "for the height of the ground: check whether both are above the same reference (a geoid "
+        "differs from the ellipsoid by up to 100 m), `world.origin` and `ground.height_m`. "
+        "Heights in the world depend on it; distances do not.",
     )
 
 
