@@ -82,7 +82,7 @@ def opened(folder: Path, fault: Fault, seed: int) -> tuple[Project, State]:
             "Correct L3",
         ),
         (lengths.other_ends, 0, "line-other-ends", "L0 seems to be b", "Take L0 from P2 to P6"),
-        (RAISED, 0, "point-off-ground", "P0 stands 1.1 m up.", "Free the height of P0"),
+        (RAISED, 0, "point-off-ground", "P0 is 1.1 m above the ground.", "Free the height of P0"),
         (GROSS, 5, "pick-left-out", "The pick of P0 in ", "Remove the pick of P0 in "),
     ],
 )

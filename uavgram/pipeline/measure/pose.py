@@ -206,13 +206,13 @@ def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
     if apart_m > SAME_SITE_M:
         raise InputError(
             inputs.project_path,
-            f"world.origin lies {apart_m / 1000:.0f} km from the flight: give a place near it "
+            f"world.origin is {apart_m / 1000:.0f} km from the flight: give a place near it "
             "(are latitude and longitude exchanged?), or leave it out",
         )
     if below_m < 0.5 * inputs.project.ground.height_sigma_m:
         return ()
     text = (
-        f"world.origin lies {apart_m / 1000:.1f} km from the flight, where the ground is "
+        f"world.origin is {apart_m / 1000:.1f} km from the flight, where the ground is "
         f"{below_m:.2f} m below the origin's horizontal plane by the earth's curvature alone: "
         "choose a nearer one, or take that off ground.height_m."
     )
