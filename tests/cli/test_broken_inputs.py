@@ -171,7 +171,7 @@ def test_an_origin_that_is_no_place_of_the_flight_is_told_by_its_distance(
     found = json.loads((project.out / "results.json").read_text(encoding="utf-8"))["world"]
     near = {key: found[key] for key in ("latitude_deg", "longitude_deg", "height_m")}
     project.set(world={"origin": near | {"latitude_deg": near["latitude_deg"] + 1.0}})
-    fails(project.path, "world.origin lies 111 km from the flight")
+    fails(project.path, "world.origin is 111 km from the flight")
     project.set(world={"origin": near | {"latitude_deg": near["latitude_deg"] + 0.1}})
     said = command("check", project.path)
     assert said.status == 0

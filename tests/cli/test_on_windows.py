@@ -179,7 +179,7 @@ def test_plates_are_looked_for(desk: WindowsDesk) -> None:
     done = desk.run("picks", "targets", SURVEY)
 
     assert done.status == 1
-    assert "names no targets: add what is printed on your plates" in done.stderr
+    assert "names no targets: add the family of your plates" in done.stderr
 
 
 WRITE = """

@@ -115,7 +115,7 @@ def test_a_tie_outside_its_photo_is_refused(project: Path, command: Command) -> 
     done = command("check", project)
 
     assert done.status == 1
-    assert "tie point 'm1' at (900, 120) lies outside 'p1.png' (640 x 480 px" in done.stderr
+    assert "tie point 'm1' at (900, 120) is outside 'p1.png' (640 x 480 px" in done.stderr
 
 
 def test_ties_that_are_asked_for_and_missing_are_found_kept_and_read_again(project: Path) -> None:

@@ -85,7 +85,7 @@ def _changed(i: int, j: int, value: float) -> str:
 @pytest.mark.parametrize(
     ("content", "line", "words"),
     [
-        (HEAD + PARAMETERS, 5, "parameters: say how well they are known"),
+        (HEAD + PARAMETERS, 5, "parameters: have no uncertainty: add"),
         (HEAD + SIGMA, 1, "parameters: is missing"),
         (HEAD + PARAMETERS + SIGMA + covariance_text(a_covariance()), 6, "keep one of the two"),
         (

@@ -47,7 +47,7 @@ def test_it_is_read_and_written(tmp_path: Path, more: str, readout: Readout | No
 @pytest.mark.parametrize(
     ("more", "why"),
     [
-        ("readout_sigma_ms: 2\n", "stands alone: add 'readout_ms'"),
+        ("readout_sigma_ms: 2\n", "needs a readout time: add 'readout_ms'"),
         ("readout_ms: 33000\n", "far too long"),
         ("readout_ms: 33\nreadout_sigma_ms: -1\n", "must be from 0"),
     ],

@@ -110,7 +110,7 @@ def test_patterns_find_photos_in_a_folder_whose_name_holds_glob_characters(tmp_p
         ("gimbal: none\n", 4, "it belongs under 'mount:'"),
         ("ground:\n  control: c.csv\n", 5, "it belongs at the left margin"),
         # duplicates
-        ("name: a\nname: b\n", 5, "name: stands here twice, first in line 4"),
+        ("name: a\nname: b\n", 5, "name: is given twice, first in line 4"),
         # types
         ("name: 3\n", 4, "name: must be text (got 3): put it in quotes"),
         ("picks_sigma_px: true\n", 4, "picks_sigma_px: must be a number (got true)"),

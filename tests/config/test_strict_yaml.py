@@ -85,7 +85,7 @@ def test_a_duplicate_key_is_a_fault_that_names_both_lines(read: Read) -> None:
     document = read("a: 1\nb:\n  c: 1\n  c: 2\na: 3\n")
 
     assert [line for line, _ in document.faults] == [4, 5]
-    assert "b.c: stands here twice, first in line 3" in document.faults[0][1]
+    assert "b.c: is given twice, first in line 3" in document.faults[0][1]
     assert document.data == {"a": 1, "b": {"c": 1}}
 
 

@@ -127,7 +127,7 @@ def test_video_frames_that_say_nothing_are_refused_with_the_way_out(
     _table(tmp_path / "picks.csv", "image,label,u_px,v_px", [(frame, "GCP1", 100, 100)])
     project = narrabeen.write(images=str(narrabeen.folder / "frames" / frame), poses=None)
 
-    with pytest.raises(InputError, match=rf"{frame}: does not say which camera took it.*calibrate"):
+    with pytest.raises(InputError, match=rf"{frame}: does not name its camera.*calibrate"):
         check(project)
 
 

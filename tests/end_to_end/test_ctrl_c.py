@@ -30,7 +30,7 @@ def look(event, about):
 sys.addaudithook(look)
 sys.exit(main())
 """
-ENDS = "uavgram: interrupted; what was asked for was done already\n"
+ENDS = "uavgram: interrupted; the command was done already\n"
 
 
 class Ended(NamedTuple):

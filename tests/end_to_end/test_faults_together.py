@@ -82,7 +82,7 @@ def test_the_swapped_labels_are_named_as_swapped_and_their_photo_stays(faulty: F
     warnings = [m for m in result.messages if m.level == "warning"]
     assert warnings[0].code == "labels-swapped"  # the cause first
     assert (warnings[0].frames, set(warnings[0].labels)) == ((swapped,), set(labels))
-    assert "Each pick lies where the other belongs" in warnings[0].text
+    assert "Each pick is at the place of the other" in warnings[0].text
     (said,) = [m for m in result.messages if m.code == "pick-left-out"]
     assert (said.level, said.frames, set(said.labels)) == ("info", (swapped,), set(labels))
     for label in labels:

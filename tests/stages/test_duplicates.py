@@ -73,7 +73,7 @@ def test_of_identical_files_the_one_with_a_time_is_counted_whatever_is_picked() 
     assert found.photos == {"a.jpg": "b.jpg"}
     (message,) = found.messages
     assert message.text.startswith(
-        "1 photo is there twice and counted once, as a copy says nothing new: a.jpg is the same "
+        "1 photo is there twice and counted once, as a copy adds no information: a.jpg is the same "
         "file as b.jpg. Picks in both are repeats of one observation."
     )
     assert found.reason("a.jpg") == "the same photo as b.jpg, which is counted"

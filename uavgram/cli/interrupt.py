@@ -55,7 +55,7 @@ def _interrupt(_number: int, _frame: FrameType | None) -> None:
     if _status is None:
         raise KeyboardInterrupt
     if _status == 0:  # at the end of the process, nothing is caught any more
-        sys.stderr.write("uavgram: interrupted; what was asked for was done already\n")
+        sys.stderr.write("uavgram: interrupted; the command was done already\n")
         os._exit(INTERRUPTED)
     # Otherwise one line was written already.
 

@@ -22,10 +22,10 @@ if TYPE_CHECKING:
 
 Item = TypeVar("Item")
 
-_UNITS: ContextVar[Units] = ContextVar("units of what is told", default=METRIC)
-_QUIET: ContextVar[bool] = ContextVar("nothing but problems is told", default=False)
+_UNITS: ContextVar[Units] = ContextVar("units of printed values", default=METRIC)
+_QUIET: ContextVar[bool] = ContextVar("only problems are printed", default=False)
 _KNOWN: ContextVar[tuple[tuple[str, ...], tuple[float, ...]]] = ContextVar(
-    "names that look like lengths, and lengths that are told rounded", default=((), ())
+    "names that look like lengths, and lengths that are printed rounded", default=((), ())
 )
 
 
@@ -114,8 +114,8 @@ def _write(text: str) -> None:
         ):
             return
         raise OutputError(
-            f"standard output takes no text ({fault.strerror}): what was asked for is done, only "
-            "what there was to say of it is lost"
+            f"standard output takes no text ({fault.strerror}): the command is done, and only "
+            "its printed text is lost"
         ) from fault
 
 

@@ -106,9 +106,9 @@ def _faults(camera: _CameraFile) -> list[tuple[str, str]]:
     elif not faults:
         faults += _parameter_faults(camera)
     if camera.sigma is None and camera.covariance is None:
-        faults.append(("parameters", f"say how well they are known: add 'sigma: [...]', {order}"))
+        faults.append(("parameters", f"have no uncertainty: add 'sigma: [...]', {order}"))
     if camera.sigma is not None and camera.covariance is not None:
-        faults.append(("sigma", "stands beside covariance: keep one of the two"))
+        faults.append(("sigma", "cannot be given with covariance: keep one of the two"))
     if camera.sigma is not None:
         faults += _sigma_faults(camera.sigma, order, n)
     if camera.covariance is not None:
@@ -127,7 +127,7 @@ def _readout_faults(camera: _CameraFile) -> list[tuple[str, str]]:
         text = f"is far too long (got {value:g} ms): most cameras read a photo in 10 to 100 ms"
         faults.append(("readout_ms", text))
     if sigma is not None and value is None:
-        text = "stands alone: add 'readout_ms', the time in which the camera reads a photo"
+        text = "needs a readout time: add 'readout_ms', in which the camera reads a photo"
         faults.append(("readout_sigma_ms", text))
     if sigma is not None and not 0 <= sigma <= LONGEST_READOUT_MS:
         text = f"must be from 0 to {LONGEST_READOUT_MS:g} ms (got {sigma:g})"

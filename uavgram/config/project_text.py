@@ -73,18 +73,18 @@ class ProjectText:
 
 _COMMENTS = {
     "images": "a pattern, or a list of patterns",
-    "camera": "a camera file; auto: what the photos say of theirs; unknown: any drone's",
+    "camera": "a camera file; auto: from the photos' tags; unknown: any drone's",
     "log": "the flight log: ArduPilot .bin, .log or .tlog, PX4 .ulg",
     "poses": "poses of the photos, where there is no log: exif, or a file",
     "picks": "picked pixels: `uavgram pick` fills it",
     "lines": "known lengths on the ground",
-    "known": "what else is known: angles, heights, right angles, points in line",
+    "known": "other known values: angles, heights, right angles, points in line",
     "measure": "what to measure",
     "control": "points with known coordinates, used as observations",
     "control_lines": "lines of known position (kerbs, edges of a map), used as observations",
     "check": "points with known coordinates, used only to judge the result",
     "ties": "tie points between photos; auto: found where the file is missing",
-    "plan": "what was planned: `uavgram pick` lists the lines to mark",
+    "plan": "the plan: `uavgram pick` lists the lines to mark",
 }
 _EXAMPLES = {
     "log": "flight.BIN",
@@ -126,13 +126,13 @@ _OPTIONS = {
     "mount": """\
 # mount:
 #   gimbal: auto                   # auto: the log's gimbal angles where it has some; none: fixed
-#   pitch_deg: auto                # -90 looks straight down, 0 forward, whatever tags or log say;
-#                                  # auto: as they say, and -90 where they say nothing
+#   pitch_deg: auto                # -90 looks straight down, 0 forward, against tags and log;
+#                                  # auto: from tags or log, and -90 without them
 """,
     "tape": """\
 # tape:
-#   reading_sigma_m: 0.01          # of a length, where nothing else is said: the page proposes it
-#   scale_sigma: 0.001             # what all lengths of one tape have in common, as a share
+#   reading_sigma_m: 0.01          # of a length without its own sigma: the page proposes it
+#   scale_sigma: 0.001             # common error of all lengths of one tape, as a share
 """,
     "time": """\
 # time:

@@ -146,17 +146,16 @@ def _refuse_sigils(path: Path, event: yaml.NodeEvent) -> None:
 
 
 _EXPLANATIONS = {
-    "'\\t'": "a tab stands where spaces belong: indent with spaces",
-    "scanning an alias": "text that begins with * must stand in quotes, such as '*.jpg'",
+    "'\\t'": "the line is indented with a tab: indent with spaces",
+    "scanning an alias": "text that begins with * must be in quotes, such as '*.jpg'",
     "another document": "a second document (---) begins here: only one is allowed",
     "mapping values are not allowed": (
-        "a colon stands where none is allowed: put text that holds a colon in quotes, and check "
-        "the indentation"
+        "no colon is allowed here: put text that holds a colon in quotes, and check the indentation"
     ),
     "quoted scalar": "a quote is opened here and never closed",
     "<stream end>": "a bracket is opened here and never closed",
     "simple key": "expected 'key: value' here: is a colon, or the space after it, missing?",
-    "cannot start any token": "text that begins with one of % @ ` must stand in quotes",
+    "cannot start any token": "text that begins with one of % @ ` must be in quotes",
 }
 
 
@@ -207,7 +206,7 @@ class _Builder:
                 self.faults.append(
                     (
                         _line(key_node),
-                        f"{format_key_path((*at, key))}: stands here twice, first in line {first}: "
+                        f"{format_key_path((*at, key))}: is given twice, first in line {first}: "
                         f"keep one of the two",
                     )
                 )

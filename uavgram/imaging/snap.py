@@ -104,7 +104,7 @@ def snap_circle(photo: Pixels, u_px: float, v_px: float) -> Snapped | str:
     ground, top = np.median(values[around]), np.median(values[blob.astype(bool)])
     noise = max(_estimate_noise(grey), _LEAST_NOISE)
     if abs(top - ground) < _LEAST_CONTRAST * noise:
-        return "the target hardly differs from what is around it"
+        return "the target hardly differs from its surroundings"
     # Centre of gravity, with the coverage of each pixel by the target as weight.
     share = np.where(inside, (values - ground) / (top - ground), 0.0)
     v, u = np.mgrid[: grey.shape[0], : grey.shape[1]]

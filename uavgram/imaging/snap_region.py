@@ -154,7 +154,7 @@ def _corner(photo: Pixels, region: Region, grey: Image, first: Floats) -> Snappe
     """
     found = _corners(grey, lambda place: region.holds(place + first))
     if not len(found.strength):
-        return _nothing("nothing there stands out: point at it")
+        return _nothing("there is no distinct corner there: point at it")
     alike = found.place_px[found.strength >= SIMILAR_STRENGTH * found.strength.max()] + first
     chosen = _chosen(alike, np.ones(len(alike)), region)
     if isinstance(chosen, UnclearRegion):

@@ -238,8 +238,8 @@ def _zero_heights(path: Path, rows: list[_Row], sigmas: GcpSigmas) -> list[Messa
     which = "all points" if len(without) == len(rows) else f"points {', '.join(without)}"
     text = (
         f"{path.name}: {which} have the height 0, which programs write where they know none: the "
-        f"heights got a sigma of {UNKNOWN_HEIGHT_SIGMA_M:g} m, so they say nothing. If they are "
-        "true, state how well they are known with --control-sigma-up-m; else write the heights "
+        f"heights got a sigma of {UNKNOWN_HEIGHT_SIGMA_M:g} m, so they have no effect. If they are "
+        "true, state their sigma with --control-sigma-up-m; else write the heights "
         "into the table."
     )
     return [Message("warning", "gcp-zero-heights", text)]
@@ -360,7 +360,7 @@ def _place(
     x, y = float(point[0]), float(point[1])
     width, height = content.get("imageWidth") or math.inf, content.get("imageHeight") or math.inf
     if not (0 <= x <= width and 0 <= y <= height):
-        raise InputError(path, f"label {name!r} lies outside the photo, at ({x:g}, {y:g})")
+        raise InputError(path, f"label {name!r} is outside the photo, at ({x:g}, {y:g})")
     return x, y
 
 

@@ -114,11 +114,11 @@ def check_inside(path: Path, home: Path, what: str) -> None:
         return
     if _lies_in(path, home):
         raise OutputError(
-            f"{what} is a link, or lies in one, that leads out of the project's folder, to {real}. "
+            f"{what} is a link, or is in one, that leads out of the project's folder, to {real}. "
             "Nothing is written there: remove the link, or put a copy in its place"
         )
     raise OutputError(
-        f"{what} lies outside the project's folder {own}. The page writes nothing outside it: name "
+        f"{what} is outside the project's folder {own}. The page writes nothing outside it: name "
         "a place inside it in the project file"
     )
 

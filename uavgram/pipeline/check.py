@@ -58,7 +58,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
         )
         yield Message("warning", "nothing-picked", text)
     if not inputs.requests:
-        text = "Nothing is asked for yet: say what to measure on the picking page, or in `measure`."
+        text = "No measurement is asked for yet: add some on the picking page, or in `measure`."
         yield Message("info", "nothing-to-measure", text)
     lines = with_sides(inputs.lines, inputs.picks, project.targets)
     known = len(lines.name) or len(inputs.control.label) or gives_scale(inputs.known)
@@ -71,7 +71,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
         )
         text = (
             f"The project names neither a flight log, nor {poses}, nor a known length: without one "
-            "of them nothing says how large anything is. Tape at least four lengths on the ground."
+            "of them the scale is unknown. Tape at least four lengths on the ground."
         )
         yield Message("warning", "no-scale", text)
     elif not known:

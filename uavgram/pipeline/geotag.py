@@ -115,7 +115,7 @@ def _left_out(inputs: Inputs, tags: GeoTags, choice: PoseChoice) -> Iterator[Mes
     if without:
         text = (
             f"{len(without)} photos have no pose and were left out (the first is {without[0]}): "
-            "`uavgram check` says why."
+            "`uavgram check` lists the reasons."
         )
         yield Message("warning", "geotag-without-pose", text, frames=tuple(without))
     poses = zip(tags.frame_id, tags.pose, strict=True)

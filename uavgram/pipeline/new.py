@@ -268,7 +268,7 @@ def choose_camera(
         if of_photos:
             raise
         return _unknown_camera(photos, notes)
-    notes.found.append("camera: auto, as the photos say which it was (with wide errors)")
+    notes.found.append("camera: auto, as the photos name it (with large sigmas)")
     return CAMERA_OF_PHOTOS
 
 
@@ -507,7 +507,7 @@ def _above_ground(text: ProjectText, photos: Photos, also: str) -> list[Attempt]
     if origin is None:
         return []
     why = (
-        f"{also}They do not say how high that is above the ground: {DEFAULT_HEIGHT_M:.0f} m ± "
+        f"{also}They do not state the height above the ground: {DEFAULT_HEIGHT_M:.0f} m ± "
         f"{ABOVE_GROUND_SIGMA_M:.0f} m was assumed. Write the height of the ground (from a map, or "
         "the place of take-off) into world.origin, and how well you know it into "
         "ground.height_sigma_m."

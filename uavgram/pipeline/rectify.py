@@ -144,7 +144,7 @@ def _tags(view: View) -> dict[str, str]:
         "software": f"uavgram {view.result.provenance.version}",
         "survey": view.result.name,
         "frames": "; ".join(view.frame_id),
-        "surface": "the adjusted ground plane: what stands above it leans away from the photo",
+        "surface": "the adjusted ground plane: objects above it lean away from the photo",
         "gauge": world.gauge,
     }
 
@@ -156,8 +156,8 @@ def _other_planes(view: View) -> tuple[Message, ...]:
         return ()
     names = ", ".join(repr(area.name) for area in others)
     text = (
-        f"The top view lies on the plane of the area {first.name!r}: what lies higher, such as may "
-        f"be in {names}, leans away from the photo, and distances there are those of that plane."
+        f"The top view is on the plane of the area {first.name!r}: higher objects, as there may be "
+        f"in {names}, lean away from the photo, and distances there are those of that plane."
     )
     return (Message("warning", "rectified-on-one-plane", text),)
 

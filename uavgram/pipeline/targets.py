@@ -265,8 +265,8 @@ def _without_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
 def _not_placed(kinds: Mapping[str, str], why: Exception) -> Message:
     some = ", ".join(f"{label} ({kind})" for label, kind in list(kinds.items())[:5])
     text = (
-        f"Targets that you picked ({some}) were not looked for in the other photos, as it is not "
-        f"known how the photos lie to each other: {why}"
+        f"Targets that you picked ({some}) were not searched for in the other photos, as the "
+        f"relation between the photos is not known: {why}"
     )
     return Message("warning", "target-not-sought", text)
 
@@ -387,7 +387,7 @@ def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> F
 def _no_targets(inputs: Inputs) -> InputError:
     return InputError(
         inputs.project_path,
-        "names no targets: add what is printed on your plates and the side of the black "
+        "names no targets: add the family of your plates and the side of the black "
         "square, as in `targets: {family: aruco-4x4-50, side_m: 0.60, sigma_m: 0.001}`. Chequers, "
         "crosses and discs need none of that: pick each in one photo (no pick of yours is on one)",
     )
@@ -432,7 +432,7 @@ def _nothing_found(plates: int, inputs: Inputs) -> Iterator[Message]:
         return
     text = (
         f"No plate of the family {targets.family} was found in any of the "
-        f"{len(inputs.photos.path)} photos. Look whether `targets: family` names what is "
-        "printed on them, and whether their black squares are 16 pixels wide or more in the photos."
+        f"{len(inputs.photos.path)} photos. Check whether `targets: family` names the printed "
+        "family, and whether their black squares are 16 pixels wide or more in the photos."
     )
     yield Message("warning", "no-target", text)

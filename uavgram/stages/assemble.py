@@ -205,8 +205,8 @@ def _usable_picks(observed: Observations) -> Ints:
         used = used[np.isin(used, list(first.values()))]
     if not used.size:
         raise GeometryError(
-            "no usable frame remains: not one pick lies in a photo that the flight log covers; "
-            "the reasons stand with the frames (uavgram check)"
+            "no usable frame remains: the flight log covers no photo with a pick. "
+            "`uavgram check` lists the reason for each photo"
         )
     return used
 
@@ -292,7 +292,7 @@ def _gauge(survey: Survey) -> Iterator[Message]:
             "Nothing fixes position and heading (no flight log, fewer than two control points, no "
             "lines of known position): "
             "lengths, areas and angles are right, coordinates are relative to the first frame, "
-            f"{survey.frame_id[0]}: it stands above 0, 0, and up in it is north.",
+            f"{survey.frame_id[0]}: its camera is above 0, 0, and up in it is north.",
             frames=survey.frame_id[:1],
         )
 
@@ -305,9 +305,9 @@ def _level_lines(survey: Survey) -> Iterator[Message]:
         yield Message(
             "warning",
             "level-on-slope",
-            "Nothing says how the ground slopes (no flight log, fewer than two control points), so "
+            "The slope of the ground is unknown (no flight log, fewer than two control points), so "
             "the lengths measured level are taken as lengths along the ground: on a slope of 5 "
-            "degrees they are 0.4 % too short for that. State what the tape reads on the ground.",
+            "degrees they are 0.4 % too short for that. Give lengths taped along the ground.",
             lengths=names,
         )
 
@@ -357,9 +357,9 @@ def _unused_readout(survey: Survey) -> Iterator[Message]:
         yield Message(
             "info",
             "readout-unused",
-            f"This camera reads a photo in {1e3 * abs(readout.value_s):.0f} ms, row after row. How "
-            "it moved meanwhile is not known without a flight log, so that is left out: what "
-            "follows from it stays in the results. Name the flight's log (`log:`), if there is "
+            f"This camera reads a photo in {1e3 * abs(readout.value_s):.0f} ms, row after row. Its "
+            "motion meanwhile is unknown without a flight log, so the effect is not corrected and "
+            "stays in the results. Name the flight's log (`log:`), if there is "
             "one; or find tie points (`uavgram picks ties`), which show much of it.",
         )
 

@@ -133,8 +133,8 @@ def _nothing_known(tags: CameraTags, source: _Source, why: str) -> Message:
         f"length {focal_px:.0f} ± {errors.focal * focal_px:.0f} px ({100 * errors.focal:.0f} %), "
         f"principal point ± {errors.centre * tags.width_px:.0f} px, distortion "
         f"± {_corner_sigma_px(tags, source):.0f} px at the corners. Lengths from one photo are as "
-        "uncertain; more photos and known lengths help, and the ± of each measurement says how "
-        "far, but not for a tele, zoom or fisheye lens. Tape six lengths or more, and calibrate "
+        "uncertain; more photos and known lengths help, and the ± of each measurement includes "
+        "this, but not for a tele, zoom or fisheye lens. Tape six lengths or more, and calibrate "
         "the camera: photograph a chessboard 15 times, then `uavgram calibrate`, or the Camera tab "
         "of `uavgram pick`."
     )
@@ -165,7 +165,7 @@ def _factory(tags: CameraTags) -> _Source | None:
     words = "the maker's calibration in the photo (DewarpData)"
     if tags.dewarped:
         lens = [0.0] * 5
-        words += "; the photo says that its distortion was taken out already"
+        words += "; by its own data the photo is already free of distortion"
     parameters = np.array([fx, fy, tags.width_px / 2 + cx, tags.height_px / 2 + cy, *lens])
     return _Source(parameters, words, FACTORY)
 
@@ -194,7 +194,7 @@ def _from_table(tags: CameraTags, table: tuple[DroneCamera, ...]) -> _Source | N
         errors = _of_a_strip(errors)
         words += (
             f"; the photo is no whole {camera.width_px} x {camera.height_px} frame of its sensor, "
-            "and how wide a strip it is nobody says"
+            "and the width of its strip is unknown"
         )
     if not camera.distortion.any() or _folds_in_view(parameters, tags):
         parameters[4:] = 0.0
@@ -296,7 +296,7 @@ def _why_unknown(tags: CameraTags, table: tuple[DroneCamera, ...]) -> str:
     if tags.digital_zoom > 1:
         return f"was taken with digital zoom ({tags.digital_zoom:g} times)"
     if not tags.camera_name:
-        return "does not say which camera took it (no Make and Model in EXIF)"
+        return "does not name its camera (no Make and Model in EXIF)"
     return (
         f"was taken with {tags.camera_name!r}, and states no focal length in EXIF that would help"
     )
@@ -333,7 +333,7 @@ def report_learnt_camera(camera: CameraUpdate, *, is_assumed: bool = False) -> t
         f"{100 * (1 - MAX_SIGMA_RATIO):.0f} % of the {before}'s)"
     )
     if not learnt.size:
-        text = f"The survey's own picks and lengths say nothing new of the camera: {unknown}."
+        text = f"The survey's own picks and lengths add no information on the camera: {unknown}."
         return (Message("info", "camera-not-learnt", text),)
     refined = ", ".join(_refined(camera, int(i), before) for i in learnt)
     text = f"The survey's own picks and lengths refined the camera: {refined}" + (

@@ -205,7 +205,7 @@ def _known_messages(known: KnownThings, same: Mapping[int, str]) -> tuple[Messag
         return ()
     parts = [f"{known.name[i]!r} is {kept} again" for i, kept in same.items()]
     text = (
-        "What is known of the same points, with the same value, was counted once: "
+        "Repeated known values of the same points were counted once: "
         f"{'; '.join(parts[:_MAX_NAMED])}{_rest(parts)}. Remove the copies."
     )
     labels = dict.fromkeys(label for i in same for label in known.points[i])
@@ -218,7 +218,7 @@ def _photo_message(code: str, what: str, copies: Mapping[str, str]) -> tuple[Mes
     parts = [f"{name} is {what} {kept}" for name, kept in copies.items()]
     count = f"{len(copies)} photo{'s are' if len(copies) > 1 else ' is'}"
     text = (
-        f"{count} there twice and counted once, as a copy says nothing new: "
+        f"{count} there twice and counted once, as a copy adds no information: "
         f"{'; '.join(parts[:_MAX_NAMED])}{_rest(parts)}. Picks in both are repeats of one "
         "observation. Take the copies out of `images`."
     )
@@ -234,7 +234,7 @@ def _pick_message(picks: Picks) -> tuple[Message, ...]:
     text = (
         "The same click with the same pixel, to the last digit, was counted once: "
         f"{'; '.join(parts[:_MAX_NAMED])}{_rest(parts)}. Remove the copies; a second click checks "
-        "the first only where it was made anew."
+        "the first only if you really clicked again."
     )
     return (Message("warning", "pick-duplicate", text),)
 

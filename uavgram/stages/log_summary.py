@@ -107,8 +107,8 @@ def _unusual(boot: Boot) -> Iterator[Message]:
     if boot.attitudes is None:
         yield _warning(
             "attitude-missing",
-            "The log never says how the vehicle is turned: photos take their places from it, but "
-            "how they look is told by tie points alone (`uavgram picks ties`), or by picks.",
+            "The log has no attitude of the vehicle: photos take their positions from it, but "
+            "their directions only from tie points (`uavgram picks ties`) or picks.",
         )
     if positions is None:
         yield _warning(
@@ -136,7 +136,7 @@ def _unusual(boot: Boot) -> Iterator[Message]:
         outside = int(((events.time_boot_s < first) | (events.time_boot_s > last)).sum())
         if outside:
             text = (
-                f"{outside} camera events lie before the first or after the last position: their "
+                f"{outside} camera events are before the first or after the last position: their "
                 "photos have no place."
             )
             yield _warning("event-outside", text)

@@ -81,7 +81,7 @@ def sample_observations(
             rows.append(values_at(adjustment.problem, state, requests, frames, drawn.__getitem__))
     if len(rows) < 2:
         raise GeometryError(
-            f"{failed} of {count} Monte Carlo repetitions did not come to rest: the survey is too "
+            f"{failed} of {count} Monte Carlo repetitions did not converge: the survey is too "
             "weak to be sampled; add known lengths or picks"
         )
     values = np.array(rows).reshape(len(rows), -1)

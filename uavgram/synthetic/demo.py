@@ -129,7 +129,7 @@ def _taped_text(survey: SimulatedSurvey) -> str:
         "and keep the others to compare with what the page measures.\n\n"
         f"{rows}\n\n"
         "The scene is made by the program, so the truth is known. To see how well you measured,\n"
-        "here are distances that nobody taped; do not enter them as lengths. About two of three\n"
-        "values lie within one sigma of the truth, and 19 of 20 within two.\n\n"
+        "here are distances that were not taped; do not enter them as lengths. About two of three\n"
+        "values are within one sigma of the truth, and 19 of 20 within two.\n\n"
         f"{true}\n"
     )

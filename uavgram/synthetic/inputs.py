@@ -140,7 +140,7 @@ def project_yaml(survey: SimulatedSurvey) -> str:
     beside = number_text(stated.picks_identification_sigma_m)
     rough = number_text(stated.roughness_sigma_m)
     text = f"""\
-# A simulated survey of a road accident; truth.json says what really was.
+# A simulated survey of a road accident; truth.json has the true values.
 name: {survey.scenario.name}
 images: photos/*.jpg
 log: flight.tlog
@@ -151,7 +151,7 @@ measure: measure.csv
 check: check.csv           # surveyed points, only to judge the result
 output: out
 ground:
-  height_sigma_m: {height}      # the scene lies a little below the place of take-off
+  height_sigma_m: {height}      # the scene is a little below the place of take-off
   roughness_sigma_m: {rough}     # it is a plane; leave this out for a road
 mount:
   gimbal: auto             # the log has the gimbal's attitude
@@ -159,7 +159,7 @@ mount:
   lever_arm_m: [{arm}]
   lever_arm_sigma_m: {number_text(stated.lever_arm_sigma_m)}
 time:
-  offset_s: auto           # the camera's clock is wrong; the log's camera events tell by how much
+  offset_s: auto           # the camera's clock is wrong; the log's camera events show by how much
   offset_sigma_s: {number_text(stated.clock_sigma_s)}
 picks_sigma_px: {number_text(errors.pick_px)}
 picks_identification_sigma_m: {beside}  # nothing is picked beside; leave this out for photos

@@ -254,7 +254,7 @@ def _standing(repetitions: Repetitions) -> str:
     sure = 1.96 / np.sqrt(2.0 * max(count - 1, 1))
     lost = repetitions.failed + repetitions.unsettled
     missing = f"; {lost} without a result" if lost else ""
-    return f"{count} repetitions: spread {ratio:.2f} ± {sure:.2f} of what is predicted{missing}"
+    return f"{count} repetitions: spread {ratio:.2f} ± {sure:.2f} of the predicted one{missing}"
 
 
 JSON_FILE, PAGE_FILE = "simulation.json", "simulation.html"

@@ -229,8 +229,8 @@ def _unseen(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
     plates = seen.intersection(scenario.plates.labels)
     if not shown and not plates and scenario.telemetry == "none" and len(scenario.control) < 2:
         text = (
-            "is none, and there is no length, plate or control point in view: nothing says how "
-            "large anything is. Give lines, plates, control or a log"
+            "is none, and there is no length, plate or control point in view: the scale is "
+            "unknown. Give lines, plates, control or a log"
         )
         yield SenselessKey(("telemetry",), text)
     if not any(set(one.points) <= seen for one in scenario.measurements):

@@ -316,7 +316,7 @@ def fisheye_with_five(folder: Path) -> tuple[tuple[str, ...], str]:
 
 def prior_without_exif(folder: Path) -> tuple[tuple[str, ...], str]:
     copy_some(folder, 3)
-    return (*BOARD, "--prior", "exif"), "does not say which camera"
+    return (*BOARD, "--prior", "exif"), "does not name its camera"
 
 
 def copy_some(folder: Path, count: int) -> None:

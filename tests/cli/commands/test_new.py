@@ -136,7 +136,7 @@ def test_a_camera_of_which_nothing_is_known_is_an_ordinary_one_until_it_is_calib
     said = capsys.readouterr().out
     assert "camera: unknown, so an ordinary drone camera" in said
     assert said.count("Nothing is known of this camera") == 1
-    assert "does not say which camera took it" in said
+    assert "does not name its camera" in said
     assert "`uavgram calibrate`" in said
     project = folder / "project.yaml"
     assert f"Next: uavgram pick {project}" in said
@@ -184,7 +184,7 @@ def test_a_project_without_log_and_lengths_says_that_nothing_gives_it_a_scale(
 ) -> None:
     folder = bare(tmp_path / "flight")
     assert main(["new", str(folder)]) == 0
-    assert "nothing says how large anything is" in capsys.readouterr().out
+    assert "without one of them the scale is unknown" in capsys.readouterr().out
     assert main(["check", str(folder / "project.yaml")]) == 0
 
 

@@ -173,7 +173,7 @@ def test_without_poses_or_lengths_it_says_that_nothing_can_be_looked_for(
     done = command("picks", "match", project.path)
 
     assert done.status == 1
-    assert "nothing can be looked for yet" in done.stderr
+    assert "no search is possible yet" in done.stderr
 
 
 def test_where_only_ties_place_the_photos_points_are_found(

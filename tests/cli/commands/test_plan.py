@@ -114,7 +114,10 @@ def test_latitude_before_longitude_is_noticed_beside_the_site(
         (PLAN.format(area="[[-90, -90], [90, -90], [90, 90], [-90, 90]]"), "smaller"),
         (PLAN.format(area=SQUARE) + "  tape: 4\n", "tape"),
         (PLAN.format(area=SQUARE) + "  longest_tape_m: 0\n", "longest_tape_m must be greater than"),
-        (PLAN.format(area=SQUARE) + "  lines: 0\ntelemetry: none\n", "nothing says where"),
+        (
+            PLAN.format(area=SQUARE) + "  lines: 0\ntelemetry: none\n",
+            "positions of the photos are not",
+        ),
         (PLAN.format(area=SQUARE) + "  wanted: [{name: a, points: [P1]}]\n", "needs 2 labels"),
         (
             PLAN.format(area=SQUARE)

@@ -53,7 +53,7 @@ def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group() -> None
     assert {(m.kind, m.row) for m in found.group} == {("pixels", 1), ("pixels", 7)}
     names = Names(adjustment)
     assert names.group(found) == "length 'b' ('P1' to 'P7') or the picks of 'P1' and 'P7' in 'f0'"
-    assert names.look(found) == "no test can part them: look at all three"
+    assert names.look(found) == "no test separates them: look at all three"
 
 
 def test_a_wrong_pick_of_an_end_is_in_the_group_that_is_named() -> None:

@@ -127,7 +127,7 @@ def test_the_drawing_says_what_its_coordinates_are(
 
 
 def test_a_survey_without_a_place_has_no_map(adrift: Features, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="lies on the earth"):
+    with pytest.raises(ValueError, match="needs a georeferenced survey"):
         write_map_dxf(adrift, tmp_path / "map.dxf")
     write_local_dxf(adrift, tmp_path / "local.dxf")
     assert readfile(tmp_path / "local.dxf").audit().errors == []

@@ -106,7 +106,7 @@ def test_without_the_photo_a_warning_says_what_was_not_checked(tmp_path: Path) -
         (
             '{"imagePath": "a.png", "imageWidth": 60, "imageHeight": 40,'
             ' "shapes": [{"label": "P", "points": [[1e300, 1]], "shape_type": "point"}]}',
-            "'P' lies outside the photo",
+            "'P' is outside the photo",
         ),
         (
             '{"imagePath": "a.png", "shapes":'

@@ -211,7 +211,7 @@ def test_a_time_that_is_no_number_is_a_spike_and_no_restart() -> None:
     ("rows", "said"),
     [
         (3, r"^home by ORGN moves by 23 m at 41.94 s since boot: was the vehicle carried there"),
-        ([1, 3], r"^home by ORGN at 41.94 s since boot lies 23 m off the estimator's origin"),
+        ([1, 3], r"^home by ORGN at 41.94 s since boot is 23 m off the estimator's origin"),
     ],
 )
 def test_a_home_that_jumps_or_lies_off_the_estimators_origin_is_told(
@@ -224,7 +224,7 @@ def test_a_home_that_jumps_or_lies_off_the_estimators_origin_is_told(
 def test_rows_out_of_the_order_of_time_are_told(read_changed: ReadChanged) -> None:
     log = read_changed("ATT", 40, TimeUS=lambda old: old - 198_000)
     assert any(
-        note.startswith("1 ATT rows stand out of the order of time (the first at 153.85 s")
+        note.startswith("1 ATT rows are out of the order of time (the first at 153.85 s")
         for note in log.notes
     ), log.notes
 

@@ -95,5 +95,7 @@ def test_a_stream_without_time_stamps_is_refused_by_name(
     records = log_mutants.records((repository / "logs" / "twin_short.tlog").read_bytes())
     path = tmp_path / name
     path.write_bytes(b"".join(record[8:] for record in records)[cut:])
-    with pytest.raises(InputError, match="is a MAVLink stream without time stamps: nothing says"):
+    with pytest.raises(
+        InputError, match="is a MAVLink stream without time stamps: the times of its messages"
+    ):
         read_flight_log(path)

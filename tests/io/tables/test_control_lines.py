@@ -87,5 +87,5 @@ def test_a_wrong_header_is_refused(tmp_path: Path, header: str, says: str) -> No
 
 
 def test_names_are_not_used_twice(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="line 'k' stands in line 2 already"):
+    with pytest.raises(InputError, match="line 'k' is already in line 2"):
         read(tmp_path, "k,A,0,0,9,0,,,0.01,", "k,B,0,5,9,5,,,0.01,")

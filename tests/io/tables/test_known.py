@@ -94,6 +94,6 @@ def test_all_mistakes_are_told_at_once(tmp_path: Path) -> None:
         read(tmp_path, "k,distance,A;B,3,0.1,", "k,level,A,,-1,")
 
     text = str(caught.value)
-    assert "known thing 'k' stands in line 2 already" in text
+    assert "known thing 'k' is already in line 2" in text
     assert "kind level needs at least 2 labels" in text
     assert "sigma must be greater than 0" in text

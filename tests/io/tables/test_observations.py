@@ -146,7 +146,7 @@ def test_a_header_alone_is_a_table_without_rows(write: Write) -> None:
         (read_lines, LINES + "n,a,b,1,0,\n", 2, "sigma_m must be greater than 0"),
         (read_lines, LINES + "n,a,b,1,,\n", 2, "sigma_m is empty"),
         (read_lines, LINES + "n,a,a,1,1,\n", 2, "from 'a' to itself"),
-        (read_lines, LINES + "n,a,b,1,1,\n\nn,c,d,1,1,\n", 4, "line 'n' stands in line 2 already"),
+        (read_lines, LINES + "n,a,b,1,1,\n\nn,c,d,1,1,\n", 4, "line 'n' is already in line 2"),
         (read_lines, LINES + "n,a,b,1,1,chek\n", 2, "(got 'chek'): did you mean 'check'?"),
         (read_lines, LINES + "n,a,b,NaN,1,\n", 2, "must be a number (got 'NaN')"),
         (read_measure, MEASURE + "m,distnace,a;b,\n", 2, "did you mean 'distance'?"),
@@ -179,7 +179,7 @@ def test_a_header_alone_is_a_table_without_rows(write: Write) -> None:
         (read_measure, MEASURE + "m,volume,a;b;c;d;e;f,plane=1;level=2\n", 2, "remove one"),
         (read_measure, MEASURE + "m,volume,a;b;c,hight=2\n", 2, "it has top, level, plane"),
         (read_measure, MEASURE + "m,distance,a;b,mu=1\n", 2, "unknown parameter 'mu'"),
-        (read_measure, MEASURE + "m,distance,a;b,\nm,area,a;b;c,\n", 3, "'m' stands in line 2"),
+        (read_measure, MEASURE + "m,distance,a;b,\nm,area,a;b;c,\n", 3, "'m' is already in line 2"),
         (read_known_points, "label,sigma_m\na,1\n", 1, "give either latitude_deg"),
         (read_known_points, "label,east_m,north_m,up_m\na,1,2,3\n", 1, "give either sigma_m or"),
         (read_known_points, "label,east_m,north_m,sigma_m\na,1,2,3\n", 1, "'up_m' is missing"),
@@ -201,7 +201,12 @@ def test_a_header_alone_is_a_table_without_rows(write: Write) -> None:
         (read_known_points, GEODETIC + "a,9,361,577,1\n", 2, "between -360 and 360"),
         (read_known_points, GEODETIC + "a,9,6,577,0\n", 2, "sigma_m must be greater than 0"),
         (read_known_points, LOCAL + "a,9,6,5,1,1,-1\n", 2, "sigma_up_m must be greater than 0"),
-        (read_known_points, GEODETIC + "a,9,6,5,1\na,9,6,5,1\n", 3, "label 'a' stands in line 2"),
+        (
+            read_known_points,
+            GEODETIC + "a,9,6,5,1\na,9,6,5,1\n",
+            3,
+            "label 'a' is already in line 2",
+        ),
     ],
 )
 def test_a_mistake_is_named_with_its_line(

@@ -47,8 +47,8 @@ def test_a_table_without_rows_holds_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("row", "line", "says"),
     [
-        ("c.jpg,t2,1,2,0.1,tie", 4, "tie point 't2' stands in one image only, and ties nothing"),
-        ("a.jpg,t1,1,2,0.1,tie", 4, "'t1' stands twice in image 'a.jpg', first in line 2"),
+        ("c.jpg,t2,1,2,0.1,tie", 4, "tie point 't2' is in one image only, and ties nothing"),
+        ("a.jpg,t1,1,2,0.1,tie", 4, "'t1' occurs twice in image 'a.jpg', first in line 2"),
         ("c.jpg,t1,1,2,0,tie", 4, "sigma_px must be greater than 0"),
         ("c.jpg,t1,1,2,-1,tie", 4, "sigma_px must be greater than 0"),
         ("c.jpg,t1,1,2,,tie", 4, "sigma_px is empty"),
@@ -116,5 +116,5 @@ def test_all_is_taken_back_and_nothing_else(tmp_path: Path) -> None:
 
 
 def test_a_wrong_table_is_not_written_over(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="stands in one image only"):
+    with pytest.raises(InputError, match="is in one image only"):
         update_ties(table(tmp_path, "a.jpg,t1,1,2,0.1,\n"), found())

@@ -74,9 +74,15 @@ def opened(folder: Path, fault: Fault, seed: int) -> tuple[Project, State]:
         (faults.swapped_once, 3, "labels-swapped", "P2 and P5 seem swapped in ", "Swap P2 and P5"),
         (CLICKED_ELSEWHERE, 6, "label-elsewhere", "P0 is picked where P2 b", "Change P0 to P2 in"),
         (IN_FEET, 0, "line-wrong-unit", "L0 seems to be in feet", "Take L0 as feet: 10.21 m"),
-        (TRANSPOSED, 3, "line-wrong-digit", "L3 seems misread: it says 4.56 m,", "Correct L3"),
+        (
+            TRANSPOSED,
+            3,
+            "line-wrong-digit",
+            "L3 seems misread: it is written as 4.56",
+            "Correct L3",
+        ),
         (lengths.other_ends, 0, "line-other-ends", "L0 seems to be b", "Take L0 from P2 to P6"),
-        (RAISED, 0, "point-off-ground", "P0 stands 1.1 m up.", "Free the height of P0"),
+        (RAISED, 0, "point-off-ground", "P0 is 1.1 m above the ground.", "Free the height of P0"),
         (GROSS, 5, "pick-left-out", "The pick of P0 in ", "Remove the pick of P0 in "),
     ],
 )

@@ -53,9 +53,9 @@ def test_lock_and_journal_are_written_through_no_link(project: Path, name: str, 
 @pytest.mark.parametrize(
     ("output", "link", "said"),
     [
-        ("out", "out", "is a link, or lies in one, that leads out of the project's folder"),
-        ("over/out", "over", "is a link, or lies in one, that leads out of the project's folder"),
-        ("../elsewhere", "", "lies outside the project's folder"),
+        ("out", "out", "is a link, or is in one, that leads out of the project's folder"),
+        ("over/out", "over", "is a link, or is in one, that leads out of the project's folder"),
+        ("../elsewhere", "", "is outside the project's folder"),
     ],
 )
 def test_an_output_folder_elsewhere_is_refused(
@@ -83,7 +83,7 @@ def test_a_table_elsewhere_is_refused(project: Path) -> None:
         Tables(read_inputs(project, unfinished=True))
     picks.unlink()
     project.write_text(PROJECT.replace("picks: picks.csv", f"picks: {elsewhere}/new.csv"))
-    with pytest.raises(OutputError, match=r"new\.csv .*lies outside"):
+    with pytest.raises(OutputError, match=r"new\.csv .*is outside"):
         Tables(read_inputs(project, unfinished=True))
 
 

@@ -68,7 +68,7 @@ def test_one_photo_clicked_twice_does_not_check_how_the_camera_hung(
     assert result.measurements.status == ("not-checked",)
     assert result.verdict.level == "amber"
     assert "`mount`" in result.verdict.reasons[0].text
-    assert "how did the camera hang" in result.verdict.reasons[0].plain
+    assert "the camera's direction" in result.verdict.reasons[0].plain
 
 
 def test_with_its_direction_stated_it_is_right_and_checked(street: Path, tmp_path: Path) -> None:

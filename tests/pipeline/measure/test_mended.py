@@ -132,7 +132,7 @@ def test_labels_are_as_mended_picks_taken_out_are_removed_and_the_record_says_so
     assert [k for k, status in enumerate(result.picks.status) if status == "removed"] == [out]
     assert result.messages[0].code == "labels-swapped"
     assert (
-        f". It was mended, look whether rightly: {before}; now {after}." in result.messages[0].text
+        f". The program corrected it, check this: {before}; now {after}." in result.messages[0].text
     )
     assert result.verdict.level == "amber"
     assert "contradicted" not in result.measurements.status

@@ -81,7 +81,7 @@ def test_a_photo_without_its_distortion_has_none() -> None:
     camera, messages = assume(dewarp=DEWARP, dewarped=True)
 
     assert not camera.parameters[4:].any()
-    assert "taken out already" in messages[0].text
+    assert "free of distortion" in messages[0].text
 
 
 def test_the_table_gives_the_focal_length_of_a_whole_frame() -> None:
@@ -150,7 +150,7 @@ def test_a_strip_of_a_sensor_is_known_less_well(size: tuple[int, int]) -> None:
 @pytest.mark.parametrize(
     ("tags", "words"),
     [
-        ({}, "does not say which camera took it"),
+        ({}, "does not name its camera"),
         ({"make": "ACME", "model": "Eye"}, "'ACME Eye', and states no focal length"),
         ({"make": "parrot", "model": "BEBOP 2", "focal_mm": 1.8}, "fisheye lens"),
         ({"make": "DJI", "model": "FC220", "focal_mm": 4.7, "digital_zoom": 2}, "digital zoom"),
@@ -180,7 +180,7 @@ def test_of_an_unknown_camera_the_focal_length_is_as_those_of_drones_are() -> No
     assert sigma_of(camera)[[4, 5, 8]].tolist() == [*calibration.UNKNOWN_RADIAL_SIGMAS]
     (message,) = messages
     assert (message.level, message.code) == ("warning", "camera-unknown")
-    assert "does not say which camera took it" in message.text
+    assert "does not name its camera" in message.text
     assert f"{camera.parameters[0]:.0f} ± {sigma_of(camera)[0]:.0f} px (20 %)" in message.text
     assert "`uavgram calibrate`" in message.text
 

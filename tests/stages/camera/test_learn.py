@@ -54,7 +54,7 @@ def test_where_nothing_was_learnt_it_says_so() -> None:
     (message,) = report_learnt_camera(learnt(sigma=0.95 * PRIOR))
 
     assert message.code == "camera-not-learnt"
-    assert "say nothing new of the camera" in message.text
+    assert "add no information on the camera" in message.text
 
 
 def test_a_fixed_camera_needs_no_words() -> None:

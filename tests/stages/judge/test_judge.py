@@ -404,7 +404,7 @@ def test_a_suspect_in_one_frame_names_its_group_and_blames_nobody_else(
     (message,) = judge_suspects(given)
     assert message.code == "line-suspect"
     picks_of_ends = "the picks of 'P1' and 'P7' in 'f0'"
-    group = f"The {named(lines_of(survey), 1)} or {picks_of_ends}: no test can part them"
+    group = f"The {named(lines_of(survey), 1)} or {picks_of_ends}: no test separates them"
     assert f"{group}: look at all three." in message.text
     lines, _, _, _ = judge_lines(given, lines_of(survey), np.arange(6))
     picks, _ = judge_picks(given, *table(survey))

@@ -94,7 +94,7 @@ def test_a_reason_carries_its_plain_sentence_and_what_would_put_it_right(clean: 
     message = replace(of("point-off-ground", "P0"), mend=mend, instead=(rival,))
     (reason,) = clean.verdict(message)[0].reasons
 
-    assert reason.plain == "P0 stands off the ground."
+    assert reason.plain == "P0 is off the ground."
     assert (reason.mend, reason.instead) == (mend, (rival,))
 
 

@@ -126,7 +126,7 @@ def test_a_log_keeps_those_other_solutions_that_it_allows_and_says_so(
             allowed += 0 <= apart < 10.9
         told = [m for m in wide[1] if m.code == "ambiguous-pose"]
         assert len(told) == (1 if wide[0].alternatives else 0)
-        assert all("within what the telemetry allows" in m.text for m in told)
+        assert all("within the sigmas of the telemetry" in m.text for m in told)
         assert all("%" in m.text for m in told)
     assert kept == allowed
     assert kept >= 2

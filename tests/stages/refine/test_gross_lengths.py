@@ -85,7 +85,7 @@ def test_a_length_in_another_unit_is_put_right_on_request(
     assert message.code == "line-wrong-unit"
     before, right = 1000.0 * survey.length_m[1], survey.length_m[1]
     done = f"length 'P1' to 'P7' {before:.3f} m; now length 'P1' to 'P7' {right:.3f} m."
-    assert f"It was mended, look whether rightly: {done}" in message.text
+    assert f"The program corrected it, check this: {done}" in message.text
     given, _ = refine(survey, REMOVE)
     np.testing.assert_allclose(
         refined.adjustment.state.point, given.adjustment.state.point, atol=1e-6

@@ -68,11 +68,13 @@ def test_one_length_and_one_right_angle_are_one_thing_short() -> None:
 
 
 def test_what_is_missing_is_named() -> None:
-    with pytest.raises(GeometryError, match=r"3 right angles: none says how large anything is"):
+    with pytest.raises(GeometryError, match=r"3 right angles: none fixes the scale"):
         codes(lane(2).known(*CORNERS))
-    with pytest.raises(GeometryError, match=r"'f0' sees 1 distance from a line: two more are"):
+    with pytest.raises(GeometryError, match=r"'f0' shows 1 distance from a line: two more are"):
         codes(lane(2).known(WIDTH))
-    with pytest.raises(GeometryError, match=r"1 length and 3 pairs of parallel .* leave the pose"):
+    with pytest.raises(
+        GeometryError, match=r"1 length and 3 pairs of parallel .* do not fix the camera"
+    ):
         codes(lane(2, noise=1.0).known(LENGTH, LONG, LONG, ("parallel", (3, 2, 0, 1))))
 
 

@@ -219,7 +219,7 @@ def test_ground_that_is_no_plane_is_told_and_where_to_see_it(
     (message,) = report_noise(noise(rough_m, relief_m, shape))
 
     assert (message.level, message.code) == ("warning", "ground-not-plane")
-    assert message.text.startswith(f"This ground is not a plane: its points lie {said}; the ")
+    assert message.text.startswith(f"This ground is not a plane: its points are {said}; the ")
     assert "drawing in the report shows where" in message.text
 
 
@@ -273,7 +273,9 @@ def test_marks_far_beside_what_was_taped_are_reported(factor: float, *, is_repor
 
     assert [one.code for one in messages] == ["identification-less-exact"] * is_reported
     if is_reported:
-        assert "within 1 cm of what was meant as stated, within 3.4 cm as found" in messages[0].text
+        assert (
+            "within 1 cm of the meant points as stated, within 3.4 cm as found" in messages[0].text
+        )
 
 
 @pytest.mark.parametrize(("factor", "said"), [(2.1, True), (1.35, False), (0.5, False)])

@@ -383,5 +383,5 @@ def test_the_message_names_them_and_says_what_to_do(once: tuple[str, ...]) -> No
     several = len(once) > 1
     assert message.text.startswith("2 points are" if several else "The point 'P10' is")
     assert f"pick {'them' if several else 'it'} in a second photo" in message.text
-    assert f"where {len(FOUND)} others stand off the ground" in message.text
+    assert f"where {len(FOUND)} others are off the ground" in message.text
     assert message.text.endswith(f"taken as uncertain by {sigma_m:.2f} m.")

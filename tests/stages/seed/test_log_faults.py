@@ -339,9 +339,7 @@ def test_the_message_says_how_much_when_and_between_which_photos() -> None:
 def test_a_fault_around_all_photos_is_told() -> None:
     away = LogFault(kind="receiver-apart", start_s=1.0, end_s=59.0, change=(9.0, 0.0, 0.0))
     (message,) = report_faults([away], flown()[1], FRAMES)
-    first = (
-        "The log's position lies up to 9.0 m off what the GPS receiver itself states around all "
-    )
+    first = "The log's position differs by up to 9.0 m from the GPS receiver's own around all "
     assert message.text.startswith(first)
     assert message.frames == NAMES
 

@@ -114,7 +114,7 @@ def test_of_photos_straight_down_a_turned_mount_is_told_and_no_heading(
     for wrong in (mounted(survey, "z", degrees), headed(survey, degrees)):
         message = find_turned_mount(wrong)
         assert message is not None
-        assert message.text.startswith("The camera seems to be mounted another way")
+        assert message.text.startswith("The camera seems to be mounted in another direction")
 
 
 @pytest.mark.parametrize("degrees", [90, 180, -90])

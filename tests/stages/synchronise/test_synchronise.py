@@ -269,7 +269,7 @@ def test_a_coarse_file_time_without_events_keeps_its_own_sigma() -> None:
 def test_a_log_of_another_day_names_both_spans_and_the_difference() -> None:
     photos = photos_at(EPOCH + 36000.0 + np.array([100.0, 110.0]))
     with pytest.raises(
-        UavgramError, match=r"no photo lies in the flight.*wrong by about \+36"
+        UavgramError, match=r"no photo is from this flight.*wrong by about \+36"
     ) as e:
         synchronise(photos, log_of(flight()), TimeOptions(offset_s=0.0))
     assert "2023-11-15" in str(e.value)  # of the photos
@@ -282,7 +282,7 @@ def test_a_log_of_another_year_is_told_by_both_dates_and_no_seconds(
     options: TimeOptions, events: Floats | None
 ) -> None:
     photos = photos_at(EPOCH - 3030 * 86400.0 + uneven(30, seed=5))
-    with pytest.raises(UavgramError, match="no photo lies in the flight") as caught:
+    with pytest.raises(UavgramError, match="no photo is from this flight") as caught:
         synchronise(photos, log_of(flight(events)), options)
 
     assert "2015-07-29" in str(caught.value)

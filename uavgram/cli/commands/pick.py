@@ -83,7 +83,7 @@ def _sample(folder: Path | None) -> Path:
     from uavgram.synthetic.demo import SAMPLE, make_sample
 
     made = make_sample(folder or Path(SAMPLE), progress())
-    say(f"Sample to play with: {made.parent}; what was taped on its scene: {made.with_name(TAPED)}")
+    say(f"Sample to play with: {made.parent}; its taped lengths: {made.with_name(TAPED)}")
     return made
 
 

@@ -172,7 +172,7 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
 
     blocks = evaluate(start)
     if blocks is None:
-        raise UndeterminedError("the board lies behind the camera in the first values of a photo")
+        raise UndeterminedError("the board is behind the camera in the first values of a photo")
     end = minimise(
         start,
         evaluate,

@@ -365,7 +365,7 @@ def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None)
     if station is not None:
         apart = stated - station.at(middle)
         if abs(apart) > DAY_S:
-            return f"lies {apart / DAY_S:.1f} days off the ground station's clock"
+            return f"is {apart / DAY_S:.1f} days off the ground station's clock"
     return ""
 
 

@@ -217,7 +217,7 @@ def _over_ground(
 
 def _stated(label: str, height_m: float) -> str:
     """Explain why the height of a point cannot be measured."""
-    where = f"stands {height_m:g} m over it, as stated" if height_m else "is a point on it"
+    where = f"is {height_m:g} m over it, as stated" if height_m else "is a point on it"
     return (
         f"the height is that over the ground, and {label!r} {where}: write `free` as the "
         "height_m of its picks, to have it found"

@@ -187,7 +187,7 @@ def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, .
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(ends.T)), 0.0))
     faults = []
     if spread[0] <= IN_LINE * spread[1]:
-        return ("the ends of all lines lie in one line",)
+        return ("the ends of all lines are in one line",)
     # Double angles, as a line has no sense of direction.
     angle = 2.0 * np.arctan2(along[:, 1], along[:, 0])
     mean = np.hypot(np.cos(angle).mean(), np.sin(angle).mean())
@@ -197,10 +197,10 @@ def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, .
     elif _through_one_point(start_m, along / length[:, None], length):
         faults.append("all lines pass near one point")
     if spread[0] <= STRIP * spread[1]:
-        faults.append("all lines lie in one narrow strip")
+        faults.append("all lines are in one narrow strip")
     extent = np.ptp(point_m[np.isfinite(point_m[:, 0])], axis=0).max()
     if length.max() <= SHORT * extent:
-        faults.append("all lines are short beside the scene")
+        faults.append("all lines are short compared with the scene")
     return tuple(faults)
 
 

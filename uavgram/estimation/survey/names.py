@@ -69,12 +69,12 @@ class Names:
         return " or the ".join(parts)
 
     def look(self, suspicion: Suspicion) -> str:
-        """Return ``no test can part them: look at all three``; empty for a single observation."""
+        """Return ``no test separates them: look at all three``; empty for a single observation."""
         count = 1 + len(suspicion.group)
         if count == 1:
             return ""
         words = COUNTS[count] if count < len(COUNTS) else f"all {count}"
-        return f"no test can part them: look at {words}"
+        return f"no test separates them: look at {words}"
 
     def rivals(self, suspicion: Suspicion) -> str:
         """List the other possible causes as a sentence; empty if the outlier is located."""

@@ -145,8 +145,8 @@ def _refuse_same_places(photos: Sequence[BoardPhoto], size_px: tuple[int, int]) 
             raise InputError(
                 photos[k].file,
                 f"shows the board where {photos[int(same[0])].file} does, to "
-                f"{_SAME_PLACE_PX:g} px of {size_px[0]}: one photo twice tells nothing new; leave "
-                "one out",
+                f"{_SAME_PLACE_PX:g} px of {size_px[0]}: one photo twice adds no information; "
+                "leave one out",
             )
 
 

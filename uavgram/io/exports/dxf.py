@@ -245,7 +245,7 @@ def write_map_dxf(
         Placed texts, if already known.
     """
     if features.origin is None or features.crs is None:
-        raise ValueError("a drawing on the map needs a survey that lies on the earth")
+        raise ValueError("a drawing on the map needs a georeferenced survey")
     origin, crs = features.origin, features.crs
     note = (
         f"{crs}; map distance = ground distance x {map_scale(origin, crs):.6f}; "

@@ -30,7 +30,7 @@ _LAYERS = {
     "planned_corners": ("Corners of the area", "ffffffff"),
     "planned_flight": ("Flight", "ffffaa55"),
     "planned_photos": ("Photos to take", "ffffaa55"),
-    "planned_measurements": ("What will be measured", "ff6b7900"),
+    "planned_measurements": ("Planned measurements", "ff6b7900"),
     "planned_points": ("Points to measure", "ff6b7900"),
     "planned_lines": ("Lines to lay and tape", "ff7a12b0"),
     "planned_plates": ("Plates to lay", "ff7a12b0"),

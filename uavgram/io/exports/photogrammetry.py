@@ -180,7 +180,7 @@ def write_gcp_list(result: Result, features: Features, path: Path) -> None:
         The survey is not georeferenced.
     """
     if features.origin is None or features.crs is None:
-        raise ValueError("ground control needs a survey that lies on the earth")
+        raise ValueError("ground control needs a georeferenced survey")
     placed = projected_from_enu(result.points.position_world_m, features.origin, features.crs)
     place = dict(zip(result.points.label, placed.tolist(), strict=True))
     lines = [features.crs]

@@ -124,7 +124,7 @@ def _refuse_bare_stream(path: str | Path, head: bytes) -> None:
     if is_bare_stream(head):
         raise InputError(
             path,
-            "is a MAVLink stream without time stamps: nothing says when a message was received, "
+            "is a MAVLink stream without time stamps: the times of its messages are unknown, "
             "so photos cannot be matched to it; give the .tlog that the ground station recorded "
             "(each message behind its time), or the autopilot's own .bin",
         )

@@ -153,7 +153,7 @@ def _times(
         without = paths[timed.index(False)].name
         text = (
             f"{timed.count(False)} of {len(paths)} photos state no capture time in EXIF and cannot "
-            f"be found in the log by it, the first is {without}: has another program saved it anew?"
+            f"be found in the log by it, the first is {without}: did another program save it?"
         )
         messages.append(Message("warning", "photo-without-time", text))
     if not any(reading.zoned for reading in readings):

@@ -73,7 +73,7 @@ def _require_few(pattern: str, start: str) -> None:
     if sum(1 for _ in itertools.islice(entries, MAX_ENTRIES + 1)) > MAX_ENTRIES:
         raise InputError(
             pattern,
-            f"looks through more than {MAX_ENTRIES:,} files and folders (** stands for all "
+            f"looks through more than {MAX_ENTRIES:,} files and folders (** means all "
             f"folders, however deep): {_NARROWER}",
         )
 

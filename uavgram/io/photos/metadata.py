@@ -132,7 +132,7 @@ def read_exif_tags(path: str | Path) -> dict[str, Any]:
         raise InputError(path, f"cannot be read: {fault.strerror}") from fault
     except _WHAT_EXIFREAD_RAISES as fault:
         raise InputError(
-            path, f"its EXIF is broken ({fault}): leave this photo out, or copy it anew"
+            path, f"its EXIF is broken ({fault}): leave this photo out, or copy it again"
         ) from fault
     finally:
         _here.is_reading = False

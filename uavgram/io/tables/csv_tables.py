@@ -321,7 +321,7 @@ class Table:
             if word and word in first:
                 earlier = self.line[first[word]]
                 self.add_fault(
-                    row, f"{what} {word!r} stands in line {earlier} already: rename or remove one"
+                    row, f"{what} {word!r} is already in line {earlier}: rename or remove one"
                 )
             first.setdefault(word, row)
 

@@ -51,7 +51,7 @@ def read_picks(path: str | Path, *, may_be_empty: bool = False) -> Picks:
     _check_doubles(table)
     _check_heights(table)
     areas = [area and repr(area) for area in table.text["area"]]
-    _check_same(table, "area", areas, "lies in one area")
+    _check_same(table, "area", areas, "is in one area")
     score, from_u, from_v = (_of_program(table, name) for name in _PROGRAM_NUMBERS)
     table.raise_faults()
     return Picks(

@@ -61,14 +61,14 @@ def _check_images(table: Table) -> None:
         if earlier != row:
             table.add_fault(
                 row,
-                f"tie point {tie!r} stands twice in image {image!r}, first in line "
+                f"tie point {tie!r} occurs twice in image {image!r}, first in line "
                 f"{table.line[earlier]}: a photo shows one point once; remove one, or rename it",
             )
     for tie, of_tie in rows.items():
         if len(of_tie) == 1:
             table.add_fault(
                 of_tie[0],
-                f"tie point {tie!r} stands in one image only, and ties nothing: remove it, or add "
+                f"tie point {tie!r} is in one image only, and ties nothing: remove it, or add "
                 "its place in another image",
             )
 

@@ -25,8 +25,8 @@ SUBJECTS = (
         "program corrects many of them and reports the values before and after. With "
         "`outliers: report` it changes nothing and marks the measurements that are affected.",
     ),
-    Subject("What does not fit", MISFITS),
-    Subject("What was left out or removed", EXCLUDED),
+    Subject("Observations that do not fit", MISFITS),
+    Subject("Observations left out or removed", EXCLUDED),
     Subject("Data that is not used", UNUSED),
     Subject("How far the result can be trusted", TRUST),
     Subject("Ground and heights", GROUND),

@@ -218,7 +218,7 @@ FOUND_CAUSES = (
         action="Correct `mount` in the project.",
         effect=Effect.RED,
         order=Order.CAUSE_OF_ALL,
-        one="The camera looks another way than the project says.",
+        one="The camera looks in another direction than the project states.",
     ),
     Entry(
         "gimbal-off",
@@ -238,7 +238,7 @@ FOUND_CAUSES = (
         ),
         effect=Effect.AMBER,
         order=Order.CAUSE_OF_ALL,
-        one="The camera looks another way than the log says.",
+        one="The camera looks in another direction than the log states.",
     ),
     Entry(
         "heights-off",
@@ -264,7 +264,7 @@ FOUND_CAUSES = (
         action="Calibrate the camera at the zoom and focus of these photos.",
         effect=Effect.AMBER,
         order=Order.CAUSE_OF_ALL,
-        one="The photos were taken at another zoom than the camera file says.",
+        one="The photos were taken at another zoom than the camera file describes.",
     ),
     Entry(
         "other-camera",
@@ -318,6 +318,6 @@ FOUND_CAUSES = (
         action="State the shift in `time.offset_s`.",
         effect=Effect.AMBER,
         order=Order.CAUSE_OF_ALL,
-        one="The camera's clock is off by more than was said to be possible.",
+        one="The camera's clock is off by more than its stated sigma allows.",
     ),
 )

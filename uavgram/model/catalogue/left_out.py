@@ -96,7 +96,7 @@ EXCLUDED = (
         action="Check its value and unit, and the labels of its points.",
         effect=Effect.AMBER,
         order=Order.LEFT_OUT,
-        one="What is known of {labels} does not fit and was left out.",
+        one="A known value of {labels} does not fit and was left out.",
     ),
     Entry(
         "known-removed",
@@ -105,7 +105,7 @@ EXCLUDED = (
         action="Check its value, its points and their picks.",
         effect=Effect.AMBER,
         order=Order.REMOVED,
-        one="What is known of {labels} does not fit and was taken out.",
+        one="A known value of {labels} does not fit and was removed.",
     ),
     Entry(
         "control-left-out",

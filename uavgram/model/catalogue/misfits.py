@@ -59,7 +59,7 @@ MISFITS = (
         action="Check its value, its points and their picks.",
         effect=Effect.DOUBTFUL,
         order=Order.SUSPECT,
-        one="What is known of {labels} does not fit the rest.",
+        one="A known value of {labels} does not fit the rest.",
     ),
     Entry(
         "control-suspect",
@@ -94,8 +94,8 @@ MISFITS = (
         action="Check its picks, its time and the gimbal.",
         effect=Effect.DOUBTFUL,
         order=Order.SUSPECT,
-        one="{frames} does not stand where the flight log has it.",
-        several="{frames} do not stand where the flight log has them.",
+        one="{frames} is not where the flight log has it.",
+        several="{frames} are not where the flight log has them.",
     ),
     Entry(
         "prior-strained",
@@ -107,7 +107,7 @@ MISFITS = (
         action="Correct the value, or state a wider sigma for it.",
         effect=Effect.DOUBTFUL,
         order=Order.SUSPECT,
-        one="Something that was assumed does not fit what was observed.",
+        one="An assumed value does not fit the observations.",
     ),
     Entry(
         "lengths-contradict",
@@ -134,7 +134,7 @@ MISFITS = (
         ),
         effect=Effect.AMBER,
         order=Order.CONTRADICTION,
-        one="The cameras stand at a height from which no drone takes photos.",
+        one="The cameras are at a height from which no drone takes photos.",
     ),
     Entry(
         "unusual-height",
@@ -204,14 +204,14 @@ MISFITS = (
         ),
         effect=Effect.RED,
         order=Order.GROUP,
-        one="So much does not fit that nothing shows what is right.",
+        one="Too much does not fit: no test shows which observations are right.",
     ),
     Entry(
         "blunder-not-located",
         WARNING,
         finding=(
             "One of several observations is wrong, and no test shows which. The message names "
-            "them, and what was left out, if anything."
+            "them, and those that were left out, if any."
         ),
         action="Check all that are named, or tape another line that decides between them.",
         effect=Effect.DOUBTFUL,

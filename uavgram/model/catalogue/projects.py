@@ -271,7 +271,7 @@ TARGETS = (
             "You picked chequers, crosses or discs, but the relation between the photos is not "
             "known yet, so the program does not know where to search for them."
         ),
-        action="Add what the message names as missing, and run the search again.",
+        action="Add the data that the message names as missing, and run the search again.",
     ),
     Entry(
         "target-not-found",

@@ -16,7 +16,7 @@ TRUST = (
     Entry(
         "not-converged",
         ERROR,
-        finding="The computation found no stable result, and no test can tell what is wrong.",
+        finding="The computation found no stable result, and no test can find the fault.",
         action=(
             "Look at the other messages first, then for a swapped label or a wrong length. If the "
             "camera was assumed, calibrate it."
@@ -33,12 +33,12 @@ TRUST = (
         ),
         consequence="A wrong tape reading or a wrong click goes into the result unnoticed.",
         action=(
-            "Do what the message proposes. A click is checked by a click of the same point in "
+            "Follow the message. A click is checked by a click of the same point in "
             'another photo, by a second click in the same photo ("Click again" on the picking '
             "page, or a second row in picks.csv), by a coded target, or by a length, another known "
             "value, a control point or a withheld check at that point. A match is no check: it "
-            "repeats the click that it was found from. A direction of the camera that nobody "
-            "states is checked by several photos or lengths; better state it in `mount`."
+            "repeats the click that it was found from. A direction of the camera that is only "
+            "assumed is checked by several photos or lengths; better state it in `mount`."
         ),
         effect=Effect.UNCHECKED,
         order=Order.UNCHECKED,
@@ -75,7 +75,7 @@ TRUST = (
         action="Tape another line, or give the flight log, so that only one fits.",
         effect=Effect.UNCHECKED,
         order=Order.AMBIGUITY,
-        one="The cameras may stand elsewhere: two solutions fit as well.",
+        one="The cameras may be elsewhere: two solutions fit equally well.",
     ),
     Entry(
         "weak-lengths",
@@ -251,8 +251,8 @@ GROUND = (
         ),
         effect=Effect.AMBER,
         order=Order.LEFT_OUT,
-        one="{labels} stands off the ground.",
-        several="{labels} stand off the ground.",
+        one="{labels} is off the ground.",
+        several="{labels} are off the ground.",
     ),
     Entry(
         "ground-not-plane",

@@ -196,7 +196,7 @@ def _keep(path: Path, record: SurveyRecord) -> None:
         append_record(path, record)
     except OSError as fault:
         log.warning(
-            "%s: cannot be written (%s): what was measured now will be measured again next time",
+            "%s: cannot be written (%s): the next run will measure these surveys again",
             path,
             fault.strerror,
         )

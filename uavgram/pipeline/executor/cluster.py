@@ -161,8 +161,8 @@ def _why(fault: BaseException) -> str:
         return str(fault)
     if isinstance(fault, distributed.KilledWorker):
         return (
-            "each worker that measured it died or was heard of no more: they may lack memory for "
-            "it, or it crashes the program; run it alone (uavgram run), which tells, or give "
+            "each worker that measured it died or does not answer: they may lack memory for "
+            "it, or it crashes the program; run it alone (uavgram run) to see which, or give "
             "workers more memory"
         )
     return (

@@ -133,8 +133,8 @@ def _begun(inputs: Inputs, stays: Bools) -> Base:
         return begun(replace(inputs, picks=picks), pose_frames(inputs))
     except GeometryError as why:
         raise UavgramError(
-            f"{inputs.project_path}: nothing can be looked for yet, as it is not known how the "
-            f"photos lie to each other: {why}"
+            f"{inputs.project_path}: no search is possible yet, as the relation between the photos "
+            f"is not known: {why}"
         ) from why
 
 

@@ -120,7 +120,7 @@ def write_ground(texture: GroundTexture, result: Result, path: Path) -> None:
     right, down = np.array([width, -height]) * texture.pixel_size_m
     corner = np.array([texture.west_m, texture.north_m])
     corners, crs = on_map(result, corner + np.array([[0.0, 0.0], [right, 0.0], [0.0, down]]))
-    tags = {"surface": "the adjusted ground plane: what stands above it leans away from the photo"}
+    tags = {"surface": "the adjusted ground plane: objects above it lean away from the photo"}
     rgba = add_opacity(texture.rgb, texture.covered)
     write_turned_picture(rgba, corners, crs, tags, path)
 

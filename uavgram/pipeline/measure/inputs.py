@@ -50,7 +50,7 @@ from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
-ANEW = "or take the tie points out by `uavgram picks ties --undo`, and look for them anew"
+ANEW = "or take the tie points out by `uavgram picks ties --undo`, and search for them again"
 
 
 def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
@@ -112,7 +112,7 @@ def _misplaced(
         else:
             yield (
                 i,
-                f"at ({u:g}, {v:g}) lies outside {image!r} "
+                f"at ({u:g}, {v:g}) is outside {image!r} "
                 f"({width:.0f} x {height:.0f} px, original and unrotated)",
             )
 
@@ -365,7 +365,7 @@ def _column_messages(*files: str | None) -> Iterator[Message]:
         if file and (own := find_own_columns(file, columns)):
             names = ", ".join(map(repr, own))
             what = "column" if len(own) == 1 else "columns"
-            text = f"{Path(file).name}: nothing reads the {what} {names}; what is there stays."
+            text = f"{Path(file).name}: the program keeps, but does not use, the {what} {names}."
             yield Message("info", "own-columns", text, files=(Path(file).name,))
 
 

@@ -71,7 +71,7 @@ def write_plan(result: Result, wish: PlanPaper, folder: Path) -> None:
     replace_bytes(folder / PLAN_PDF, made.pdf)
     replace_bytes(folder / PLAN_PNG, made.png)
     corners, crs = on_map(result, made.map_corners_m)
-    tags = {"surface": "the adjusted ground plane: what stands above it leans away from the photo"}
+    tags = {"surface": "the adjusted ground plane: objects above it lean away from the photo"}
     write_turned_picture(made.map_rgba, corners, crs, tags, folder / PLAN_MAP)
 
 

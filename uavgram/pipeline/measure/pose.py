@@ -206,13 +206,13 @@ def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
     if apart_m > SAME_SITE_M:
         raise InputError(
             inputs.project_path,
-            f"world.origin lies {apart_m / 1000:.0f} km from the flight: give a place near it "
+            f"world.origin is {apart_m / 1000:.0f} km from the flight: give a place near it "
             "(are latitude and longitude exchanged?), or leave it out",
         )
     if below_m < 0.5 * inputs.project.ground.height_sigma_m:
         return ()
     text = (
-        f"world.origin lies {apart_m / 1000:.1f} km from the flight, where the ground is "
+        f"world.origin is {apart_m / 1000:.1f} km from the flight, where the ground is "
         f"{below_m:.2f} m below the origin's horizontal plane by the earth's curvature alone: "
         "choose a nearer one, or take that off ground.height_m."
     )
@@ -325,7 +325,7 @@ def height_shift(inputs: Inputs, datum: HeightDatum) -> float:
     if not np.isfinite(undulation):
         raise UavgramError(
             f"heights in the input files are {heights}, those of {source} are {datum}, and it "
-            f"does not say how far apart the two are: give all heights as {datum} and set "
+            f"does not state the difference: give all heights as {datum} and set "
             f"world.heights: {datum}"
         )
     return undulation if datum == "ellipsoid" else -undulation

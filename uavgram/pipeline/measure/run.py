@@ -22,7 +22,7 @@ from uavgram.stages.summarise import tie_cloud
 
 
 class _Output(Enum):
-    FROM_PROJECT = "as the project says"
+    FROM_PROJECT = "as the project states"
 
 
 FROM_PROJECT = _Output.FROM_PROJECT

@@ -54,7 +54,7 @@ def usable_photos(
             found = f"only {len(photo.corner)} corners were found, at least {FEWEST_CORNERS} needed"
             left_out.append((photo, found))
         elif _in_line(photo, observations):
-            left_out.append((photo, "the corners found lie in one line of the board"))
+            left_out.append((photo, "the corners found are in one line of the board"))
         elif twin is not None:
             left_out.append((photo, f"the same picture as {twin.file}"))
         else:

@@ -218,7 +218,7 @@ def _cleaned(options: CalibrationOptions, corners: Corners, size_px: tuple[int, 
 def _why_not(judged: AssessedCalibration) -> str:
     """Return the reason against a lens that fits; empty without one."""
     if not judged.fit.converged:
-        return "its adjustment did not come to rest"
+        return "its adjustment did not converge"
     try:
         cost = length_uncertainty(judged.camera("camera"), tilt_rad=0.0).medians[0]
     except GeometryError:  # it folds back all over the image

@@ -62,8 +62,7 @@ def _on_tilts(judged: AssessedCalibration, result: CalibrationResult) -> Iterato
         yield Message(
             "warning",
             "few-photos",
-            f"{count} photos are few: 15 to 30 make the result, and what is said of its errors, "
-            "firmer.",
+            f"{count} photos are few: with 15 to 30 the result and its sigmas are more reliable.",
         )
     found = tilts(judged.fit.state)
     wide, narrow = np.degrees(found.spread_rad)
@@ -72,8 +71,8 @@ def _on_tilts(judged: AssessedCalibration, result: CalibrationResult) -> Iterato
             "warning",
             "few-tilts",
             f"All photos see the board at nearly the same tilt ({wide:.1f} degrees of spread): "
-            "focal length and distance cannot be told apart. Tilt the board by 30 to 45 degrees, "
-            "to all sides.",
+            "focal length and distance cannot be separated. Tilt the board by 30 to 45 degrees, to "
+            "all sides.",
         )
     elif narrow < SMALL_SPREAD_DEG:
         yield _one_roll(found, result, narrow)
@@ -103,7 +102,7 @@ def _on_coverage(judged: AssessedCalibration, result: CalibrationResult) -> Iter
             "warning",
             "image-not-covered",
             f"{np.sum(found.corners == 0)} of {found.corners.size} cells of the image hold no "
-            f"corner, and none lies farther out than {100 * found.largest_share:.0f} % of the way "
+            f"corner, and none is farther out than {100 * found.largest_share:.0f} % of the way "
             f"to the image's corners: there the lens is extrapolated (sigma up to {worst:.1f} px). "
             "Take photos with the board in the corners of the image.",
         )
@@ -227,7 +226,7 @@ def _on_the_model(result: CalibrationResult) -> Iterator[Message]:
         yield Message(
             "error",
             "calibration-not-converged",
-            f"The adjustment did not come to rest in {result.quality.iterations} steps: estimate "
+            f"The adjustment did not converge in {result.quality.iterations} steps: estimate "
             "fewer coefficients, or take more photos with the board tilted.",
         )
 
@@ -286,15 +285,14 @@ def _on_the_covariance(judged: AssessedCalibration, result: CalibrationResult) -
             "info",
             "corner-sigma-scaled",
             f"Residuals are {figures(quality.sigma_scale)} times as large as the corners' own "
-            "sigmas "
-            f"say: those were scaled to {figures(quality.sigma_px)} px.",
+            f"sigmas predict: those were scaled to {figures(quality.sigma_px)} px.",
         )
     elif result.options.corner_sigma == "given" and quality.chi2_probability < 0.001:
         yield Message(
             "warning",
             "corner-sigma-too-small",
             "The camera's sigmas are too small, as the corners fit worse than their own sigmas "
-            f"say: use corner_sigma: residuals (variance factor "
+            "predict. Use corner_sigma: residuals (variance factor "
             f"{figures(quality.variance_factor)}).",
         )
 
@@ -314,16 +312,16 @@ def _on_the_parameters(result: CalibrationResult) -> Iterator[Message]:
         yield Message(
             "info",
             "correlated-parameters",
-            f"Strongly correlated: {', '.join(strong)}. Their sigmas mean little one by one; the "
-            "covariance says what they do together.",
+            f"Strongly correlated: {', '.join(strong)}. Their sigmas mean little one by one: use "
+            "them with the covariance.",
         )
     fx, fy = camera.parameters[:2]
     if result.options.aspect is None and abs(fx / fy - 1) > SQUARE_PIXELS:
         yield Message(
             "warning",
             "pixels-not-square",
-            f"fx and fy differ by {100 * abs(fx / fy - 1):.1f} %, which no sensor does: the photos "
-            f"do not tell focal length and tilt apart (sigma fx {sigma[0]:.1f} px, fy "
+            f"fx and fy differ by {100 * abs(fx / fy - 1):.1f} %, as on no sensor: the photos "
+            f"do not separate focal length and tilt (sigma fx {sigma[0]:.1f} px, fy "
             f"{sigma[1]:.1f} px). Set --fix-aspect, or take photos with the camera rolled by a "
             "quarter turn.",
         )

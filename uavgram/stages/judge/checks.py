@@ -270,7 +270,7 @@ def _report_suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[M
     likely = likely_fault(*(np.median(each[off], axis=0) for each in (stated_m, found_m)))
     text = (
         f"{len(off)} of {len(checks.label)} check points are off, the median "
-        f"{displaced(middle, sigma)}: look at what they have in common, the datum of their "
+        f"{displaced(middle, sigma)}. Check their common data: the datum of their "
         f"heights, their coordinate system{likely} and the origin."
     )
     labels = tuple(checks.label[i] for i in off)

@@ -124,8 +124,8 @@ def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
     verb = "use" if contradicted else "rely on"
     why = ", and no single cause explains it all"
     look = (
-        "look at what the other messages name, at the labels, the unit of the lengths, the camera "
-        "file and whether the ground is plane"
+        "check the observations that the other messages name, the labels, the unit of the lengths, "
+        "the camera file and whether the ground is plane"
     )
     text = (
         f"Picks, lengths and ground {what}{why}. Do not {verb} the numbers before it is cleared "
@@ -209,7 +209,7 @@ def _report_wide_sigmas(
     )
     text = (
         "Everything fits far better than stated: the stated errors are far too wide, and so are "
-        "the uncertainties of the results. State them as they are: picks_sigma_px, sigma_m of the "
+        "the uncertainties of the results. State the true ones: picks_sigma_px, sigma_m of the "
         f"lengths, ground, telemetry (variance factor {figures(cost / degrees)}, probability "
         f"{probability:.7g}" + (f"; by group: {which})." if which else ").")
     )
@@ -244,7 +244,7 @@ def judge_majority(
     text = (
         f"{len(faults)} of {count} known lengths and things do not fit the others. These are too "
         "many to be the exception: those that do fit may be the wrong ones, so do not use these "
-        "numbers. Look for what they have in common, such as a tape, a unit or a label: "
+        "numbers. Look for a common cause, such as a tape, a unit or a label: "
         f"{listed(map(repr, faults))}."
     )
     return (Message("warning", "many-suspects", text),)

@@ -207,14 +207,14 @@ def _idle(known: KnownThings, i: int) -> Message:
     return Message(
         "warning",
         "known-idle",
-        f"The {what} is not used: by their picks all of its points lie on the ground, of which it "
-        "says nothing. Where some of them do not, write `free` for their height_m in picks.csv.",
+        f"The {what} is not used: by their picks all of its points are on the ground, where it "
+        "adds no information. For points off the ground write `free` as height_m in picks.csv.",
         labels=known.points[i],
         several=MessagePlural(
-            "{count} known things are not used, as by their picks all of their points lie on the "
-            "ground, of which they say nothing",
+            "{count} known things are not used, as by their picks all of their points are on the "
+            "ground, where they add no information",
             what,
-            ending="Where some of them do not, write `free` for their height_m in picks.csv.",
+            ending="For points off the ground write `free` as height_m in picks.csv.",
         ),
     )
 

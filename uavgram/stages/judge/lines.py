@@ -222,7 +222,7 @@ def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
     which = [f"the length {name!r}" for name in each] + [f"the click on {one!r}" for one in clicks]
     again = "Tape one of them again, or another line"
     if is_open := is_mount_open(refined.adjustment):
-        which.append("the camera's direction, straight down, which nobody states")
+        which.append("the camera's direction, straight down, which is only assumed")
     if clicks:
         it = "it" if len(each) == 1 else "one of these lengths"
         again = (
@@ -230,7 +230,7 @@ def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
             f"look at {'its' if len(clicks) == 1 else 'their'} stated height, if there is one"
         )
     if is_open:
-        again = f"State in `mount` how the camera hung. {again}"
+        again = f"State the camera's direction in `mount`. {again}"
     left = listed(repr(lines.name[i]) for i in out)
     left = f"The length {left} was" if len(out) == 1 else f"The lengths {left} were"
     text = (
@@ -266,15 +266,15 @@ def _text(
         name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))
         opening = (
             f"The length {named_ends(name, start, end)} was left out: {taped[0]}, but "
-            f"{_list_contradicting(refined)} say {seen[0]}{ask or '.'}"
+            f"{_list_contradicting(refined)} show {seen[0]}{ask or '.'}"
         )
     else:
         names = [lines.name[i] for i in found]
         each = zip(names, taped, seen, strict=True)
         items = "; ".join(f"{name!r} {given}, {is_} seen" for name, given, is_ in each)
         opening = (
-            f"{len(found)} lengths were left out, wrong in one way by what "
-            f"{_list_contradicting(refined)} say{ask} {items}."
+            f"{len(found)} lengths were left out, wrong in one way by the evidence of "
+            f"{_list_contradicting(refined)}{ask} {items}."
         )
     return (
         f"{opening} Look at reading and unit, and at the labels and the picks of the ends. With so "

@@ -108,11 +108,11 @@ def _message(
     labels: tuple[str, ...] = ()
     mend = None
     if kind == "boresight":
-        what = "a camera that looked another way than straight down"
+        what = "a camera that did not look straight down"
         action = (
-            "Neither the log nor the photos contain where it looked: state in `mount` how it hung"
+            "Neither the log nor the photos contain its direction: state the direction in `mount`"
         )
-        plain = "Not checked: how did the camera hang? Straight down was assumed."
+        plain = "Not checked: the camera's direction. Straight down was assumed."
         numbers = ""  # an error of an unstated direction may have any size
     elif kind == "pixels":
         labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
@@ -144,7 +144,7 @@ def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
     measured, member = examined.measured, worst.member
     what = f"the {examined.names.observation(member)}"
     if worst.sigmas > UNDETECTABLE_SIGMAS:
-        return f"an error in {what} stays hidden, whatever its size"
+        return f"an error of any size in {what} stays hidden"
     unit, factor = examined.names.unit(member)
     size = worst.sigmas * float(examined.groups[member.kind].scale[member.row, member.axis])
     return (

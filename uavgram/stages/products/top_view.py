@@ -192,7 +192,7 @@ def _usual_pixel(view: View) -> float:
     sizes = photo_pixels_m(view)
     if not np.isfinite(sizes).any():
         raise GeometryError(
-            "no photo's middle lies on the ground: state the size of a pixel with --pixel-size"
+            "the centre of no photo shows the ground: state the size of a pixel with --pixel-size"
         )
     size = float(np.nanmedian(sizes))
     digits = NICE_DIGITS - 1 - int(np.floor(np.log10(size)))

@@ -92,14 +92,14 @@ def describe_missing_input(survey: Survey, found: FramePlanes) -> str:
     known, name = seen[frame], survey.frame_id[frame]
     more = "a length, a right angle, a pair of parallel lines or of equal lengths"
     if not known.scaled:
-        lack = "none says how large anything is: give a length there"
+        lack = "none fixes the scale: give a length there"
     elif known.rows < 3:
         missing = "two more are" if known.rows == 1 else "one more is"
         lack = f"{missing} missing there: {more}"
     else:
         lack = (
-            "but they leave the camera's place open: they say the same twice, contradict each "
-            "other, or two of the places that they allow merge; check them, or give one more "
+            "but they do not fix the camera's position: they repeat or contradict each "
+            "other, or two of the positions that they allow merge; check them, or give one more "
             f"there, best in another direction: {more}"
         )
     return (

@@ -157,13 +157,13 @@ def report_heights_left_out(
             shown = f", and the photos show it at {found[row]:.2f} ± {sigma[row]:.2f} m"
         text = (
             f"The stated height of {label!r} was left out: {what}{shown}. Measure its height "
-            "again, and look whether its picks are on the right thing; until then it was adjusted "
-            "with the height that the photos show."
+            "again, and check whether its picks are on the right thing; until then the height that "
+            "the photos show is used."
         )
         several = MessagePlural(
             "{count} stated heights were left out",
             f"{what}{shown}",
-            ending="Measure them again, and look whether the picks are on the right thing.",
+            ending="Measure them again, and check whether the picks are on the right thing.",
         )
         yield Message(
             "warning",

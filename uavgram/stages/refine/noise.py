@@ -478,8 +478,8 @@ FACTOR_SIGMAS = 3.0
 """Least difference of the factor from one, in sigmas."""
 
 ADVICE = {
-    "hand": "Look whether each label is at the same place in all photos.",
-    "target": "Look whether the plates lay flat and still.",
+    "hand": "Check whether each label is at the same place in all photos.",
+    "target": "Check whether the plates were flat and did not move.",
     "match": "Look at those with the largest residuals.",
     "tie": "Something may have moved between the photos.",
 }
@@ -508,9 +508,9 @@ def report_noise(noise: Noise | None) -> Iterator[Message]:
     if beside is not None and beside.factor > max(CARELESS_FACTOR, 1.0 + beside.sigma):
         text = (
             "Picks and lengths fit each other less well than stated: points were picked within "
-            f"{_length_text(beside.stated_m)} of what was meant as stated, within "
+            f"{_length_text(beside.stated_m)} of the meant points as stated, within "
             f"{_length_text(beside.stated_m * beside.factor)} as found. All uncertainties are "
-            "wider for that, but several wrong lengths would look alike. Look whether tape and "
+            "wider for that, but several wrong lengths would look alike. Check whether tape and "
             "picks mean the same place of each mark, and whether each length was read right."
         )
         yield Message("warning", "identification-less-exact", text)
@@ -527,7 +527,7 @@ def _report_ground(area: AreaNoise, *, several: bool) -> Iterator[Message]:
         "correlated": "in smooth rises and hollows",
     }[area.shape]
     text = (
-        f"{where} is not a plane: its points lie about {_length_text(size)} off it, {shape}; the "
+        f"{where} is not a plane: its points are about {_length_text(size)} off it, {shape}; the "
         "drawing in the report shows where. The uncertainties contain that. Where they must be "
         "smaller: pick the points in more photos, or give other ground an area of its own."
     )

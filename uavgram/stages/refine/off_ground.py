@@ -275,8 +275,8 @@ def _unchecked_message(unseen: list[str], sigma_m: float, found: int) -> Message
     what = f"{len(unseen)} points are" if several else f"The point {unseen[0]!r} is"
     it = "They" if several else "It"
     text = (
-        f"{what} picked in one photo only, where {found} others stand off the ground: pick "
-        f"{'them' if several else 'it'} in a second photo. {it} may stand off the ground too, so "
+        f"{what} picked in one photo only, where {found} others are off the ground: pick "
+        f"{'them' if several else 'it'} in a second photo. {it} may be off the ground too, so "
         f"{'their heights are' if several else 'its height is'} taken as uncertain by "
         f"{sigma_m:.2f} m."
     )
@@ -321,7 +321,6 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
     digits = int(np.clip(1 - np.floor(np.log10(max(sigma_m, 1e-4))), 1, 3))
     size = f"{abs(height_m):.{digits}f} ± {sigma_m:.{digits}f} m {side} the ground"
     size_m, rough = abs(height_m), min(digits, 1 if abs(height_m) >= 1.0 else 2)
-    where = "up" if height_m > 0 else "below the ground"
     other = " (or one of its two picks is on another thing)" if photos == UNCHECKED_PHOTOS else ""
     text = (
         f"{label!r} fits {size}, and not on it{other}. It was adjusted with that height. To "
@@ -342,6 +341,6 @@ def off_ground_message(label: str, height_m: float, sigma_m: float, photos: int)
         heights_m=(height_m,),
         heights_sigma_m=(sigma_m,),
         several=several,
-        plain=f"{label} stands {size_m:.{rough}f} m {where}{other}.",
+        plain=f"{label} is {size_m:.{rough}f} m {side} the ground{other}.",
         mend=make_height_remedy([label]),
     )

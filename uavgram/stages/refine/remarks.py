@@ -76,8 +76,8 @@ def _not_converged_message() -> Message:
     """Report missing convergence, without names: such residuals do not show the fault."""
     text = (
         "The picks and lengths lead to no result: do not use these numbers. The adjustment did not "
-        "come to rest, and no test can tell from these numbers what is wrong. Look at the other "
-        "messages first, then for a swapped label or a wrong length; where the camera is only "
+        "converge, and no test can find the fault from these numbers. Read the other "
+        "messages first, then look for a swapped label or a wrong length; where the camera is only "
         "assumed, calibrate it."
     )
     return Message("error", "not-converged", text)
@@ -213,7 +213,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
     plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
     text = (
         f"The {what} was taken out, as it does not fit the rest (w = {removal.w:.1f}); everything "
-        "else was adjusted anew. Look at it, and correct or delete it."
+        "else was adjusted again. Look at it, and correct or delete it."
     )
     if removal.suspicion.group:
         text += f" It may be the {names.group(removal.suspicion)}: {names.look(removal.suspicion)}."
@@ -226,7 +226,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
         **names.subjects(removal.suspicion.accused),
         several=MessagePlural(
             f"{{count}} {plural} were taken out, as they do not fit the rest, which was adjusted "
-            "anew",
+            "again",
             f"{what} (w = {removal.w:.1f})",
             ending="Look at them, and correct or delete them.",
         ),
@@ -236,7 +236,7 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
 def _correction_message(cause: Cause, before: str, after: str) -> Message:
     """Report a cause, with the correction that was made."""
     first, _, rest = cause.message.text.removesuffix(".").partition(". ")
-    done = f"It was mended, look whether rightly: {before}; now {after}"
+    done = f"The program corrected it, check this: {before}; now {after}"
     text = ". ".join(filter(None, (first, done, rest)))
     return replace(cause.message, text=f"{text}.", several=None, mend=None, instead=())
 
@@ -285,7 +285,7 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
         yield from _report_ambiguous_control(refined)
         return
     if refined.alternatives:
-        within = "" if survey.telemetry is None else " within what the telemetry allows"
+        within = "" if survey.telemetry is None else " within the sigmas of the telemetry"
         how_else = "" if survey.telemetry is not None else ", or give the flight log"
         also = ", or give another right angle or pair of parallel lines" if survey.known else ""
         what = "known lengths and things fit" if survey.known else "lengths fit"
@@ -293,7 +293,8 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
         text = (
             f"The {what} {len(refined.alternatives) + 1} camera positions about equally well"
             f"{within}: {_difference_text(changes)}. Tape another line that does not close a "
-            f"triangle{also}{how_else}. The measured values of the others stand under alternatives."
+            f"triangle{also}{how_else}. The results list the measured values of the others under "
+            "alternatives."
         )
         largest = max(largest for _, largest in changes)
         yield Message(
@@ -339,7 +340,7 @@ def _report_weak_lengths(refined: Refined) -> Iterator[Message]:
     advice = next_line(adjustment)
     if advice is None or (advice.relative_sigma < WEAK_SIGMA and not faults):
         return
-    what = "; ".join(faults) or "they say little of the scene's shape"
+    what = "; ".join(faults) or "they hardly fix the scene's shape"
     known = "lengths and things" if survey.known else "lengths"
     best, labels = _suggest_length(refined)
     text = (
@@ -371,7 +372,7 @@ def _report_ambiguous_control(refined: Refined) -> Iterator[Message]:
     text = (
         f"The control points fit {len(refined.alternatives) + 1} camera positions equally well. "
         "Pick more control points, wider apart or of other heights, or give the flight log. The "
-        "measured values of the others stand under alternatives."
+        "results list the measured values of the others under alternatives."
     )
     yield Message("warning", "ambiguous-pose", text)
 
@@ -450,8 +451,8 @@ LEVEL_DEG = 2.0
 
 SHUTTER_FOUND = (
     "The camera reads its rows one after the other (a rolling shutter): tie points fit much better "
-    "so. Taken into account as far as they show it; what they cannot show, how long a photo takes "
-    "to read and how far the drone flew meanwhile, is in the sigmas. Name the flight's log "
+    "so. The effect is corrected as far as they show it. They do not show the readout time and how "
+    "far the drone flew meanwhile: this is in the sigmas. Name the flight's log "
     "(`log:`), or state `readout_ms` in the camera file."
 )
 

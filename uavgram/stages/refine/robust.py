@@ -149,13 +149,13 @@ class Robust:
             what = f"{label!r} in {listed_photos(frames)}"
             text = (
                 f"The picks of {what} contradict each other. Nothing shows which of them is wrong, "
-                "so the point is uncertain by as much as they differ. Pick it anew in these "
+                "so the point is uncertain by as much as they differ. Pick it again in these "
                 "photos, or in another one too."
             )
             several = MessagePlural(
                 "The picks of {count} points contradict each other",
                 what,
-                ending="Pick them anew in these photos, or in another one too.",
+                ending="Pick them again in these photos, or in another one too.",
             )
             yield Message(
                 "warning",

@@ -296,14 +296,13 @@ def report_ties(survey: Survey, sound: CheckedTies) -> Iterator[Message]:
         yield Message(
             "warning",
             "match-left-out",
-            f"{label} in {image} is left out: what the program found there does not fit what it "
-            "found in the other photos (it may have moved, or look like something else). Look at "
+            f"{label} in {image} is left out: this match does not fit the matches in the other "
+            "photos (the point may have moved, or look like something else). Look at "
             "it, and pick it by hand or delete the row.",
             frames=(image,),
             labels=(label,),
             several=MessagePlural(
-                "{count} matches are left out: what the program found there does not fit what it "
-                "found in other photos",
+                "{count} matches are left out: they do not fit the matches in other photos",
                 f"{label} in {image}",
                 ending="Look at them, and pick them by hand or delete these rows.",
             ),

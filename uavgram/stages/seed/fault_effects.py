@@ -152,14 +152,12 @@ def report_faults(faults: Faults, evidence: FlightEvidence, frames: Frames) -> I
 _OPENINGS: dict[FaultKind, str] = {
     "position-jump": "The log's position jumps {count} times",
     "attitude-jump": "The log's attitude jumps {count} times",
-    "position-frozen": "The log's position stands still {count} times while the vehicle flies on",
+    "position-frozen": "The log's position is frozen {count} times while the vehicle flies on",
     "attitude-frozen": "The log repeats one and the same attitude {count} times",
     "position-gap": "The log states no position {count} times while photos were taken",
     "attitude-gap": "The log states no attitude {count} times while photos were taken",
     "gimbal-gap": "The log states no gimbal direction {count} times while photos were taken",
-    "receiver-apart": (
-        "The log's position lies off what the GPS receiver itself states, {count} times"
-    ),
+    "receiver-apart": ("The log's position differs from the GPS receiver's own, {count} times"),
 }
 """Opening of the message on several faults of a kind."""
 
@@ -171,16 +169,14 @@ def _what(fault: LogFault) -> str:
         "position-jump": f"The log's position jumps {size}",
         "attitude-jump": f"The log's attitude jumps {size}",
         "position-frozen": (
-            f"The log's position stands still {size} while the vehicle flies on by "
+            f"The log's position is frozen {size} while the vehicle flies on by "
             f"{fault.horizontal:.1f} m"
         ),
         "attitude-frozen": f"The log repeats one and the same attitude {size}",
         "position-gap": f"The log states no position {size} while photos were taken",
         "attitude-gap": f"The log states no attitude {size} while photos were taken",
         "gimbal-gap": f"The log states no gimbal direction {size} while photos were taken",
-        "receiver-apart": (
-            f"The log's position lies {size} off what the GPS receiver itself states"
-        ),
+        "receiver-apart": (f"The log's position differs {size} from the GPS receiver's own"),
     }[fault.kind]
 
 
@@ -195,7 +191,7 @@ def _size(fault: LogFault) -> str:
             (tilt, "{:.0f} degrees of tilt"), (yaw, "{:.0f} degrees of heading")
         )
     if fault.kind == "receiver-apart":
-        return f"up to {along:.1f} m"
+        return f"by up to {along:.1f} m"
     return f"for {fault.end_s - fault.start_s:.1f} s"
 
 
@@ -239,8 +235,8 @@ def _effect(names: tuple[str, ...]) -> str:
     if not names:
         return " No photo depends on that, so nothing was changed."
     return (
-        f" So the log is believed only that far in {len(names)} of the photos ({listed(names)}), "
-        f"and what was picked places them. {_LOOK}"
+        f" So the log's sigmas are larger in {len(names)} of the photos ({listed(names)}), "
+        f"and their picks place them. {_LOOK}"
     )
 
 

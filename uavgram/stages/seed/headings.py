@@ -251,9 +251,9 @@ def _tilt_message(survey: Survey, off_rad: Floats, tilted: Bools) -> Message:
     frames = tuple(survey.frame_id[k] for k in np.flatnonzero(tilted))
     typical = np.degrees(np.median(off_rad[tilted]))
     text = (
-        f"{len(frames)} photos that state no attitude do not look where `mount` says: the tie "
-        f"points between them show them tilted by {typical:.0f} degrees from there, and that was "
-        "believed. If you know how the camera was tilted, set mount.pitch_deg, or give yaw_deg, "
+        f"{len(frames)} photos that state no attitude do not look in the direction of `mount`: the "
+        f"tie points between them show them tilted by {typical:.0f} degrees from it, and this tilt "
+        "is used. If you know how the camera was tilted, set mount.pitch_deg, or give yaw_deg, "
         "pitch_deg and roll_deg in a CSV file (`poses`)."
     )
     return Message("info", "attitude-by-ties", text, frames=frames)

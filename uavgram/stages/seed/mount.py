@@ -64,8 +64,8 @@ def find_turned_mount(survey: Survey) -> Message | None:
     how += [f"{tilt:+d} degrees up or down (mount.pitch_deg)"] if tilt else []
     apart = f"{stated:.1f} m apart" if np.isfinite(stated) else "partly in the sky"
     text = (
-        "The camera seems to be mounted another way than the project says: where several photos "
-        f"show one point, their rays meet the ground {apart} as it stands, and "
+        "The camera seems to be mounted in another direction than the project states: where "
+        f"several photos show one point, their rays meet the ground {apart} as stated, and "
         f"{turned[best]:.1f} m apart with all photos turned by {' and '.join(how)}. Correct "
         "`mount`, or its gimbal."
     )
@@ -98,7 +98,7 @@ def _turned_heading(survey: Survey, ray_camera: Floats, least_m: float) -> Messa
     text = (
         "All headings of the camera seem to be wrong by the same angle: correct the gimbal's yaw, "
         "or `mount.yaw_deg`. Where several photos show one point, their rays meet the ground "
-        f"{apart} as it stands, and {scatter[best]:.1f} m apart with all headings turned by "
+        f"{apart} as stated, and {scatter[best]:.1f} m apart with all headings turned by "
         f"{best:+d} degrees."
     )
     return Message("warning", "mount-turned", text)

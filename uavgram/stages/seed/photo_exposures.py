@@ -58,7 +58,7 @@ def find_photo_home(poses: PhotoPoses) -> tuple[Origin, tuple[Message, ...]]:
     k = int(known[0])
     height = float(take_off_m[k])
     text = (
-        f"The world's origin lies below the first photo ({poses.frame_id[k]}) at the height of "
+        f"The world's origin is below the first photo ({poses.frame_id[k]}) at the height of "
         f"take-off ({height:.2f} m {poses.datum}): altitude minus height above take-off. The "
         "ground is taken to be there up to ground.height_sigma_m; where it is not, set "
         "ground.height_m or world.origin."
@@ -196,8 +196,8 @@ def _messages(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterato
     way_out = "give yaw_deg, pitch_deg and roll_deg in a CSV file (`poses`)"
     if guessed.any():
         text = (
-            f"{poses.source} has no attitude for {int(guessed.sum())} photos: they are taken to "
-            "look as `mount` says from a level vehicle with the heading of its tags, or else along "
+            f"{poses.source} has no attitude for {int(guessed.sum())} photos: their direction is "
+            "assumed by `mount` from a level vehicle with the heading of its tags, or else along "
             f"the course from photo to photo (sigma {COURSE_TILT_SIGMA_DEG:g} degrees of tilt, "
             f"{COURSE_YAW_SIGMA_DEG:g} of yaw, {TURN_YAW_SIGMA_DEG:g} where the course turns). "
             f"If you know better, {way_out}."
@@ -208,9 +208,9 @@ def _messages(poses: PhotoPoses, has_attitude: Bools, course: Floats) -> Iterato
         text = (
             f"{poses.source} has no attitude for {unknown.size} photos (the first is "
             f"{poses.frame_id[unknown[0]]}), and no other photo follows within {CLOSE_S:g} s that "
-            "would give a course. They look as `mount` says from a level vehicle (sigma "
-            f"{COURSE_TILT_SIGMA_DEG:g} degrees of tilt); their heading is unknown, and only "
-            f"points that several photos share, or known points, tell it: pick such points, or "
+            "would give a course. Their direction is assumed by `mount` from a level vehicle "
+            f"(sigma {COURSE_TILT_SIGMA_DEG:g} degrees of tilt); their heading is unknown. Only "
+            "points that several photos share, or known points, determine it. Pick such points, or "
             f"{way_out}."
         )
         frames = tuple(poses.frame_id[k] for k in unknown)

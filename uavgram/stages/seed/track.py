@@ -235,7 +235,7 @@ def _gimbal_track(
     if inside.sum() < 2:
         text = (
             f"The log's gimbal angles were not used: {gimbal.source} never overlaps "
-            f"{attitudes.source}. The camera looks as `mount` says: look whether that is right."
+            f"{attitudes.source}. The camera's direction is taken from `mount`: check it."
         )
         return np.zeros(0), np.zeros((0, 4)), (Message("warning", "gimbal-unused", text),)
     time = gimbal.time_boot_s[inside]
@@ -261,7 +261,7 @@ def _held_to(
         text = (
             "The log's gimbal angles do not cover the whole flight: "
             f"{source} begins {before:.1f} s after and ends {after:.1f} s before the vehicle's "
-            "attitude. Its first and last values were held there: look whether the gimbal moved."
+            "attitude. Its first and last values were used there: check whether the gimbal moved."
         )
         messages = (Message("warning", "gimbal-held", text),)
     if before > 0:

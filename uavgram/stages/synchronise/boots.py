@@ -118,7 +118,7 @@ def apart(time_utc_s: Floats, usable: list[ClockedBoot]) -> tuple[float, str]:
     about = f"{apart_s:+.0f} s ({apart_s / 3600:+.2f} h)"
     about = about if abs(apart_s) < DAY_S else f"{apart_s / DAY_S:+.0f} days"
     return apart_s, (
-        f"no photo lies in the flight: the photos were taken {photos_span(time_utc_s)} (file times "
-        f"less time.offset_s), the log runs from {log_spans(usable)}. Is it the log of another "
-        f"flight, or is the camera's clock wrong by about {about}? Then set time.offset_s"
+        f"no photo is from this flight: the photos were taken {photos_span(time_utc_s)} (file "
+        f"times less time.offset_s), the log runs from {log_spans(usable)}. Is it the log of "
+        f"another flight, or is the camera's clock wrong by about {about}? Then set time.offset_s"
     )

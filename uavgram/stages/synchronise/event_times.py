@@ -219,7 +219,7 @@ def _named(pairing: Pairing, rows: list[int]) -> str:
 
 
 LONGEST_GAP_S = 1.0  # to the nearest logged position
-LOOK = "Look whether it is of this flight, and at time.offset_s."
+LOOK = "Check whether it is of this flight, and time.offset_s."
 
 
 def placed_frames(photos: Photos, chosen: ClockedBoot, timing: Timing) -> Frames:

@@ -59,16 +59,16 @@ def synchronise_by_ties(
     if level is None or len(rows) < MIN_PHOTOS:
         raise UavgramError(
             f"time.offset_s is auto, the log has no camera events, and tie points join only "
-            f"{len(rows)} photos with a time ({MIN_PHOTOS} tell how the flight went): {HOW}"
+            f"{len(rows)} photos with a time ({MIN_PHOTOS} are needed): {HOW}"
         )
     # Fit the offset of the camera's clock to each boot.
     found = [(clocked, _clock(photos, clocked, level, rows)) for clocked in usable]
     fitting = [(c, clock) for c, clock in found if clock and clock.misfit <= MAX_MISFIT]
     if not fitting:
         raise UavgramError(
-            "time.offset_s is auto, the log has no camera events, and under no offset of the "
-            "camera's clock does its track go with where the tie points say that photos were "
-            f"taken: is this the log of another flight? {HOW}"
+            "time.offset_s is auto, the log has no camera events, and its track fits the tie "
+            "points of the photos under no offset of the "
+            f"camera's clock: is this the log of another flight? {HOW}"
         )
     fitting.sort(key=lambda one: one[1].misfit)
     chosen, clock = fitting[0]
@@ -76,15 +76,15 @@ def synchronise_by_ties(
     if rivals:
         listed = ", ".join(f"{offset:+.1f} s" for offset in [clock.offset_s, *rivals][:4])
         raise UavgramError(
-            "time.offset_s is auto, the log has no camera events, and its track goes with the tie "
+            "time.offset_s is auto, the log has no camera events, and its track fits the tie "
             f"points of the photos under several offsets of the camera's clock: {listed}. {HOW}"
         )
     # Truncation or rounding of file times: root mean square step / sqrt(8).
     sigma = float(np.hypot(clock.sigma_s, np.nanmax(photos.file_time_resolution_s) / np.sqrt(8.0)))
     text = (
         f"The camera's clock is {clock.offset_s:+.2f} +- {sigma:.2f} s ahead of UTC: so the log's "
-        f"track goes with the tie points of {len(rows)} photos. The log has no camera events that "
-        "would say it better."
+        f"track fits the tie points of {len(rows)} photos. The log has no camera events for a "
+        "better value."
     )
     return chosen, Timing(
         photos.file_time_s - clock.offset_s,

@@ -114,8 +114,8 @@ def _snapped(
     if not alignment.unique:
         text = (
             f"The photos' times are rough: they are in steps of {resolution:g} s, and fit the "
-            "log's camera events in several ways. They were used as they are. Take all photos of "
-            "the flight, or state time.offset_s better."
+            "log's camera events in several ways. They were used without correction. Take all "
+            "photos of the flight, or state time.offset_s better."
         )
         return replace(plain, messages=(Message("warning", "time-coarse", text),))
     taken = int(alignment.certain.sum())
@@ -158,7 +158,7 @@ def match_by_alignment(
             f"camera's clock the photos were taken {photos_span(photos.file_time_s)}, the log runs "
             f"from {log_spans(usable)}: is it whole, and of this flight?): set time.offset_s "
             "(camera clock minus UTC, in seconds) and time.offset_sigma_s, or `ties: auto`, which "
-            "finds it from what the photos share"
+            "finds it from points that the photos share"
         )
     unique = [result for _, result in results if result.unique]
     if len(unique) > 1:

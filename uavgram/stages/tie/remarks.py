@@ -81,7 +81,7 @@ def _apart(ties: TiePicks, photos: Sequence[str]) -> Iterator[Message]:
         "info",
         "ties-apart",
         f"The photos fall into {len(groups)} groups, and no tie point joins one with another: "
-        f"{most} photos hang together, {len(others)} others, such as {others[0]!r}, hang with the "
-        "rest by poses and picks alone. Pick points that both groups show.",
+        f"{most} photos are joined; only poses and picks join {len(others)} others, such as "
+        f"{others[0]!r}, with them. Pick points that both groups show.",
         frames=others,
     )

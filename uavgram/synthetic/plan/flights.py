@@ -282,8 +282,8 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
         )
     if obstacles["no-go"] and not obstacles["cover"]:
         return (
-            "every flight crosses what is out of bounds for drone and tape (no_go): draw that as "
-            "small as it really is, or plan the area in parts beside it"
+            "every flight crosses a part that is out of bounds for drone and tape (no_go): draw it "
+            "as small as it really is, or plan the area in parts beside it"
         )
     if obstacles["horizon"] and not obstacles["cover"]:
         return (
@@ -301,7 +301,7 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
     away[contains(scene.area_m, scene.point_m)] = 0.0
     if away.any():
         farthest = scene.label[int(away.argmax())]
-        more += f" leave out what lies outside of the area ({farthest}),"
+        more += f" leave out points outside of the area ({farthest}),"
     return (
         f"{area}: from at most {max(heights_to_try(request)):g} m up, no flight ({tried}) shows "
         f"all of it for certain, as the drone may depart by {request.deviation_m:g} m and "

@@ -64,11 +64,11 @@ def nowhere() -> Message:
     return Message(
         "warning",
         "plan-nowhere",
-        "Nobody said where on earth this is, so no mission file was written: the maps and the "
+        "The place on earth is unknown, so no mission file was written: the maps and the "
         "north of the drawing are of the place of the program's demo "
         f"({site.latitude_deg:.4f}, {site.longitude_deg:.4f}). Write site: {{latitude_deg: ..., "
         "longitude_deg: ..., scene_east_m: 0, scene_north_m: 0, road_azimuth_deg: ...}, where "
-        "your [0, 0] lies and where the first axis of your metres points, clockwise from north; "
+        "your [0, 0] is and where the first axis of your metres points, clockwise from north; "
         "or give the area as a GeoJSON or KML file.",
     )
 
@@ -103,7 +103,7 @@ def remarks(
         yield Message(
             "warning",
             "plan-lines-useless",
-            f"{what} make what is measured only {100 * gained:.0f} % more certain than none. Use "
+            f"{what} make the measurements only {100 * gained:.0f} % more certain than none. Use "
             f"{instead}, or save the work.",
             lengths=lines.name,
         )
@@ -112,7 +112,7 @@ def remarks(
             "warning",
             "plan-few-lines",
             f"With {len(lines.name)} reference line{'s' * (len(lines.name) > 1)} in a single photo "
-            "errors may be up to a third larger than the ± of this plan: how the camera was tilted "
+            "errors may be up to a third larger than the ± of this plan: the tilt of the camera "
             f"is then known from the log alone. Lay {FEW_LINES} lines or more, or take more "
             "photos.",
             lengths=lines.name,
@@ -152,8 +152,8 @@ def remarks(
             yield Message(
                 "warning",
                 "plan-needs-line",
-                f"Without {kind} {', '.join(names)} the photos hang on too little, and nothing "
-                f"could be measured to any use. {more}, or write `robust: true` in the plan.",
+                f"Without {kind} {', '.join(names)} too little fixes the photos for any useful "
+                f"measurement. {more}, or write `robust: true` in the plan.",
                 lengths=names if own is lines else (),
             )
 
@@ -185,8 +185,8 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
         found = predicted(scene, choice.flight.cameras, wanted, ends)
     except SingularError as fault:
         raise GeometryError(
-            f"with {len(ends)} reference {choice.laid} nothing says where the photos were taken "
-            "from: allow more (lines), or fly with a log (telemetry)"
+            f"with {len(ends)} reference {choice.laid} the positions of the photos are not "
+            "determined: allow more (lines), or fly with a log (telemetry)"
         ) from fault
     lines = planned_lines(scene, choice, layout.lines, found)
     plates = planned_plates(scene, choice, layout.lines)

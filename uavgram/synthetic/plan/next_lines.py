@@ -78,7 +78,7 @@ def next_lines_of(inputs: Inputs, project: Path) -> NextLines:
         raise InputError(
             project,
             f"no line of {SHORTEST_M:g} to {LONGEST_M:g} m fits between its points in a photo: "
-            "pick points that lie farther apart",
+            "pick points that are farther apart",
         )
     aim = _aim(adjustment, values)
     candidates = _candidates(adjustment, places, pairs, _tape_sigma(inputs.lines))

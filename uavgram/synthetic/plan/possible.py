@@ -167,8 +167,8 @@ def _groups(
             "photos, or take more photos"
         )
         raise GeometryError(
-            f"no {what} fits into the area, clear of what is out of bounds, and lies in a photo "
-            f"for certain: {way_out}"
+            f"no {what} fits into the area, clear of the parts out of bounds (no_go), and is in a "
+            f"photo for certain: {way_out}"
         )
     return groups, known
 

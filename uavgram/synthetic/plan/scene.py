@@ -151,8 +151,8 @@ def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path)
     if by_place or (request.no_go and not isinstance(request.no_go, str)):
         raise InputError(
             path,
-            f"the area lies {away / 1000:.0f} km from the scenario's site, so the places that are "
-            "given in metres mean nothing: write latitude_deg and longitude_deg of `site:`",
+            f"the area is {away / 1000:.0f} km from the scenario's site, so the places that are "
+            "given in metres are wrong: write latitude_deg and longitude_deg of `site:`",
         )
     return replace(
         site,
@@ -293,7 +293,7 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
     if request is None:
         raise InputError(
             path,
-            "has no section `plan:`, which says what to plan for: add `plan: {area: [[-20, -15], "
+            "has no section `plan:` with the area to plan for: add `plan: {area: [[-20, -15], "
             "[20, -15], [20, 15], [-20, 15]]}`, the corners of the scene in metres, or `plan: "
             "{area: area.kml}`",
         )

@@ -71,7 +71,7 @@ def test_capture_times_guard_the_join_against_renamed_photos(real: Path) -> None
     assert len(read_mrk(real, named(numbers, when))[0].frame_id) == 30
     renamed = when.copy()
     renamed[20:] += 6.0  # one lost, the rest renumbered: four exposures further
-    with pytest.raises(InputError, match="away from where its number says"):
+    with pytest.raises(InputError, match="off the time that its number has in the log"):
         read_mrk(real, named(numbers, renamed))
 
 
@@ -104,7 +104,7 @@ def test_malformed_and_doubled_lines_are_named(real: Path, tmp_path: Path) -> No
     with pytest.raises(InputError, match=r"a\.mrk:2: is no line"):
         read_mrk(path, named([2]))
     path.write_text("\n".join([lines[0], lines[1], lines[0]]))
-    with pytest.raises(InputError, match=r"a\.mrk:3: photo 2 stands in it twice"):
+    with pytest.raises(InputError, match=r"a\.mrk:3: photo 2 occurs twice"):
         read_mrk(path, named([2]))
 
 

@@ -104,7 +104,7 @@ def test_angles_are_those_of_a_body_above_a_nadir_camera(
         ("EPSG:999999\na 1 2 3\n", r"geo\.txt:1: 'EPSG:999999' is no coordinate system"),
         ("EPSG:4326\na.jpg 1 2\n", r"geo\.txt:2: 'a.jpg' has no height"),
         ("EPSG:4326\na.jpg 1 2 3\n# c\n\nb.jpg 1 x 3\n", r"geo\.txt:5: must be a number"),
-        ("EPSG:4326\na.jpg 1 2 3\na.jpg 1 2 3\n", r"geo\.txt:3: .* stands in line 2"),
+        ("EPSG:4326\na.jpg 1 2 3\na.jpg 1 2 3\n", r"geo\.txt:3: .* is already in line 2"),
         ("EPSG:4326\na.jpg 1 92 3\n", r"geo\.txt:2: .* is no place"),
         ("EPSG:4326\na.jpg 1 nan 3\n", r"geo\.txt:2: must be a number"),
     ],

@@ -131,7 +131,7 @@ def test_a_mended_survey_is_adjusted_as_if_nothing_had_been_wrong(
     assert [removal.kind for removal in refined.removals] == ["mend"]
     (told,) = [one for one in messages if one.code == "labels-swapped"]
     before, after = refined.removals[0].mended
-    assert f". It was mended, look whether rightly: {before}; now {after}." in told.text
+    assert f". The program corrected it, check this: {before}; now {after}." in told.text
     assert [one.message.code for one in refined.causes] == ["labels-swapped"]
 
 

@@ -50,7 +50,7 @@ class Condition(KnownKind):
             return f"needs both ends of each line (got {len(points)} points)"
         ends = [frozenset(points[i : i + 2]) for i in range(0, len(points), 2)]
         is_twice = len(set(ends)) < len(ends)
-        return "names one line twice: that says nothing" if is_twice else ""
+        return "names one line twice: that adds no information" if is_twice else ""
 
 
 CONDITIONS = (

@@ -46,7 +46,7 @@ LINE_OF_POSITION = OnLine(
     "on a line of known position",
     needs="world",
     unplaced=(
-        "nothing else says where on the map this survey lies, and such lines are too few for it",
+        "no other observation places this survey on the map, and such lines are too few for it",
         "It takes three picked points on lines that are not all parallel (or the flight log, or "
         "two control points).",
     ),

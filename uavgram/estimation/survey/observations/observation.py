@@ -272,7 +272,7 @@ class Observation:
         """Describe a misfit: as a sentence with the values to check, and in a few words."""
         what = self.axis(found.member)
         return (
-            f"What was assumed of the {what} does not fit the picks, lengths and log: check its "
+            f"The assumed {what} does not fit the picks, lengths and log: check its "
             f"value and sigma in the project (w = {found.w:.1f}).",
             f"{what} (w = {found.w:.1f})",
         )

@@ -42,7 +42,7 @@ class Identification(Observation):
     kind = Kind(
         "identification",
         "identification",
-        "what was picked, beside what was meant",
+        "picked points, beside the meant ones",
         role="untested",
         is_core=True,
         by_size=True,
@@ -72,7 +72,7 @@ class Linked(Observation):
     kind = Kind(
         "linked",
         "identification",
-        "heights of what was picked, as of what was meant",
+        "heights of picked points, as of the meant ones",
         role="construction",
     )
 

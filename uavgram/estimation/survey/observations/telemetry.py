@@ -181,14 +181,14 @@ class Telemetry(Observation):
 
     def several(self) -> str:
         """Return the opening of a message on several poses."""
-        return "{count} photos do not stand where the log has them"
+        return "{count} photos are not where the log has them"
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a pose that does not fit."""
         frame = self.frame(found.member.row)
         how = f"{self.kind.axes[found.member.axis]}, w = {found.w:.1f}"
         return (
-            f"Photo {frame!r} does not stand where the log has it: {how}. Look at its picks, its "
+            f"Photo {frame!r} is not where the log has it: {how}. Check its picks, its "
             "time and the gimbal.",
             f"{frame!r} ({how})",
         )

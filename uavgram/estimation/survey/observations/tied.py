@@ -39,7 +39,7 @@ class Matches(Observation):
     kind = Kind(
         "matches",
         "matches",
-        "what was picked, found in other photos",
+        "picked points, found in other photos",
         role="untested",
         is_core=True,
     )

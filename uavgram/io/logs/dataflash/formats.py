@@ -139,7 +139,7 @@ def check_field_names(fmt: Format) -> tuple[str, ...]:
         stated = [fmt.fields.index(field) for field in order if field in fmt.fields]
         if stated != sorted(stated):
             text = f"the format of {fmt.name} names {', '.join(order)} in an order of no firmware"
-            return (f"{text}: its values may stand under wrong names",)
+            return (f"{text}: its values may have wrong names",)
     return ()
 
 

@@ -40,8 +40,8 @@ _TEXTS = (
     ("alt reset", "reset of the height"),
     ("gps glitch", "glitch of the GPS"),
     ("glitch cleared", "end of a glitch of the GPS"),
-    ("is using gps", "change of what the estimator goes by"),
-    ("stopped aiding", "change of what the estimator goes by"),
+    ("is using gps", "change of the estimator's sensors"),
+    ("stopped aiding", "change of the estimator's sensors"),
 )
 
 
@@ -147,7 +147,7 @@ def remove_inconsistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
     if events is not None:
         inside = (events.time_boot_s >= first) & (events.time_boot_s <= last)
         if not inside.all():
-            notes.append(f"{int((~inside).sum())} {events.source} events lie far outside the log")
+            notes.append(f"{int((~inside).sum())} {events.source} events are far outside the log")
             events = select_rows(events, inside) if inside.any() else None
     if home is not None and boot.positions is not None:
         doubted, remarks = _homes_in_doubt(home, boot.positions)
@@ -158,7 +158,7 @@ def remove_inconsistent(boot: Boot) -> tuple[Boot, tuple[str, ...]]:
         if boot.positions is not None:
             inside &= _away_m(home, boot.positions) < _FARTHEST_M
         if not inside.all():
-            notes.append(f"{int((~inside).sum())} {home.source} homes lie far outside the flight")
+            notes.append(f"{int((~inside).sum())} {home.source} homes are far outside the flight")
             home = select_rows(home, inside) if inside.any() else None
     return replace(boot, events=events, home=home), tuple(notes)
 
@@ -260,7 +260,7 @@ def _homes_in_doubt(home: HomeSamples, positions: PositionSamples) -> tuple[Bool
             off_m[k] = float(np.nanmedian(found)) - stated
     doubted = np.abs(off_m) > _HOME_OFF_M
     notes = [
-        f"home by {home.source} at {home.time_boot_s[k]:.2f} s since boot lies {-off_m[k]:+.1f} m "
+        f"home by {home.source} at {home.time_boot_s[k]:.2f} s since boot is {-off_m[k]:+.1f} m "
         f"off the height that {positions.source} counts from: taken for damaged and left out"
         for k in np.flatnonzero(doubted)[:3]
     ]
@@ -294,7 +294,7 @@ def _off_origin(home: HomeSamples | None, origin: HomeSamples | None) -> tuple[s
     if off_m[k := int(off_m.argmax())] < _ORIGIN_OFF_M:
         return ()
     return (
-        f"home by {home.source} at {home.time_boot_s[k]:.2f} s since boot lies {off_m[k]:.0f} m "
+        f"home by {home.source} at {home.time_boot_s[k]:.2f} s since boot is {off_m[k]:.0f} m "
         "off the estimator's origin: was the vehicle carried after it was switched on, or is one "
         "of the two damaged?",
     )

@@ -95,7 +95,7 @@ def _out_of_order(source: str, time_s: Floats) -> tuple[str, ...]:
     if not len(back):
         return ()
     return (
-        f"{len(back)} {source} rows stand out of the order of time (the first at "
+        f"{len(back)} {source} rows are out of the order of time (the first at "
         f"{time_s[back[0] + 1]:.2f} s since boot): damaged, or exchanged on the way",
     )
 

@@ -178,7 +178,7 @@ def _remark(source: str, time_s: Floats, off: Floats, unit: str) -> list[str]:
     if not len(rows):
         return []
     named = listed((f"by {off[k]:.3g} {unit} at {time_s[k]:.2f} s" for k in rows), _NAMED)
-    what = "1 row lies" if len(rows) == 1 else f"{len(rows)} rows lie"
+    what = "1 row is" if len(rows) == 1 else f"{len(rows)} rows are"
     return [
         f"{what} off the rows before and after ({source}: {named}, since boot): taken for "
         "damaged and left out"

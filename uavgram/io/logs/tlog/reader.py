@@ -289,7 +289,7 @@ def _no_autopilot(frames: FrameTable) -> str:
     names = sorted(message_name(number) for number in frames.rows_by_id)
     held = ", ".join(names[:15]) + (", ..." if len(names) > 15 else "")
     return (
-        "holds no message of an autopilot that tells its time since boot; "
+        "holds no message of an autopilot with its time since boot; "
         f"it holds {held}. Was it recorded with the autopilot connected?"
     )
 

@@ -80,7 +80,7 @@ def read_geo_txt(
     messages: tuple[Message, ...] = ()
     if not nadir.any():  # the format's value for "not available"
         nadir = np.full_like(nadir, np.nan)
-        text = f"{path.name}: all angles are zero, which stands for unknown"
+        text = f"{path.name}: all angles are zero, which means unknown"
         messages = (Message("info", "geo-without-angles", text),)
     sigmas = np.array([row.sigmas for row in rows])
     sigmas = np.where(sigmas > 0, sigmas, np.nan)
@@ -113,7 +113,7 @@ def _rows(path: Path, lines: list[tuple[int, str]]) -> list[_Row]:
         elif len(good) < len(numbers):
             faults.append((line, f"must be a number (got {cells[numbers.index(None)]!r})"))
         elif name in seen:
-            faults.append((line, f"{name!r} stands in line {seen[name]} already: keep one"))
+            faults.append((line, f"{name!r} is already in line {seen[name]}: keep one"))
         else:
             good += [0.0] * (8 - len(good))
             rows.append(
@@ -211,7 +211,7 @@ def _read_rows(path: Path) -> _Rows:
         value = np.sort(number)[twice[0]]
         raise InputError(
             path,
-            f"photo {value} stands in it twice: keep one of the two lines",
+            f"photo {value} occurs twice: keep one of the two lines",
             int(line[np.flatnonzero(number == value)[1]]),
         )
     return _Rows(
@@ -255,9 +255,9 @@ def _check_times(path: Path, photos: Photos, rows: _Rows, photo: Ints, row: Ints
     if off[worst] > _LARGEST_TIME_GAP_S:
         raise InputError(
             path,
-            f"{photos.frame_id[photo[worst]]!r} was taken {off[worst]:.1f} s away from where its "
-            "number says, measured against the other photos: renamed photos, or the log of "
-            "another folder?",
+            f"{photos.frame_id[photo[worst]]!r} was taken {off[worst]:.1f} s off the time that its "
+            "number has in the log, compared with the other photos: are the photos renamed, or is "
+            "it the log of another folder?",
             int(rows.line[row[worst]]),
         )
 

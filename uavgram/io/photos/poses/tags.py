@@ -330,7 +330,7 @@ def _oddities(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message,
         name = next(name for name, _ in over if name not in nadir)
         text = (
             f"{len(over) - len(nadir)} photos (the first is {name}) state a camera upside down; "
-            "it was taken as said: look at the seeds"
+            "these directions are used: check the seeds"
         )
         messages.append(Message("warning", "gimbal-upside-down", text))
     return tuple(messages)

@@ -306,10 +306,10 @@ def _factor_message(
     how = "long" if value > 0 else "short"
     witness = "log and photos" if diagnosis.survey.telemetry is not None else "photos"
     text = (
-        f"{tape.words} seem to be too {how} by one factor, {abs(value):.1f} ± {sigma:.1f} %: lay "
-        "the tape beside another one, and divide all its readings by what it is off. If the tape "
-        f"is right, what {witness} say of the scale is wrong: look at the heights of the log, at "
-        "the camera file and at the ground."
+        f"{tape.words} seem to be too {how} by one factor, {abs(value):.1f} ± {sigma:.1f} %: "
+        "compare the tape with another one, and divide all its readings by the factor found. If "
+        f"the tape is right, the scale from {witness} is wrong: check the heights of the log, the "
+        "camera file and the ground."
     )
     names = _names(diagnosis, tape.rows)
     return Message("warning", "lengths-factor", text, lengths=names)

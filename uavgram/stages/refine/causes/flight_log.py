@@ -239,9 +239,9 @@ def _heights_message(found: Explained | None) -> Message:
         "heights-off",
         f"All heights of the log are {abs(up):.1f} ± {figures(sigma, 1)} m too "
         f"{'large' if up > 0 else 'small'} "
-        "for the height of the ground: look whether both are above the same reference (a geoid "
-        "differs from the ellipsoid by up to 100 m), at `world.origin` and at `ground.height_m`. "
-        "Heights in the world rest on it; distances do not.",
+        "for the height of the ground: check whether both are above the same reference (a geoid "
+        "differs from the ellipsoid by up to 100 m), `world.origin` and `ground.height_m`. "
+        "Heights in the world depend on it; distances do not.",
     )
 
 
@@ -511,9 +511,8 @@ def _clock_message(found: Explained | None) -> Message:
     return Message(
         "warning",
         "clock-off",
-        f"The camera's clock is {abs(off):.1f} ± {figures(sigma, 1)} s off, more than was said to "
-        "be "
-        f"possible: change `time.offset_s` in the project by {off:+.1f} (the clock is {way}).",
+        f"The camera's clock is {abs(off):.1f} ± {figures(sigma, 1)} s off, more than the stated "
+        f"sigma allows: change `time.offset_s` in the project by {off:+.1f} (the clock is {way}).",
     )
 
 
@@ -531,9 +530,9 @@ def _camera_message(found: Explained | None) -> Message:
     return Message(
         "warning",
         "gimbal-off",
-        f"The camera is turned by {np.linalg.norm(angle):.0f} degrees against what mount and "
-        "gimbal say: look at `mount` in the project, and whether the log has the angles of the "
-        f"gimbal that the camera hung on{angles}.",
+        f"The camera is turned by {np.linalg.norm(angle):.0f} degrees from the direction by mount "
+        "and gimbal: check `mount` in the project, and whether the log has the angles of the "
+        f"gimbal that carried the camera{angles}.",
     )
 
 

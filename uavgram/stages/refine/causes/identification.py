@@ -187,9 +187,7 @@ def _cause(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> Cause:
     message = hypothesis.message(best.found)
     if rival is not None and rival.hypothesis.message is not None:
         other = rival.hypothesis.message(rival.found).text.split(": ")[0]
-        message = replace(
-            message, text=f"{message.text} Or else, and nothing tells which: {other}."
-        )
+        message = replace(message, text=f"{message.text} Or, just as likely: {other}.")
     return Cause(
         message=message,
         # An ambiguous cause is reported, but not corrected.

@@ -234,15 +234,15 @@ def _digit_message(found: SuspectLengths, k: int, slip: Slip, _: Explained | Non
     """Report a length with a wrong digit."""
     text = (
         f"The length {found.what(k)} seems to be misread or miswritten: {slip.words}. Look at "
-        f"the notes, and write {slip.right_m:.10g} m if they bear it out; else look at the picks "
+        f"the notes, and write {slip.right_m:.10g} m if they confirm it; else look at the picks "
         f"of its ends. It {found.compared(k)}."
     )
     item = f"{found.what(k)} reads {found.reading_m[k]:.10g} m instead of {slip.right_m:.10g} m"
     opening = "{count} lengths seem to be misread or miswritten"
     ending = "Look at the notes, and at the picks of their ends."
     plain = (
-        f"{found.short(k)} seems misread: it says {found.reading_m[k]:.10g} m, and should say "
-        f"{slip.right_m:.10g} m."
+        f"{found.short(k)} seems misread: it is written as {found.reading_m[k]:.10g} m, and should "
+        f"be {slip.right_m:.10g} m."
     )
     return found.told("line-wrong-digit", [k], MessageWords(text, (opening, item, ending), plain))
 

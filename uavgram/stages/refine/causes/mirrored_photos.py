@@ -139,7 +139,7 @@ def _mirrored_message(survey: Survey) -> Floats:
 def _told(_: Explained | None) -> Message:
     text = (
         "All photos seem to have been mirrored when they were picked: the log fits only then. Pick "
-        "them anew in the original files, as the camera wrote them. Until then coordinates and "
+        "them again in the original files, as the camera wrote them. Until then coordinates and "
         "directions are mirrored."
     )
     return Message("warning", "photos-mirrored", text)

@@ -284,7 +284,7 @@ def _other_camera_message(survey: Survey, found: Explained | None) -> Message:
     return Message(
         "warning",
         "camera-contradicted",
-        f"The camera file {camera.name!r} does not belong to these photos: it would have to say "
-        f"{said}. Look whether it is the file of this camera, and whether the "
+        f"The camera file {camera.name!r} does not belong to these photos: they fit with "
+        f"{said}. Check whether it is the file of this camera, and whether the "
         "photos were cut, stabilised or made smaller; calibrate the camera as it was used.",
     )

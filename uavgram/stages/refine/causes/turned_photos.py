@@ -284,13 +284,13 @@ def _turned_message(frames: Sequence[str], how: str, _: Explained | None) -> Mes
     return Message(
         "warning",
         "photo-mirrored" if how in MIRRORED else "photo-turned",
-        f"{what} to have been {how} when {they} picked: pick {'it' if one else 'them'} anew in the "
-        f"original {file}. {'Its' if one else 'Their'} picks fit once they are put back.",
+        f"{what} to have been {how} when {they} picked: pick {'it' if one else 'them'} again in "
+        f"the original {file}. {'Its' if one else 'Their'} picks fit once they are put back.",
         frames=tuple(frames),
         several=MessagePlural(
             "{count} photos seem to have been mirrored or turned when they were picked",
             f"{frames[0]!r} {how}",
-            ending="Pick them anew in the original files, as the camera wrote them.",
+            ending="Pick them again in the original files, as the camera wrote them.",
         )
         if one
         else None,
@@ -312,7 +312,7 @@ def _disorder_message(diagnosis: Diagnosis, right: dict[int, int], _: Explained 
         several=MessagePlural(
             "Labels seem to be swapped in {count} photos or groups of picks",
             f"{', '.join(map(repr, names))} in {frame!r}",
-            ending="Each pick lies where another of them belongs: look, and change the labels "
+            ending="Each pick is at the place of another of them: look, and change the labels "
             "there.",
         ),
     )
@@ -323,12 +323,12 @@ def _elsewhere_message(frame: str) -> Message:
         "warning",
         "photo-elsewhere",
         f"The photo {frame!r} shows another place, or its labels are in disorder: look at it, and "
-        "pick it anew or take it out. Its picks contradict all other photos in every order of "
+        "pick it again or take it out. Its picks contradict all other photos in every order of "
         "their labels that was tried, mirrored and turned too.",
         frames=(frame,),
         several=MessagePlural(
             "{count} photos show another place, or their labels are in disorder",
             repr(frame),
-            ending="Look at them, and pick them anew or take them out.",
+            ending="Look at them, and pick them again or take them out.",
         ),
     )

@@ -181,7 +181,7 @@ def swapped_message(diagnosis: Diagnosis, right: Mapping[int, int], _: Explained
         what = f"{labels[0]!r} and {labels[1]!r}"
         text = (
             f"The labels {what} seem to be swapped in {frame!r}: look at both, and swap the labels "
-            "in this photo. Each pick lies where the other belongs."
+            "in this photo. Each pick is at the place of the other."
         )
     else:
         what = f"{', '.join(map(repr, labels[:-1]))} and {labels[-1]!r}"
@@ -199,7 +199,7 @@ def swapped_message(diagnosis: Diagnosis, right: Mapping[int, int], _: Explained
         several=MessagePlural(
             "Labels seem to be swapped in {count} photos or groups of picks",
             f"{what} in {frame!r}",
-            ending="Each pick lies where another of them belongs: look, and change the labels "
+            ending="Each pick is at the place of another of them: look, and change the labels "
             "there.",
         ),
     )
@@ -290,17 +290,17 @@ def _other_place_message(
     label, there = survey.label[survey.pick_label[pick]], survey.label[other]
     frame = survey.frame_id[survey.pick_frame[pick]]
     free = not _picks_of(diagnosis, int(survey.pick_frame[pick]), other).size
-    todo = f"change its label to {there!r} there" if free else "pick it anew, or take it out there"
+    todo = f"change its label to {there!r} there" if free else "pick it again, or take it out there"
     return Message(
         "warning",
         "label-elsewhere",
-        f"The pick of {label!r} in {frame!r} lies where {there!r} belongs: look, and {todo}.",
+        f"The pick of {label!r} in {frame!r} is at the place of {there!r}: look, and {todo}.",
         frames=(frame,),
         labels=(label, there),
         plain=f"{label} is picked where {there} belongs, in {photo_name(frame)}.",
         several=MessagePlural(
-            "{count} picks lie where another label belongs",
-            f"{label!r} in {frame!r} where {there!r} belongs",
-            ending="Look, and change their labels there, or pick them anew.",
+            "{count} picks are at the place of another label",
+            f"{label!r} in {frame!r} at the place of {there!r}",
+            ending="Look, and change their labels there, or pick them again.",
         ),
     )
