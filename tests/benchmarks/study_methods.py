@@ -21,7 +21,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from poselib_lines import p3ll_starts, pnpl_starts
 
-from uavgram.estimation.first_poses.known_lines import rivals
+from uavgram.estimation.first_poses.known_lines import compute_rival_differences
 from uavgram.model.simulation import MethodRow
 from uavgram.synthetic.study.method_scenes import Setting, method_scenes
 from uavgram.synthetic.study.methods import (
@@ -89,7 +89,7 @@ def reached(scenes: int, seed: int, *, poselib: bool) -> None:
     print("\nfour lines: share that reaches the best minimum")
     for name, end in ends.items():
         print(f"{name:16}{100 * np.mean(end.cost[:, 0] <= best + SAME):7.2f} %")
-    told = np.isfinite(rivals(ends["search"], AMBIGUOUS))
+    told = np.isfinite(compute_rival_differences(ends["search"], AMBIGUOUS))
     right = ends["search"].cost[:, 0] <= best + SAME
     either = 100 * np.mean(right | told)
     print(f"search: reached or told {either:.2f} %, told {100 * told.mean():.2f} %")

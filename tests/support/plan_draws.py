@@ -11,10 +11,10 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.estimation.measuring.propagation import values_at
+from uavgram.estimation.measuring.propagation import compute_values
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import State, advance, move
+from uavgram.estimation.survey.unknowns import State, advance_state, apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import GroundOptions
 from uavgram.synthetic.plan.cameras import Cameras
@@ -68,7 +68,8 @@ def errors(
         if fitted is None:
             continue
         found.append(
-            values_at(to_fit.problem, fitted, *asked) - values_at(to_draw.problem, true, *asked)
+            compute_values(to_fit.problem, fitted, *asked)
+            - compute_values(to_draw.problem, true, *asked)
         )
     return np.array(found)
 
@@ -94,7 +95,7 @@ def _one(
     found = minimise(
         planned.state,
         problem.evaluate,
-        partial(advance, problem.layout),
+        partial(advance_state, problem.layout),
         problem.layout.size,
         problem.layout.structure,
     )
@@ -121,7 +122,7 @@ def _drawn_state(planned: PlannedSurvey, rng: np.random.Generator, relief_m: flo
         step[2 : layout.first_tie : layout.point_size] = relief_m * rng.standard_normal(
             layout.points
         )
-    return move(layout, planned.state, step)
+    return apply_increment(layout, planned.state, step)
 
 
 PRIORS = ("boresight", "lever_arm", "position_bias", "heading_bias", "tape")

@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import OBSERVATIONS
-from uavgram.estimation.survey.observed import Truth
+from uavgram.estimation.survey.observed import SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.observations import (
@@ -82,7 +82,7 @@ class ProjectWorld:
         observed = stated_observations(inputs, self.posed, placed)
         problem = SurveyProblem(self.survey, self.pivot_m, self.line_used)
         for kind, rng in zip(OBSERVATIONS, rngs, strict=True):
-            observed = kind.draw(observed, Truth(problem, self.state, rng))
+            observed = kind.draw(observed, SimulatedTruth(problem, self.state, rng))
         placed = observed.control
         again = replace(
             inputs,

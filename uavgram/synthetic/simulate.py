@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError, UavgramError
-from uavgram.estimation.repeated.accuracy import accuracy_of, running_ratio
+from uavgram.estimation.repeated.accuracy import compute_accuracy, compute_running_ratio
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.simulation_json import write_simulation
 from uavgram.model.arrays import Floats
@@ -248,7 +248,7 @@ def _milestones(count: int) -> set[int]:
 def _standing(repetitions: Repetitions) -> str:
     """Describe the convergence of a simulation in one line."""
     count = len(repetitions.number)
-    ratio = running_ratio(repetitions, count)
+    ratio = compute_running_ratio(repetitions, count)
     # standard error of a sigma estimated from n normal errors: sigma / sqrt(2 (n - 1)); the values
     # are correlated, so their number does not reduce it
     sure = 1.96 / np.sqrt(2.0 * max(count - 1, 1))
@@ -308,7 +308,7 @@ def simulate_many(
         seed=seed,
         source=source.name,
         repetitions=found,
-        accuracy=accuracy_of(found),
+        accuracy=compute_accuracy(found),
         variants=compared,
         running=tuple(_running(found)),
         unlike=unlike_stated(world.scenario) if isinstance(world, ScenarioWorld) else (),
@@ -346,7 +346,7 @@ def _running(found: Repetitions) -> Iterator[tuple[int, float]]:
     steps = sorted({round(count ** (k / 40)) for k in range(41)} | {count})
     for step in steps:
         if step > 2:
-            yield step, running_ratio(found, step)
+            yield step, compute_running_ratio(found, step)
 
 
 def _others(source: Path, world: World) -> dict[str, World]:
@@ -366,7 +366,7 @@ def _others(source: Path, world: World) -> dict[str, World]:
 def _variant(name: str, world: World, count: int, progress: Progress) -> Variant:
     """Repeat the same draws in another world."""
     found = repeat(world, count, progress, what=f"the same with {name}")
-    return Variant(name=name, repetitions=found, accuracy=accuracy_of(found))
+    return Variant(name=name, repetitions=found, accuracy=compute_accuracy(found))
 
 
 def variants(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:

@@ -10,7 +10,11 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.first_poses.known_lines import poses_from_lines, rivals, rotations
+from uavgram.estimation.first_poses.known_lines import (
+    compute_rival_differences,
+    make_rotations,
+    poses_from_lines,
+)
 from uavgram.estimation.first_poses.pose_problem import LineRows
 from uavgram.estimation.solver.batched import minimise_each
 from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
@@ -87,7 +91,7 @@ def test_four_lines_lead_to_the_best_minimum_or_are_told_to_be_ambiguous() -> No
     truth = solved(rows, (scenes.center[:, None], scenes.rotation[:, None]))
     reached = own.cost[:, 0] <= truth.cost[:, 0] + 1e-2
 
-    assert np.mean(reached | np.isfinite(rivals(own, 9.0))) >= 0.995
+    assert np.mean(reached | np.isfinite(compute_rival_differences(own, 9.0))) >= 0.995
     # What iterations from one rough pose alone reach: the search earns its cost.
     nadir = np.broadcast_to(np.diag([1.0, -1.0, -1.0]), scenes.rotation.shape)
     overhead = np.broadcast_to([0.0, 0.0, 40.0], scenes.center.shape)
@@ -96,7 +100,7 @@ def test_four_lines_lead_to_the_best_minimum_or_are_told_to_be_ambiguous() -> No
 
 
 def test_the_search_has_a_rotation_near_every_view_down() -> None:
-    grid = rotations()
+    grid = make_rotations()
     assert grid.shape[1:] == (3, 3)
     np.testing.assert_allclose(
         grid @ grid.swapaxes(1, 2), np.eye(3) * np.ones((len(grid), 1, 1)), atol=1e-12

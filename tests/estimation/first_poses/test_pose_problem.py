@@ -9,7 +9,11 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.stats import chi2
 
-from uavgram.estimation.first_poses.pose_problem import FeatureRows, first_points, ground_points
+from uavgram.estimation.first_poses.pose_problem import (
+    FeatureRows,
+    intersect_ground_picks,
+    intersect_ground_rays,
+)
 from uavgram.estimation.solver.batched import minimise_each
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observed import Observations
@@ -48,7 +52,7 @@ def test_the_reduced_slope_is_that_of_the_sum_of_squares(name: str) -> None:
     rows = rows_of(few, "lengths" if name == "held" else name)
     if name == "held":
         rows = replace(rows, logged=None, held=(few.center + 0.2, few.rotation))
-    point, good = first_points(rows, few.center, few.rotation)
+    point, good = intersect_ground_picks(rows, few.center, few.rotation)
     assert good.all()
     state = few.center + 0.1, few.rotation, point + 0.05
     linear = rows.linearise(which, state)
@@ -80,10 +84,10 @@ def test_sums_of_squares_and_poses_are_as_stated(scenes: MethodScenes, name: str
 def test_pixels_meet_the_ground_with_right_derivatives(scenes: MethodScenes) -> None:
     lens, pixel = scenes.rows.calibration, scenes.rows.pixel_px[:4, :2]
     center, rotation = scenes.center[:4], scenes.rotation[:4]
-    _, _, by_pixel = ground_points(lens, pixel, center, rotation)
+    _, _, by_pixel = intersect_ground_rays(lens, pixel, center, rotation)
 
     def moved(shift: np.ndarray) -> np.ndarray:
-        return ground_points(lens, pixel + shift, center, rotation)[0]
+        return intersect_ground_rays(lens, pixel + shift, center, rotation)[0]
 
     assert_derivative(by_pixel, central_differences(moved, np.zeros(2), 1e-3), 1e-5)
 
@@ -136,7 +140,7 @@ def test_it_is_the_surveys_own_pose(scenes: MethodScenes) -> None:
 
 def test_a_start_below_the_ground_is_no_pose(scenes: MethodScenes) -> None:
     rows = rows_of(scenes, "points")
-    point, _ = first_points(rows, scenes.center, scenes.rotation)
+    point, _ = intersect_ground_picks(rows, scenes.center, scenes.rotation)
     ends = minimise_each(rows, (scenes.center * [1, 1, -1], scenes.rotation.copy(), point))
 
     assert np.isinf(ends.cost).all()

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.estimation.repeated.moved_errors import observed
-from uavgram.estimation.repeated.predicted_lengths import predict_lengths, slopes_of
+from uavgram.estimation.repeated.moved_errors import add_errors
+from uavgram.estimation.repeated.predicted_lengths import compute_slopes, predict_lengths
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.synthetic.study.photos import (
     Photo,
@@ -26,7 +26,7 @@ NO_LOG_SIGMA = np.array([100.0, 100.0, 1000.0, 10.0, 10.0, 10.0])
 
 
 def lengths(photo: Photo, moved: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-    draws = observed(photo.design, exact_draw(photo), moved, shifts)
+    draws = add_errors(photo.design, exact_draw(photo), moved, shifts)
     found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
     assert found.converged.all()
     ends = found.place_m[:, np.concatenate([photo.design.line, photo.pairs])]
@@ -41,7 +41,7 @@ def test_slopes_are_what_each_error_does(*, has_log: bool) -> None:
         photo = replace(
             photo, design=replace(photo.design, information=information, ground_root=None)
         )
-    slopes = slopes_of(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
+    slopes = compute_slopes(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
     size = slopes.by_error.shape[1]
     known = len(photo.design.line) + 2 * len(photo.place_m)
     errors = np.arange(size)

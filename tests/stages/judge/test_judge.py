@@ -577,7 +577,9 @@ def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(
 ) -> None:
     survey = changed(scene_factory(6, frames=2, lines=1).survey, "length_m", 0, 1.5)
     assert judge_suspects(examined(solve(survey)))  # at rest
-    monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
+    monkeypatch.setattr(
+        "uavgram.estimation.solver.levenberg_marquardt.MAX_UNDAMPED_REDUCTION", -1.0
+    )
     refined = solve(survey)
     withheld = lines_of(survey, np.zeros(1, dtype=bool))
     for lines, index, status in ((lines_of(survey), 0, "used"), (withheld, -1, "checked")):

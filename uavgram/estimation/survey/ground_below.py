@@ -30,7 +30,7 @@ class GroundBelow(NamedTuple):
     sigma_m: Floats
 
 
-def ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> GroundBelow:
+def find_ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> GroundBelow:
     """Compute the places on the ground below points, some of which are known to be on it.
 
     Parameters

@@ -14,14 +14,14 @@ from uavgram.estimation.survey.observations.observation import (
 from uavgram.estimation.survey.observations.pixels import Pixels
 from uavgram.model.naming import listed
 
-COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
+COUNT_WORDS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
-MOST_RIVALS = 4
+MAX_RIVALS = 4
 """Largest number of other possible blunders that are named."""
 
 
 @dataclass(frozen=True, eq=False)
-class Names:
+class ObservationNames:
     """Names of the observations of an adjusted survey.
 
     Attributes
@@ -73,14 +73,14 @@ class Names:
         count = 1 + len(suspicion.group)
         if count == 1:
             return ""
-        words = COUNTS[count] if count < len(COUNTS) else f"all {count}"
+        words = COUNT_WORDS[count] if count < len(COUNT_WORDS) else f"all {count}"
         return f"no test separates them: look at {words}"
 
     def rivals(self, suspicion: Suspicion) -> str:
         """List the other possible causes as a sentence; empty if the outlier is located."""
         if not suspicion.rivals:
             return ""
-        named = [self.cause(m) for m in suspicion.rivals[:MOST_RIVALS]]
+        named = [self.cause(m) for m in suspicion.rivals[:MAX_RIVALS]]
         more = len(suspicion.rivals) - len(named)
         others = f" or one of {more} others" if more else ""
         return (

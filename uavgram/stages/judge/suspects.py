@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
-from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
+from uavgram.estimation.measuring.propagation import MeasuredValues, compute_values
+from uavgram.estimation.reliability.data_snooping import MAX_SUSPECTS
 from uavgram.estimation.survey.adjustment import LeftOutRows, Refined
-from uavgram.estimation.survey.names import Names
-from uavgram.estimation.survey.observations.known import named_thing
-from uavgram.estimation.survey.observations.lengths import named_ends
+from uavgram.estimation.survey.names import ObservationNames
+from uavgram.estimation.survey.observations.known import describe_thing
+from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.observations.observation import Member, Misfit, Suspicion
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
@@ -32,9 +32,9 @@ def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
         for suspicion in examined.suspicions
         if blameless.isdisjoint(_inseparable(suspicion))
     ]
-    if len(examined.suspicions) >= MOST_SUSPECTS:
+    if len(examined.suspicions) >= MAX_SUSPECTS:
         text = (
-            f"{MOST_SUSPECTS} picks and lengths or more do not fit; the first {MOST_SUSPECTS} are "
+            f"{MAX_SUSPECTS} picks and lengths or more do not fit; the first {MAX_SUSPECTS} are "
             "named. Something common to them is wrong: look at labels, the camera file, the "
             "ground, times."
         )
@@ -125,7 +125,9 @@ def judge_removals(
     at = {int(index): i for i, index in enumerate(line_index) if index >= 0}
     steps = [removal.before for removal in refined.removals] + [refined]
     values = [
-        None if r is None else values_at(r.adjustment.problem, r.adjustment.state, requests, frames)
+        None
+        if r is None
+        else compute_values(r.adjustment.problem, r.adjustment.state, requests, frames)
         for r in steps
     ]
     records = []
@@ -145,12 +147,12 @@ def judge_removals(
             what = removal.cause.message.text
         elif removal.before is None and removal.kind == "known":
             i = removal.index
-            what = f"known {named_thing(known.kind[i], known.name[i], known.points[i])}"
+            what = f"known {describe_thing(known.kind[i], known.name[i], known.points[i])}"
         elif removal.before is None:
             i = at[removal.index]
-            what = f"length {named_ends(lines.name[i], lines.start[i], lines.end[i])}"
+            what = f"length {describe_ends(lines.name[i], lines.start[i], lines.end[i])}"
         else:
-            names = Names(removal.before.adjustment)
+            names = ObservationNames(removal.before.adjustment)
             what = names.observation(suspicion.accused)
             group = tuple(names.observation(m) for m in suspicion.group)
             rivals = tuple(names.observation(m) for m in suspicion.rivals)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from uavgram.estimation.reliability.data_snooping import suspicions
-from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.reliability.data_snooping import find_suspicions
+from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.observations.observation import Suspicion
 
@@ -41,8 +41,8 @@ def find_blunder(refined: Refined, significance: float) -> BlunderSearch:
     prior alone is suspected, nothing is removed because of it.
     """
     undecided = []
-    groups = observed(refined.adjustment)
-    for suspicion in suspicions(refined.adjustment, groups, significance):
+    groups = compute_test_statistics(refined.adjustment)
+    for suspicion in find_suspicions(refined.adjustment, groups, significance):
         members = (suspicion.accused, *suspicion.group)
         stated = [m for m in members if m.kind in READING_GROUPS]
         picks = [m for m in members if m.kind == "pixels"]

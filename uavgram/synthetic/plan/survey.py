@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import propagate
-from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, reliability
+from uavgram.estimation.reliability.redundancy import (
+    compute_minimal_detectable_bias,
+    compute_reliability,
+)
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -346,7 +349,7 @@ def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
     values = propagate(adjustment, wanted.requests, planned.frames)
     redundancy = np.zeros(0)
     if len(ends_m):
-        redundancy = reliability(blocks["lengths"], adjustment.covariance).redundancy[:, 0]
+        redundancy = compute_reliability(blocks["lengths"], adjustment.covariance).redundancy[:, 0]
     sigma = planned.problem.survey.length_sigma_m
     place = {request.name: k for k, request in enumerate(wanted.requests)}
     return Predicted(
@@ -357,5 +360,5 @@ def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
         sigma=values.sigma,
         request=tuple(place[row.request.name] for row in values.rows),
         redundancy=redundancy,
-        mdb_m=minimal_detectable_bias(redundancy, sigma, SolveOptions().significance),
+        mdb_m=compute_minimal_detectable_bias(redundancy, sigma, SolveOptions().significance),
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.first_poses.pose_problem import FeatureRows, Logged
+from uavgram.estimation.first_poses.pose_problem import FeatureRows, LoggedPoses
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
@@ -85,7 +85,7 @@ class MethodScenes:
     rows: FeatureRows
     center: Floats
     rotation: Floats
-    logged: Logged
+    logged: LoggedPoses
     check_px: Floats
     check_m: Floats
 
@@ -130,7 +130,7 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
         ),
         center=center,
         rotation=rotation,
-        logged=Logged(center + error[:, :3], rotation @ exp_so3(error[:, 3:]), sigma),
+        logged=LoggedPoses(center + error[:, :3], rotation @ exp_so3(error[:, 3:]), sigma),
         check_px=_noisy(_seen(truth, center, rotation, check), setting.pick_px, rng),
         check_m=np.linalg.norm(check[:, :, 1, :2] - check[:, :, 0, :2], axis=-1),
     )

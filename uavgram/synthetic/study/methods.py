@@ -7,15 +7,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.known_lines import direct_poses, poses_from_lines, rivals
+from uavgram.estimation.first_poses.known_lines import (
+    compute_direct_poses,
+    compute_rival_differences,
+    poses_from_lines,
+)
 from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
 from uavgram.estimation.first_poses.pose_problem import (
     FeatureRows,
     LineRows,
-    first_points,
-    ground_points,
+    intersect_ground_picks,
+    intersect_ground_rays,
 )
-from uavgram.estimation.solver.batched import Ends, minimise_each
+from uavgram.estimation.solver.batched import Minima, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
@@ -98,7 +102,7 @@ def log_starts(scenes: MethodScenes) -> Starts:
 
 def direct_starts(scenes: MethodScenes) -> Starts:
     """Return the direct linear transformation of lines."""
-    center, rotation = direct_poses(on_lines(scenes))
+    center, rotation = compute_direct_poses(on_lines(scenes))
     return center[:, None], rotation[:, None]
 
 
@@ -233,13 +237,13 @@ def compared(
     return [row_of(setting.name, name, parts) for name, parts in found.items()]
 
 
-def solved(rows: FeatureRows, starts: Starts) -> Ends:
+def solved(rows: FeatureRows, starts: Starts) -> Minima:
     """Find minima (B, S, ...) from S starts of each scene, the lowest first; cost inf: none."""
     scenes, count = starts[0].shape[:2]
     owner = np.repeat(np.arange(scenes), count)
     repeated = _some(rows, owner)
     center, rotation = starts[0].reshape(-1, 3), starts[1].reshape(-1, 3, 3)
-    point, good = first_points(repeated, center, rotation)
+    point, good = intersect_ground_picks(repeated, center, rotation)
     center = np.where(good[:, None], center, [0.0, 0.0, -1.0])  # below ground: no pose
     rotation = np.where(good[:, None, None], rotation, np.eye(3))
     if rows.held is not None:  # each start fixes its own gauge
@@ -260,12 +264,12 @@ def _some(rows: FeatureRows, which: Ints) -> FeatureRows:
     )
 
 
-def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Found:
+def _judged(scenes: MethodScenes, ends: Minima, told: Bools | None = None) -> Found:
     """Compute errors and predicted sigmas of withheld distances with each scene's best pose."""
     center, rotation = (part[:, 0] for part in ends.state[:2])
     lens, sigma_px = scenes.rows.calibration, scenes.rows.pick_sigma_px
     # variance by propagation: from the pose, and from the picks of the distance itself
-    point, by_pose, by_pixel = ground_points(lens, scenes.check_px, center, rotation)
+    point, by_pose, by_pixel = intersect_ground_rays(lens, scenes.check_px, center, rotation)
     away = point[:, :, 1] - point[:, :, 0]
     length = np.linalg.norm(away, axis=-1)
     unit = away / length[..., None]
@@ -282,7 +286,7 @@ def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Foun
         sigma_m=np.sqrt(variance) + none,
         true_m=scenes.check_m,
         cost=ends.cost[:, 0],
-        ambiguous=np.isfinite(rivals(ends, AMBIGUOUS)) if told is None else told,
+        ambiguous=np.isfinite(compute_rival_differences(ends, AMBIGUOUS)) if told is None else told,
     )
 
 
@@ -299,7 +303,7 @@ def by_points_alone(scenes: MethodScenes) -> Found:
     nothing = np.full((count, center.shape[1], 6, 6), np.nan)
     nothing[:] = np.eye(6)
     fits = np.isfinite(cost)
-    ends = Ends((center, rotation), cost, nothing, fits, np.zeros(fits.shape, dtype=np.int64))
+    ends = Minima((center, rotation), cost, nothing, fits, np.zeros(fits.shape, dtype=np.int64))
     found = _judged(scenes, ends, np.zeros(count, dtype=np.bool_))
     return replace(found, sigma_m=np.full(found.sigma_m.shape, np.nan))
 
