@@ -19,7 +19,7 @@ from uavgram.estimation.calibration.difference import compare_cameras
 from uavgram.estimation.calibration.outliers import drop_unweighted, remove_outliers
 from uavgram.estimation.calibration.problem import Lens, Linearisation, make_lens, pad
 from uavgram.estimation.calibration.projection_uncertainty import compute_projection_covariance
-from uavgram.estimation.calibration.reliability import estimate_photo_effect, test_photos
+from uavgram.estimation.calibration.reliability import compute_photo_tests, estimate_photo_effect
 from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.geometry.camera.projection import back_project, project, project_with_jacobian
 from uavgram.model.arrays import Floats
@@ -185,7 +185,7 @@ def test_on_real_photos_the_covariance_is_the_scatter_over_photos(
         lens, corners, estimate_first_values(lens, corners, (640, 480)), options
     )
     fit = drop_unweighted(found.fit, found.fit.corners.count == 0)
-    effect = estimate_photo_effect(fit, test_photos(fit, "residuals"), 1.0)
+    effect = estimate_photo_effect(fit, compute_photo_tests(fit, "residuals"), 1.0)
     rng = np.random.default_rng(0)
     samples: list[Floats] = []
     photos = len(fit.corners.count)

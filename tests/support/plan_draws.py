@@ -17,10 +17,10 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State, advance_state, apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import GroundOptions
-from uavgram.synthetic.plan.cameras import Cameras
+from uavgram.synthetic.plan.cameras import PlannedCameras
 from uavgram.synthetic.plan.scene import PlanScene
-from uavgram.synthetic.plan.survey import PlannedSurvey, survey_with
-from uavgram.synthetic.plan.wanted import Wanted
+from uavgram.synthetic.plan.survey import PlannedSurvey, make_survey
+from uavgram.synthetic.plan.wanted import WantedValues
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class World:
 
 
 def errors(
-    flown: tuple[PlanScene, Cameras, Wanted],
+    flown: tuple[PlanScene, PlannedCameras, WantedValues],
     ends_m: Floats,
     count: int,
     rng: np.random.Generator,
@@ -55,11 +55,11 @@ def errors(
     """
     world = world or World()
     scene, cameras, wanted = flown
-    planned = survey_with(scene, cameras, wanted, ends_m)
+    planned = make_survey(scene, cameras, wanted, ends_m)
     truth = planned
     if world.relief_m:
         rough = replace(scene, ground=GroundOptions(roughness_sigma_m=world.relief_m))
-        truth = survey_with(rough, cameras, wanted, ends_m)
+        truth = make_survey(rough, cameras, wanted, ends_m)
     to_fit, to_draw = (one.adjusted(one.blocks()) for one in (planned, truth))
     asked = wanted.requests, planned.frames
     found = []

@@ -12,9 +12,9 @@ from uavgram.estimation.calibration.adjustment import Fit, adjust, fit_poses
 from uavgram.estimation.calibration.network import (
     compute_coverage,
     compute_tilts,
+    detect_focus_drift,
+    detect_rolling_shutter,
     map_residuals,
-    test_focus_drift,
-    test_rolling_shutter,
 )
 from uavgram.estimation.calibration.problem import make_lens, pad
 from uavgram.estimation.calibration.start import estimate_first_values
@@ -91,13 +91,13 @@ def test_a_rolling_shutter_shows_and_other_misfits_do_not_look_like_one() -> Non
         result: Floats = drift[i] * (pixel[:, 1:] / scenes.SIZE[1] - 0.5)
         return result
 
-    found = test_rolling_shutter(fit_of(distorted(clean, shutter)), scenes.SIZE)
+    found = detect_rolling_shutter(fit_of(distorted(clean, shutter)), scenes.SIZE)
     assert found.probability < 0.01
     assert 0.5 * np.sqrt(8) < found.drift_px < 2 * np.sqrt(8)
     bent = fit_of(scenes.make_scene(2, bow=(0.1, -0.1)).observations)
     misfit = fit_of(clean, CalibrationOptions(coefficients=3))
     for other in (fit_of(clean), bent, misfit):
-        assert test_rolling_shutter(other, scenes.SIZE).probability > 0.1
+        assert detect_rolling_shutter(other, scenes.SIZE).probability > 0.1
 
 
 def test_a_focus_that_changes_shows() -> None:
@@ -108,10 +108,10 @@ def test_a_focus_that_changes_shows() -> None:
         result: Floats = change[i] * (pixel - scenes.BROWN5[2:4])
         return result
 
-    found = test_focus_drift(fit_of(distorted(clean, refocused)), 1.0)
+    found = detect_focus_drift(fit_of(distorted(clean, refocused)), 1.0)
     assert found.probability < 1e-6
     assert np.corrcoef(found.relative, change)[0, 1] > 0.9
-    assert test_focus_drift(fit_of(clean), 1.0).probability > 1e-3
+    assert detect_focus_drift(fit_of(clean), 1.0).probability > 1e-3
 
 
 def test_mean_residuals_show_what_the_lens_model_lacks() -> None:

@@ -11,9 +11,9 @@ from uavgram.estimation.calibration.outliers import adjust_scaled, drop_unweight
 from uavgram.estimation.calibration.problem import Corners, Lens, State, make_lens, pad
 from uavgram.estimation.calibration.reliability import (
     PhotoEffect,
+    compute_corner_tests,
+    compute_photo_tests,
     estimate_photo_effect,
-    test_corners,
-    test_photos,
 )
 from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.model.camera.board import (
@@ -46,14 +46,14 @@ def spoiled(
 
 def test_redundancies_add_up_to_the_degrees_of_freedom() -> None:
     fit = adjust(*prepared(scenes.make_scene(0, whole=False, distance=(5, 14)).observations))
-    tests = test_corners(fit, "given")
+    tests = compute_corner_tests(fit, "given")
     assert 2 * tests.redundancy.sum() == pytest.approx(fit.degrees_of_freedom, rel=1e-9)
     assert (tests.w[fit.corners.weight == 0] == 0).all()
 
 
 def test_a_corners_statistic_is_what_the_sum_of_squares_loses_without_it() -> None:
     fit = adjust(*prepared(scenes.make_scene(1, photos=6).observations))
-    tests = test_corners(fit, "given")
+    tests = compute_corner_tests(fit, "given")
     for photo, row in ((0, 0), (3, 20), (5, 53)):
         weight = fit.corners.weight.copy()
         weight[photo, row] = 0
@@ -63,7 +63,7 @@ def test_a_corners_statistic_is_what_the_sum_of_squares_loses_without_it() -> No
 
 def test_a_photos_excess_and_shift_are_those_of_a_refit_without_it() -> None:
     fit = adjust(*prepared(scenes.make_scene(2, photos=8).observations))
-    tests = test_photos(fit, "given")
+    tests = compute_photo_tests(fit, "given")
     sigma = np.sqrt(np.diag(fit.border_covariance))
     for photo in (0, 4, 7):
         keep = np.arange(8) != photo
@@ -135,7 +135,7 @@ def test_a_bent_board_makes_photos_disagree_and_noise_does_not() -> None:
     def effect(scene: scenes.Scene) -> PhotoEffect:
         options = CalibrationOptions()
         fit, _ = adjust_scaled(*prepared(scene.observations, options), options)
-        return estimate_photo_effect(fit, test_photos(fit, "residuals"), 1.0)
+        return estimate_photo_effect(fit, compute_photo_tests(fit, "residuals"), 1.0)
 
     noise = effect(scenes.make_scene(6))
     assert noise.probability > 0.01
@@ -153,7 +153,7 @@ def test_the_photo_factor_is_one_on_average_where_corners_are_independent() -> N
         lens, corners, first = prepared(scenes.with_noise(clean, seed, 0.1))
         fit = adjust(lens, corners, start or first)
         start = fit.state
-        found = estimate_photo_effect(fit, test_photos(fit, "given"), 1.0)
+        found = estimate_photo_effect(fit, compute_photo_tests(fit, "given"), 1.0)
         factors.append(found.factor)
         spread = np.sqrt(2 / found.degrees)
     assert np.mean(factors) == pytest.approx(1, abs=4 * spread / np.sqrt(150))

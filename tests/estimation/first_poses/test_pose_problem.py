@@ -22,8 +22,8 @@ from uavgram.model.survey.known import NO_KNOWN
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.pipeline.measure.compute import refined_survey
 from uavgram.stages.assemble import assemble
-from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
-from uavgram.synthetic.study.methods import point_starts, solved
+from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, draw_scenes
+from uavgram.synthetic.study.methods import find_minima, find_point_starts
 
 USES: dict[str, dict[str, bool]] = {
     "points": {"start_place": True},
@@ -36,7 +36,7 @@ LOGGED = ("lengths", "all")
 
 @pytest.fixture(scope="module")
 def scenes() -> MethodScenes:
-    return method_scenes(Setting(name="usual"), 6, 150, 5)
+    return draw_scenes(Setting(name="usual"), 6, 150, 5)
 
 
 def rows_of(scenes: MethodScenes, name: str) -> FeatureRows:
@@ -47,7 +47,7 @@ def rows_of(scenes: MethodScenes, name: str) -> FeatureRows:
 @pytest.mark.parametrize("name", [*USES, "held"])
 def test_the_reduced_slope_is_that_of_the_sum_of_squares(name: str) -> None:
     """Along the way that the points go with the pose, which is what eliminating them means."""
-    few = method_scenes(Setting(name="usual"), 4, 2, 9)
+    few = draw_scenes(Setting(name="usual"), 4, 2, 9)
     which = np.arange(2)
     rows = rows_of(few, "lengths" if name == "held" else name)
     if name == "held":
@@ -69,7 +69,7 @@ def test_the_reduced_slope_is_that_of_the_sum_of_squares(name: str) -> None:
 @pytest.mark.parametrize("name", USES)
 def test_sums_of_squares_and_poses_are_as_stated(scenes: MethodScenes, name: str) -> None:
     rows = rows_of(scenes, name)
-    ends = solved(rows, (scenes.center[:, None], scenes.rotation[:, None]))
+    ends = find_minima(rows, (scenes.center[:, None], scenes.rotation[:, None]))
     count, degrees = len(scenes.center), rows.degrees
 
     assert ends.converged.all()
@@ -131,7 +131,7 @@ def surveyed(scenes: MethodScenes, k: int) -> Refined:
 def test_it_is_the_surveys_own_pose(scenes: MethodScenes) -> None:
     """To 1e-3 of a sigma, the survey's ground being known to a micrometre."""
     rows = replace(scenes.rows, start_place=True, length=True)
-    ends = solved(rows, point_starts(scenes))
+    ends = find_minima(rows, find_point_starts(scenes))
     for k in range(3):
         state = surveyed(scenes, k).adjustment.state
         sigma = np.sqrt(np.diag(np.linalg.inv(ends.normal[k, 0])))

@@ -11,7 +11,7 @@ from scenes import make_scene
 from scipy.spatial.transform import Rotation
 from whole_surveys import with_all
 
-from uavgram.estimation.reliability.data_snooping import MIN_REDUNDANCY, find_suspicions
+from uavgram.estimation.reliability.data_snooping import MIN_SUSPECT_REDUNDANCY, find_suspicions
 from uavgram.estimation.reliability.redundancy import compute_critical_value
 from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -76,7 +76,7 @@ def test_with_one_redundancy_all_lengths_that_anything_checks_are_one_group() ->
     adjustment, (found, *_) = suspected(changed(survey, "length_m", 3, 1.0))
     lengths = {m.row for m in (found.accused, *found.group) if m.kind == "lengths"}
     redundancy = compute_test_statistics(adjustment)["lengths"].redundancy[:, 0]
-    assert lengths == set(np.flatnonzero(redundancy > MIN_REDUNDANCY).tolist())
+    assert lengths == set(np.flatnonzero(redundancy > MIN_SUSPECT_REDUNDANCY).tolist())
     assert {2, 3} <= lengths < {0, 1, 2, 3}
 
 

@@ -9,8 +9,8 @@ from scipy.stats import chi2
 
 from uavgram.estimation.reliability.hypotheses import (
     ObservationChange,
+    compare_hypotheses,
     compute_log_probability,
-    test_hypotheses,
 )
 from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -50,7 +50,7 @@ def test_all_lengths_and_picks_moved_together_are_what_least_squares_says(
     sizes = {kind: blocks[kind].residual.shape for kind in ("lengths", "pixels")}
     extra = {kind: rng.normal(size=(*shape, 2)) for kind, shape in sizes.items()}
     moved = [ObservationChange(kind, np.arange(len(own)), own) for kind, own in extra.items()]
-    (found,) = test_hypotheses(adjustment, [moved])
+    (found,) = compare_hypotheses(adjustment, [moved])
     jacobian, residual = dense(adjustment, extra)
     step = np.linalg.lstsq(jacobian, -residual)[0]
     inverse = np.linalg.inv(jacobian.T @ jacobian)[-2:, -2:]
@@ -70,9 +70,9 @@ def test_a_pick_that_may_be_anywhere_explains_what_it_falls_without_it(
         [ObservationChange("pixels", np.array([k]), np.eye(2)[None])]
         for k in range(len(block.residual))
     ]
-    gain = np.array([one.gain for one in test_hypotheses(adjustment, each)])
+    gain = np.array([one.gain for one in compare_hypotheses(adjustment, each)])
     fall = compute_reductions(block, adjustment.covariance)
-    checked = np.array([one.unknowns for one in test_hypotheses(adjustment, each)]) == 2
+    checked = np.array([one.unknowns for one in compare_hypotheses(adjustment, each)]) == 2
     assert checked.sum() > 10
     assert gain[checked] == pytest.approx(fall[checked], rel=1e-6, abs=1e-9)
 
@@ -84,7 +84,7 @@ def test_what_nothing_checks_is_not_found(adjustment: Adjustment) -> None:
         for kind, block in adjustment.minimum.blocks.items()
         for along in [np.where(block.columns[:, None] == column, block.jacobian, 0.0).sum(axis=2)]
     ]
-    (found,) = test_hypotheses(adjustment, [moved])
+    (found,) = compare_hypotheses(adjustment, [moved])
     assert (found.unknowns, found.gain) == (0, 0.0)  # an unknown that the survey has already
     assert np.isinf(found.covariance).all()
 

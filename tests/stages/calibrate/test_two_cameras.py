@@ -12,7 +12,7 @@ import pytest
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.outliers import CleanedFit, adjust_scaled
 from uavgram.estimation.calibration.problem import State, make_lens, pad
-from uavgram.estimation.calibration.reliability import estimate_photo_effect, test_photos
+from uavgram.estimation.calibration.reliability import compute_photo_tests, estimate_photo_effect
 from uavgram.estimation.calibration.two_cameras import find_best_split
 from uavgram.estimation.calibration.validation import HeldOut
 from uavgram.model.arrays import Floats
@@ -30,7 +30,7 @@ def judged(observations: BoardObservations, start: State) -> AssessedCalibration
     fit, scale = adjust_scaled(make_lens(options), corners, start, options)
     none = np.zeros(len(observations.photos))
     snooped = CleanedFit(fit, scale, np.zeros(corners.weight.shape, bool), none > 0, none)
-    effect = estimate_photo_effect(fit, test_photos(fit, "residuals"), 1.0)
+    effect = estimate_photo_effect(fit, compute_photo_tests(fit, "residuals"), 1.0)
     held = HeldOut(none, none)
     return AssessedCalibration(observations, options, corners, snooped, fit, held, effect)
 

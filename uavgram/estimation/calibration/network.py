@@ -118,7 +118,7 @@ class Trend(NamedTuple):
     degrees: int
 
 
-def test_trend(fit: Fit, extra: Floats) -> Trend:
+def compute_trend(fit: Fit, extra: Floats) -> Trend:
     """Test additional unknowns of each photo by a score test (Rao 1948).
 
     Parameters
@@ -164,7 +164,7 @@ class RollingShutter(NamedTuple):
     probability: float
 
 
-def test_rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
+def detect_rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
     """Compare a drift by row in each photo with bends of second order.
 
     A camera that moves while its rows are read one after the other shears and stretches each photo
@@ -172,8 +172,8 @@ def test_rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
     parts of either that the poses compensate are not counted.
     """
     u, v = np.moveaxis(fit.corners.pixel_px / np.array(size_px) - 0.5, -1, 0)
-    by_row = test_trend(fit, _along_both(v))
-    bends = [test_trend(fit, _along_both(bend)) for bend in (u * u, u * v, v * v)]
+    by_row = compute_trend(fit, _along_both(v))
+    bends = [compute_trend(fit, _along_both(bend)) for bend in (u * u, u * v, v * v)]
     degrees = max(sum(bend.degrees for bend in bends), 1)
     usual = max(sum(bend.chi2 for bend in bends) / degrees, 1.0)
     own = max(by_row.degrees, 1)
@@ -204,7 +204,7 @@ class FocusDrift(NamedTuple):
     probability: float
 
 
-def test_focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
+def detect_focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
     """Estimate a separate focal length for each photo, to detect autofocus, zoom or two cameras.
 
     Parameters
@@ -216,7 +216,7 @@ def test_focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
     """
     principal = fit.state.parameters[2:4]
     extra = (fit.corners.pixel_px - principal)[..., None]
-    found = test_trend(fit, extra)
+    found = compute_trend(fit, extra)
     chance = chdtrc(found.degrees, found.chi2 / photo_factor) if found.degrees else np.nan
     return FocusDrift(found.value[:, 0], float(chance))
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.estimation.calibration.adjustment import Fit, Normals, adjust
 from uavgram.estimation.calibration.problem import Corners, Lens, Linearisation, State
-from uavgram.estimation.calibration.reliability import test_corners, test_photos
+from uavgram.estimation.calibration.reliability import compute_corner_tests, compute_photo_tests
 from uavgram.estimation.calibration.start import MIN_CORNERS
 from uavgram.estimation.reliability.variance_components import VarianceComponent, estimate_single
 from uavgram.model.arrays import Bools, Floats
@@ -141,7 +141,7 @@ def adjust_scaled(
 
 def _find_bad_corners(fit: Fit, options: CalibrationOptions) -> Bools:
     """Mark (M, n) the worst corner of each photo if it is an outlier."""
-    tests = test_corners(fit, options.corner_sigma)
+    tests = compute_corner_tests(fit, options.corner_sigma)
     count = max(int(fit.corners.count.sum()), 1)
     worst = tests.probability.argmin(axis=1)
     result = np.zeros(fit.corners.weight.shape, bool)
@@ -157,7 +157,7 @@ def _find_worst_photo(
     fit: Fit, crowded: Bools, options: CalibrationOptions
 ) -> tuple[int | None, Floats]:
     """Find the photo that fits too badly, if any, and the residuals of all over their median."""
-    tests = test_photos(fit, options.corner_sigma)
+    tests = compute_photo_tests(fit, options.corner_sigma)
     used = (fit.corners.count > 0) & np.isfinite(tests.excess)
     rms = np.sqrt(np.maximum(tests.excess, 0.0) / np.maximum(tests.degrees, 1.0))
     median = float(np.median(rms[used])) if used.any() else 0.0

@@ -104,7 +104,7 @@ def eliminate_pose(fit: Fit) -> Floats:
     return np.asarray(fit.linear.border - fit.linear.pose @ fit.normals.gain)
 
 
-def test_corners(fit: Fit, sigma: CornerSigma) -> CornerTests:
+def compute_corner_tests(fit: Fit, sigma: CornerSigma) -> CornerTests:
     """Test every corner against all the others."""
     there = fit.corners.weight > 0
     block = fit.corner_block
@@ -120,7 +120,7 @@ def test_corners(fit: Fit, sigma: CornerSigma) -> CornerTests:
     )
 
 
-def test_photos(fit: Fit, sigma: CornerSigma) -> PhotoTests:
+def compute_photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
     """Test every photo against all the others, its pose left free."""
     v, reduced = fit.linear.residual, eliminate_pose(fit)
     gradient = np.einsum("mri,mr->mi", reduced, v)

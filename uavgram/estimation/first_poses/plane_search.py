@@ -536,7 +536,7 @@ def _best_of_neighbours(plane: Floats, cost: Floats) -> Ints:
 
 
 def _covariances(plane: Floats, information: Floats, cost: Floats) -> tuple[Floats, Bools]:
-    """Compute (C, 3, 3) inverses with sigmas up to `MAX_RELATIVE_SIGMA`, and (C,) whether none was larger.
+    """Compute (C, 3, 3) inverses with sigmas up to `MAX_RELATIVE_SIGMA`, (C,) if none is larger.
 
     Parameters
     ----------

@@ -109,8 +109,8 @@ class Shifts(NamedTuple):
     Attributes
     ----------
     relief
-        (M,) by points that are `ASSUMED_RELIEF_M` above or below the surface, each on the side of its
-        largest effect: the sum of the sizes.
+        (M,) by points that are `ASSUMED_RELIEF_M` above or below the surface, each on the side of
+        its largest effect: the sum of the sizes.
     tape
         (M,) by readings that are all `ASSUMED_TAPE_ERROR` longer.
     """

@@ -67,7 +67,8 @@ class UndetectedError(NamedTuple):
     member
         Reading, with the axis that moves the measurement most.
     sigmas
-        Size of that error, in sigmas of the reading; about `MAX_ERROR_SIGMAS` if it shows in no test.
+        Size of that error, in sigmas of the reading; about `MAX_ERROR_SIGMAS` if it shows in no
+        test.
     change
         Change of the measurement, in its unit.
     """

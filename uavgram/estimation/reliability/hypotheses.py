@@ -71,7 +71,7 @@ class HypothesisTest(NamedTuple):
     covariance: Floats
 
 
-def test_hypotheses(
+def compare_hypotheses(
     adjustment: Adjustment,
     hypotheses: Sequence[Sequence[ObservationChange]],
     checked: float = MIN_RESIDUAL_SHARE,

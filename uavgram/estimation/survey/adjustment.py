@@ -180,7 +180,7 @@ class Adjustment:
         return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
 
     def relative_points(self) -> Floats:
-        """Compute covariances (K, 2, 2) of east, north within the survey: see `compute_relative_covariance`."""
+        """Compute covariances (K, 2, 2) of east, north by `compute_relative_covariance`."""
         layout = self.problem.layout
         label = np.arange(layout.points)
         planar = layout.point_columns(label)[:, :2]

@@ -4,8 +4,8 @@
 Newton"), which cost an evaluation and a back substitution each. Where they do not converge fast,
 because the normal matrix has changed too much, the full iteration continues from there.
 
-`readjust_moved` takes such steps for many movements at once. Near by the likelihood is evaluated at every
-step; observations farther away keep the linear model. With x = x0 + s + d, where s is the
+`readjust_moved` takes such steps for many movements at once. Near by the likelihood is evaluated at
+every step; observations farther away keep the linear model. With x = x0 + s + d, where s is the
 first-order effect of the movement,
 
     d = - N^-1 sum over rows near by of  J(x)^T (r(x) - e) - J0^T (r0 + J0 d).
@@ -137,8 +137,8 @@ MAX_NONLINEARITY = 2.0
 whole survey is adjusted instead."""
 
 MAX_NONLINEARITY_LATER = 100.0
-"""Limit like `MAX_NONLINEARITY` after the first step: a step may diverge once, and return by mixing with
-others."""
+"""Limit like `MAX_NONLINEARITY` after the first step: a step may diverge once, and return by mixing
+with others."""
 
 MAX_STEPS = 20
 """Largest number of steps."""

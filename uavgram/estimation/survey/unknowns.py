@@ -241,7 +241,7 @@ class State:
 
 
 def unstack(states: State) -> Iterator[State]:
-    """Yield each of the states whose arrays have one leading axis, as `apply_increment` returns them."""
+    """Yield each of the states whose arrays have one leading axis, as by `apply_increment`."""
     arrays = [getattr(states, field.name) for field in fields(states)]
     return (State(*each) for each in zip(*arrays, strict=True))
 
@@ -384,12 +384,12 @@ def compute_increment(layout: Layout, start: State, end: State) -> Floats:
 
 
 def advance_state(layout: Layout, state: State, step: Floats) -> State:
-    """Update a state by an increment, equal to `apply_increment` to first order, for the iterations.
+    """Update a state by an increment, to first order equal to `apply_increment`, in iterations.
 
     Only telemetry and control notice when points and cameras turn together about the vertical.
-    `apply_increment` takes such a turn along the tangent, which moves points off their pixels by half the turn
-    squared times the scene's size; here it is a turn (a retraction along the group, Absil, Mahony
-    and Sepulchre 2008, ch. 4). With a free gauge the state also returns to the gauge's conditions
+    `apply_increment` takes such a turn along the tangent, which moves points off their pixels by
+    half the turn squared times the scene's size; here it is a turn (a retraction along the group,
+    Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also returns to the gauge's conditions
     (see ``SurveyProblem``), which are stiff and met to first order only.
 
     Parameters

@@ -13,9 +13,9 @@ from uavgram.estimation.calibration.problem import Corners
 from uavgram.estimation.calibration.projection_uncertainty import compute_length_sigmas
 from uavgram.estimation.calibration.reliability import (
     PhotoEffect,
+    compute_photo_tests,
     estimate_common_error,
     estimate_photo_effect,
-    test_photos,
 )
 from uavgram.estimation.calibration.validation import HeldOut, cross_validate
 from uavgram.model.arrays import Bools
@@ -184,7 +184,7 @@ def judge(
     fit = drop_unweighted(snooped.fit, empty)
     # The weights are scaled: the variance factor is 1 unless the sigmas were given.
     variance = fit.corner_cost / max(fit.corner_redundancy, 1.0)
-    effect = estimate_photo_effect(fit, test_photos(fit, options.corner_sigma), variance)
+    effect = estimate_photo_effect(fit, compute_photo_tests(fit, options.corner_sigma), variance)
     return AssessedCalibration(
         observations, options, first, snooped, fit, cross_validate(fit), effect
     )

@@ -12,8 +12,8 @@ from uavgram.estimation.calibration.network import (
     Tilts,
     compute_coverage,
     compute_tilts,
-    test_focus_drift,
-    test_rolling_shutter,
+    detect_focus_drift,
+    detect_rolling_shutter,
 )
 from uavgram.geometry.camera.back_projection import share_without_rays
 from uavgram.geometry.camera.properties import FRAME_35MM_DIAGONAL_MM
@@ -124,7 +124,7 @@ def shows_rolling_shutter(found: RollingShutter) -> bool:
 
 
 def _on_the_shutter(judged: AssessedCalibration) -> Iterator[Message]:
-    found = test_rolling_shutter(judged.fit, judged.size_px)
+    found = detect_rolling_shutter(judged.fit, judged.size_px)
     if shows_rolling_shutter(found):
         yield Message(
             "warning",
@@ -137,7 +137,7 @@ def _on_the_shutter(judged: AssessedCalibration) -> Iterator[Message]:
 
 def _on_the_focus(judged: AssessedCalibration) -> Iterator[Message]:
     factor = judged.effect.factor if np.isfinite(judged.effect.factor) else 1.0
-    found = test_focus_drift(judged.fit, max(factor, 1.0))
+    found = detect_focus_drift(judged.fit, max(factor, 1.0))
     spread = float(np.sqrt(np.mean(found.relative**2)))
     if found.probability < SIGNIFICANCE and spread > FOCUS_CHANGE:
         yield Message(

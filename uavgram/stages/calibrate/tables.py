@@ -21,7 +21,7 @@ from uavgram.estimation.calibration.projection_uncertainty import (
     compute_projection_covariance,
     compute_worst_sigma,
 )
-from uavgram.estimation.calibration.reliability import test_corners
+from uavgram.estimation.calibration.reliability import compute_corner_tests
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
@@ -59,7 +59,7 @@ def corner_results(judged: AssessedCalibration) -> CornerResults:
     everything = _everything(judged)
     there = judged.first.weight > 0
     photos, slots = np.nonzero(there)
-    tests = test_corners(judged.snooped.fit, judged.options.corner_sigma)
+    tests = compute_corner_tests(judged.snooped.fit, judged.options.corner_sigma)
     weight = everything.corners.weight[there]
     residual = everything.linear.residual.reshape(*there.shape, 2)[there] / weight[:, None]
     status = np.full(there.shape, "used", dtype=object)

@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust
-from uavgram.estimation.calibration.network import test_rolling_shutter
+from uavgram.estimation.calibration.network import detect_rolling_shutter
 from uavgram.estimation.calibration.problem import make_lens, pad
 from uavgram.estimation.calibration.two_cameras import Split, find_best_split
 from uavgram.model.arrays import Bools, Floats
@@ -91,7 +91,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
         return ()
     is_certain = any(level.is_reached(split) for level in CERTAIN)
     together, *apart = (
-        shows_rolling_shutter(test_rolling_shutter(one, judged.size_px)) for one in (fit, *alone)
+        shows_rolling_shutter(detect_rolling_shutter(one, judged.size_px)) for one in (fit, *alone)
     )
     is_moved = any(apart)
     if not is_certain and (together or is_moved):

@@ -18,7 +18,7 @@ from uavgram.estimation.measuring.scale import scale_derivatives
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
     ObservationChange,
-    test_hypotheses,
+    compare_hypotheses,
 )
 from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -81,7 +81,7 @@ def propose_common_errors(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if not adjustment.minimum.converged:
         return
     common = _list_common_errors(adjustment)
-    tests = test_hypotheses(adjustment, [one.moved for one in common], MIN_SHARE_IN_RESIDUALS)
+    tests = compare_hypotheses(adjustment, [one.moved for one in common], MIN_SHARE_IN_RESIDUALS)
     for one, found in zip(common, tests, strict=True):
         value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
         if not np.isfinite(sigma) or abs(value) < REPORTED_SIGMAS * sigma:
@@ -151,7 +151,7 @@ def report_possible_errors(adjustment: Adjustment) -> Iterator[Message]:
         return
     labels, names = adjustment.survey.label, adjustment.survey.line_name
     offsets = [one for one in _list_common_errors(adjustment) if not one.is_factor]
-    tests = test_hypotheses(adjustment, [one.moved for one in offsets], MIN_SHARE_IN_RESIDUALS)
+    tests = compare_hypotheses(adjustment, [one.moved for one in offsets], MIN_SHARE_IN_RESIDUALS)
     level = OFFSET_SIGNIFICANCE / max(len(offsets), 1)
     for one, found in zip(offsets, tests, strict=True):
         value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
@@ -183,7 +183,7 @@ def _may_be_level(adjustment: Adjustment) -> bool:
     """Return whether lengths were probably taped level, where the file does not state how."""
     if adjustment.survey.line_along:
         return False
-    (found,) = test_hypotheses(adjustment, [[_level(adjustment)]], MIN_SHARE_IN_RESIDUALS)
+    (found,) = compare_hypotheses(adjustment, [[_level(adjustment)]], MIN_SHARE_IN_RESIDUALS)
     # Decrease of the sum of squares with an amount of 1 instead of 0, as a lower limit.
     gain = (2.0 * found.value[0] - 1.0) / found.covariance[0, 0]
     return bool(gain / 2.0 > LEVEL_LOG_ODDS)
@@ -222,14 +222,14 @@ def _is_common(adjustment: Adjustment, one: _Common) -> bool:
         own = np.zeros((len(every), 1, 2))
         own[np.isin(every, rows), :, :1], own[every == row, 0, 1] = along, 1.0
         both.append([ObservationChange("lengths", every, own), *size])
-    alone = test_hypotheses(adjustment, [[each] for each in single], MIN_SHARE_IN_RESIDUALS)
-    joint = test_hypotheses(adjustment, both, MIN_SHARE_IN_RESIDUALS)
+    alone = compare_hypotheses(adjustment, [[each] for each in single], MIN_SHARE_IN_RESIDUALS)
+    joint = compare_hypotheses(adjustment, both, MIN_SHARE_IN_RESIDUALS)
     return all(b.gain - a.gain > REMAINING_SIGMAS**2 for a, b in zip(alone, joint, strict=True))
 
 
 def has_common_misfit(adjustment: Adjustment) -> bool:
     """Return whether all lengths have a significant common error."""
-    tests = test_hypotheses(
+    tests = compare_hypotheses(
         adjustment, [one.moved for one in _list_common_errors(adjustment)], MIN_SHARE_IN_RESIDUALS
     )
     return any(one.gain > REPORTED_SIGMAS**2 for one in tests)

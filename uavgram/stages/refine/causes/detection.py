@@ -6,8 +6,8 @@ import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import (
     MIN_PROBABILITY,
+    compare_hypotheses,
     compute_log_probability,
-    test_hypotheses,
 )
 from uavgram.estimation.reliability.redundancy import (
     compute_core_fit,
@@ -52,7 +52,7 @@ def _worst_prior(adjustment: Adjustment) -> float:
     Tested are the unknowns common to the flight and its camera, and the poses of the log together.
     """
     priors = list(list_prior_hypotheses(adjustment))
-    found = test_hypotheses(adjustment, priors)
+    found = compare_hypotheses(adjustment, priors)
     worst = min(
         (compute_log_probability(f.gain, f.unknowns, len(priors) + 1) for f in found), default=0.0
     )

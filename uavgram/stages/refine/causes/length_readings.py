@@ -216,7 +216,8 @@ def _unit_of_all_message(
     ends = zip(survey.line_start.tolist(), survey.line_end.tolist(), strict=True)
     names = survey.line_name or ("",) * len(survey.line_start)
     each = [
-        f"{describe_ends(name, survey.label[start], survey.label[end])} would be {m / unit.size:.2f} m"
+        f"{describe_ends(name, survey.label[start], survey.label[end])} "
+        f"would be {m / unit.size:.2f} m"
         for name, (start, end), m in zip(names, ends, survey.length_m.tolist(), strict=True)
     ]
     what = f"All lengths seem to be {unit.words}"

@@ -12,7 +12,7 @@ from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
     ObservationChange,
-    test_hypotheses,
+    compare_hypotheses,
 )
 from uavgram.estimation.reliability.redundancy import compute_redundancy
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -74,7 +74,7 @@ def _find_strained_photos(diagnosis: Diagnosis) -> dict[int, float]:
         middle = small.calibration.parameters[2:4]
         away = (small.pixel_px - middle) / small.pick_sigma_px[:, None]
         rows = [np.flatnonzero(small.pick_frame == k) for k in range(len(small.frame_id))]
-        tests = test_hypotheses(
+        tests = compare_hypotheses(
             adjustment, [(ObservationChange("pixels", r, away[r, :, None]),) for r in rows]
         )
         index = {name: k for k, name in enumerate(diagnosis.survey.frame_id)}

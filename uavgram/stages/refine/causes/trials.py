@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import HypothesisTest, test_hypotheses
+from uavgram.estimation.reliability.hypotheses import HypothesisTest, compare_hypotheses
 from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
@@ -73,7 +73,7 @@ def screen_hypotheses(
     for checked in {one.checked for one in every}:
         linear = [one for one in every if one.moved and one.checked == checked]
         if diagnosis.adjustment.minimum.converged:
-            tests = test_hypotheses(diagnosis.adjustment, [one.moved for one in linear], checked)
+            tests = compare_hypotheses(diagnosis.adjustment, [one.moved for one in linear], checked)
             found |= dict(zip(map(id, linear), tests, strict=True))
     judged = [_judge(diagnosis, one, found.get(id(one))) for one in every]
     return sorted(judged, key=lambda one: -one.odds)

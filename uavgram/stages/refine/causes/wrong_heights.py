@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
     ObservationChange,
-    test_hypotheses,
+    compare_hypotheses,
 )
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
@@ -49,7 +49,7 @@ def propose_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if not len(asked):
         return
     moved = {int(k): height_derivative(diagnosis, int(k)) for k in asked[:MAX_LABELS]}
-    found = test_hypotheses(adjustment, [(one,) for one in moved.values()])
+    found = compare_hypotheses(adjustment, [(one,) for one in moved.values()])
     height = dict(zip(moved, (float(one.value[0]) for one in found), strict=True))
     index = {int(a): k for k, a in enumerate(at) if a >= 0}
     for k, one in moved.items():
