@@ -256,7 +256,7 @@ def test_a_wrong_length_is_flagged_and_its_group_named(
         first = next(find_suspicions(adjustment, compute_test_statistics(adjustment), ALPHA), None)
         flagged.append(first is not None)
         expected.append(chance_of(wrong, by) >= 0.95)
-        named.append(first is not None and first.accused == Member("lengths", wrong, 0))
+        named.append(first is not None and first.suspect == Member("lengths", wrong, 0))
         if (
             first is not None and named[-1]
         ):  # and with it the picks of its ends, which no test can part from it
@@ -343,7 +343,7 @@ def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
         pixel[pick] += 15.0 * np.array([np.cos(angle), np.sin(angle)])
         adjustment = with_all(replace(survey, pixel_px=pixel)).adjustment
         first = next(find_suspicions(adjustment, compute_test_statistics(adjustment), ALPHA))
-        located += (first.accused.kind, first.accused.row) == ("pixels", pick)
+        located += (first.suspect.kind, first.suspect.row) == ("pixels", pick)
     record_property("located", float(located / SEVERAL))
     assert SEVERAL - located <= MISSED * SEVERAL
 

@@ -118,8 +118,8 @@ def _profile(adjustment: Adjustment, label: Ints) -> Floats:
     world, jacobian, columns = adjustment.points_with_jacobian(label)
     feet, of_feet, foot_columns = adjustment.ground_with_jacobian(label)
     below = find_ground_below(adjustment.survey, label, world, feet)
-    of_feet = np.where(below.told[:, None, None], jacobian, of_feet)
-    foot_columns = np.where(below.told[:, None], columns, foot_columns)
+    of_feet = np.where(below.is_determined[:, None, None], jacobian, of_feet)
+    foot_columns = np.where(below.is_determined[:, None], columns, foot_columns)
     along = profile(world)
     n = len(label)
     # Ground height relative to the first point.

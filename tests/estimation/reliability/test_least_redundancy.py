@@ -28,6 +28,6 @@ def test_lengths_that_nothing_checks_are_not_blamed_for_relief(seed: int) -> Non
     found = list(find_suspicions(adjustment, groups, 0.001))
     assert found
     for suspicion in found:
-        for one in (suspicion.accused, *suspicion.group, *suspicion.rivals):
+        for one in (suspicion.suspect, *suspicion.group, *suspicion.rivals):
             if one.kind in READINGS:
                 assert groups[one.kind].redundancy[one.row].max() > 0.02

@@ -236,7 +236,7 @@ def test_a_wrong_length_puts_what_it_moves_in_doubt_without_any_common_label() -
         if not out:
             examined = run_tests(refined, values[out], 0.001)
     moved = np.abs(values[True].value - values[False].value) / values[False].sigma
-    assert examined.suspicions[0].accused.kind == "lengths"
+    assert examined.suspicions[0].suspect.kind == "lengths"
     assert moved.max() > 1.5  # so that the case says something
     assert is_moved(examined)[moved > 1.2].all()
 

@@ -54,7 +54,7 @@ def test_a_moderate_pick_is_left_out_or_reported_first(off_px: float) -> None:
         assert list(refined.pick_reason) == [pick]
         return
     adjustment = refined.adjustment
-    accused = next(find_suspicions(adjustment, compute_test_statistics(adjustment), 0.001)).accused
+    accused = next(find_suspicions(adjustment, compute_test_statistics(adjustment), 0.001)).suspect
     assert (accused.kind, refined.pick_index[accused.row]) == ("pixels", pick)
 
 

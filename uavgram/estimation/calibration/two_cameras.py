@@ -50,7 +50,7 @@ class _NormalEquations(NamedTuple):
 
     normal: Floats  # (M, q, q)
     gradient: Floats  # (M, q)
-    compute_prior_normal: Floats  # (q, q)
+    prior_normal: Floats  # (q, q)
     prior_gradient: Floats  # (q,)
 
     def camera(self, photos: Bools) -> Floats:

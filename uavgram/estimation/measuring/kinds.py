@@ -195,7 +195,7 @@ def _measure_over_ground(
     """Measure from the ground below, with the contribution of its roughness to the sigma."""
     label = np.array([survey.label.index(one) for one in request.points])
     below = find_ground_below(survey, label, points, feet)
-    if request.kind == "height" and below.told.all():
+    if request.kind == "height" and below.is_determined.all():
         raise UnmeasurableError(
             _explain_height(request.points[0], float(survey.height_above_m[label][0]))
         )
@@ -206,7 +206,7 @@ def _measure_over_ground(
         request.kind, points, lifted, dict(request.parameters)
     )
     effects = dict(zip(sources, (by_feet[:, 2] * below.sigma_m).tolist(), strict=True))
-    told = below.told[:, None]
+    told = below.is_determined[:, None]
     return Measurand(
         request.name,
         request,

@@ -114,7 +114,7 @@ class Curvature(NamedTuple):
 
     bias: Floats
     sigma: Floats
-    compute_curvature: Floats
+    curvature: Floats
 
 
 class _Direction(NamedTuple):

@@ -98,7 +98,7 @@ class PhotoLinearisation(NamedTuple):
     error: Floats
     to_place: Floats
     common: Floats
-    compute_common_effects: Floats
+    by_common: Floats
     shifts: Floats
     slope: Floats
     ray: Floats

@@ -56,7 +56,7 @@ class ObservationNames:
         """List all possible causes: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
         parts: list[str] = []
         by_frame: dict[str, list[str]] = {}
-        for member in (suspicion.accused, *suspicion.group):
+        for member in (suspicion.suspect, *suspicion.group):
             observation = self.of(member)
             if isinstance(observation, Pixels):
                 frame, label = observation.place(member.row)
@@ -68,7 +68,7 @@ class ObservationNames:
             parts.append(f"{picks} of {listed(labels, None)} in {frame!r}")
         return " or the ".join(parts)
 
-    def look(self, suspicion: Suspicion) -> str:
+    def advice(self, suspicion: Suspicion) -> str:
         """Return ``no test separates them: look at all three``; empty for a single observation."""
         count = 1 + len(suspicion.group)
         if count == 1:

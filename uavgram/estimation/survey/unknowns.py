@@ -389,8 +389,8 @@ def advance_state(layout: Layout, state: State, step: Floats) -> State:
     Only telemetry and control notice when points and cameras turn together about the vertical.
     `apply_increment` takes such a turn along the tangent, which moves points off their pixels by
     half the turn squared times the scene's size; here it is a turn (a retraction along the group,
-    Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also returns to the gauge's conditions
-    (see ``SurveyProblem``), which are stiff and met to first order only.
+    Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also returns
+    to the gauge's conditions (see ``SurveyProblem``), which are stiff and met to first order only.
 
     Parameters
     ----------

@@ -29,7 +29,7 @@ def is_moved(examined: TestedSurvey) -> Bools:
     sigma = np.where(measured.sigma > 0, measured.sigma, np.inf)
     moved = np.zeros(len(sigma), dtype=np.bool_)
     members = [
-        member for one in examined.suspicions for member in (one.accused, *one.group, *one.rivals)
+        member for one in examined.suspicions for member in (one.suspect, *one.group, *one.rivals)
     ]
     if not members or not len(sigma):
         return moved

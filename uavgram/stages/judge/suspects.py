@@ -66,11 +66,11 @@ def _inseparable(suspicion: Suspicion) -> set[tuple[str, int]]:
 
 
 def _members(suspicion: Suspicion) -> tuple[Member, ...]:
-    return (suspicion.accused, *suspicion.group, *suspicion.rivals)
+    return (suspicion.suspect, *suspicion.group, *suspicion.rivals)
 
 
 def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
-    accused, names = suspicion.accused, examined.names
+    accused, names = suspicion.suspect, examined.names
     observation, group = names.of(accused), examined.groups[accused.kind]
     own, thing = np.array([accused.row]), observation.things()
     if thing is not None:
@@ -82,7 +82,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     text, item = observation.misfit(found)
     others = []
     if suspicion.group:
-        others.append(f"The {names.group(suspicion)}: {names.look(suspicion)}.")
+        others.append(f"The {names.group(suspicion)}: {names.advice(suspicion)}.")
         item += f", or the {' or the '.join(names.cause(m) for m in suspicion.group)}"
     if suspicion.rivals:
         others.append(names.rivals(suspicion))
@@ -92,7 +92,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         observation.kind.misfit_code,
         " ".join([text, *others]),
         **names.subjects(accused),
-        several=MessagePlural(observation.several(), item, ending=observation.kind.look),
+        several=MessagePlural(observation.several(), item, ending=observation.kind.advice),
         mend=remedies[0],
         instead=tuple(one for one in remedies[1:] if one is not None),
     )
@@ -153,7 +153,7 @@ def judge_removals(
             what = f"length {describe_ends(lines.name[i], lines.start[i], lines.end[i])}"
         else:
             names = ObservationNames(removal.before.adjustment)
-            what = names.observation(suspicion.accused)
+            what = names.observation(suspicion.suspect)
             group = tuple(names.observation(m) for m in suspicion.group)
             rivals = tuple(names.observation(m) for m in suspicion.rivals)
         records.append(

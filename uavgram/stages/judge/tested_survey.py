@@ -62,7 +62,7 @@ class TestedSurvey:
 
     refined: Refined
     groups: dict[str, TestedGroup]
-    find_suspicions: tuple[Suspicion, ...]
+    suspicions: tuple[Suspicion, ...]
     worst: dict[str, LargestEffects]
     weakest: tuple[WeakestObservations, ...]
     names: ObservationNames
@@ -81,7 +81,7 @@ class TestedSurvey:
         The adjusted survey itself where nothing is suspected, or too much.
         """
         are_known = len(self.suspicions) < MAX_SUSPECTS
-        accused = [one.accused for one in self.suspicions] if are_known else []
+        accused = [one.suspect for one in self.suspicions] if are_known else []
         return adjust_without(self.adjustment, accused)
 
     def suspect(self, kind: str) -> Bools:
@@ -92,7 +92,7 @@ class TestedSurvey:
         rows = [
             member.row
             for suspicion in self.suspicions
-            for member in (suspicion.accused, *suspicion.group)
+            for member in (suspicion.suspect, *suspicion.group)
             if member.kind == kind
         ]
         suspect = np.zeros(len(group.w), dtype=bool)
@@ -236,5 +236,5 @@ def _suspicions(
 
 def _is_lone_tape(adjustment: Adjustment, suspicion: Suspicion) -> bool:
     """Return whether the only tape is suspected, without any other observation of the scale."""
-    is_tape = suspicion.accused.kind == "tape" and len(adjustment.problem.tapes) == 1
+    is_tape = suspicion.suspect.kind == "tape" and len(adjustment.problem.tapes) == 1
     return is_tape and not compute_scale_sigmas(adjustment).others < MAX_RELATIVE_SIGMA

@@ -43,7 +43,7 @@ def find_blunder(refined: Refined, significance: float) -> BlunderSearch:
     undecided = []
     groups = compute_test_statistics(refined.adjustment)
     for suspicion in find_suspicions(refined.adjustment, groups, significance):
-        members = (suspicion.accused, *suspicion.group)
+        members = (suspicion.suspect, *suspicion.group)
         stated = [m for m in members if m.kind in READING_GROUPS]
         picks = [m for m in members if m.kind == "pixels"]
         if not stated and not picks:
@@ -56,7 +56,7 @@ def find_blunder(refined: Refined, significance: float) -> BlunderSearch:
 
 
 def _removal(refined: Refined, suspicion: Suspicion) -> Removal:
-    kind, row = suspicion.accused.kind, suspicion.accused.row
+    kind, row = suspicion.suspect.kind, suspicion.suspect.row
     if kind == "lengths":
         index = int(refined.line_index[refined.adjustment.problem.line_index[row]])
         return Removal("line", index, suspicion, refined)

@@ -40,10 +40,10 @@ from uavgram.stages.refine.staged_sigmas import DAMPING, approach_minimum, itera
 
 
 class UndeterminedError(GeometryError):
-    """Undetermined unknown; `picks` (P,) are the picks that depend on it alone."""
+    """Undetermined unknown; `dependent_picks` (P,) are the picks that depend on it alone."""
 
     def __init__(self, message: str, picks: Bools) -> None:
-        self.picks = picks
+        self.dependent_picks = picks
         super().__init__(message)
 
 
@@ -304,8 +304,8 @@ def find_minima_from(
                 out = _picks_to_leave_out(why, skipped)
                 if not out:
                     raise
-                if not why.picks.all():
-                    undetermined |= frozenset(selection.pick_index[why.picks].tolist())
+                if not why.dependent_picks.all():
+                    undetermined |= frozenset(selection.pick_index[why.dependent_picks].tolist())
         left = selection.pick_index[list(out)].tolist()
         taking = taking.without_picks(dict(zip(left, out.values(), strict=True)))
     return Refined(
@@ -336,8 +336,8 @@ def _picks_to_leave_out(
 
     If all picks depend on it, the picks in the sky of another pose; empty without such a pose.
     """
-    hanging = np.flatnonzero(why.picks)
-    if 0 < len(hanging) < len(why.picks):
+    hanging = np.flatnonzero(why.dependent_picks)
+    if 0 < len(hanging) < len(why.dependent_picks):
         return dict.fromkeys(hanging.tolist(), LeftOut(LeftOutCause.UNDETERMINED, str(why)))
     return min((out for out in skipped if out), key=len, default={})
 

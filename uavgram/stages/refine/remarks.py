@@ -213,21 +213,23 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
     if removal.cause is not None:
         return _correction_message(removal.cause, *removal.mended)
     names = ObservationNames(before.adjustment)
-    what = names.observation(removal.suspicion.accused)
+    what = names.observation(removal.suspicion.suspect)
     plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
     text = (
         f"The {what} was taken out, as it does not fit the rest (w = {removal.w:.1f}); everything "
         "else was adjusted again. Look at it, and correct or delete it."
     )
     if removal.suspicion.group:
-        text += f" It may be the {names.group(removal.suspicion)}: {names.look(removal.suspicion)}."
+        text += (
+            f" It may be the {names.group(removal.suspicion)}: {names.advice(removal.suspicion)}."
+        )
     if removal.suspicion.rivals:
         text += f" {names.rivals(removal.suspicion)}"
     return Message(
         "warning",
         f"{removal.kind}-removed",
         text,
-        **names.subjects(removal.suspicion.accused),
+        **names.subjects(removal.suspicion.suspect),
         several=MessagePlural(
             f"{{count}} {plural} were taken out, as they do not fit the rest, which was adjusted "
             "again",
@@ -249,10 +251,10 @@ def not_located_message(refined: Refined, suspicion: Suspicion) -> Message:
     """Report a blunder that no test can separate from its neighbours."""
     names = ObservationNames(refined.adjustment)
     text = (
-        f"One of these does not fit: the {names.group(suspicion)}; {names.look(suspicion)}, or "
+        f"One of these does not fit: the {names.group(suspicion)}; {names.advice(suspicion)}, or "
         f"tape another line. Nothing was taken out (w = {abs(suspicion.w):.1f})."
     )
-    members = (suspicion.accused, *suspicion.group)
+    members = (suspicion.suspect, *suspicion.group)
     either = read_first(names.of(member).remedy(member.row) for member in members)
     return Message(
         "warning",
@@ -275,7 +277,7 @@ def indispensable_message(refined: Refined, removal: Removal, why: GeometryError
     why
         Error that names the unknown that is undetermined without it.
     """
-    names, accused = ObservationNames(refined.adjustment), removal.suspicion.accused
+    names, accused = ObservationNames(refined.adjustment), removal.suspicion.suspect
     text = (
         f"The {names.observation(accused)} does not fit the rest, but was kept (w = "
         f"{removal.w:.1f}). Look at it, and correct it. Without it, {why}"

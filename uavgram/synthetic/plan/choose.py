@@ -58,7 +58,7 @@ class Choice(NamedTuple):
     """
 
     flight: Flight
-    compute_possible: PossibleReferences
+    possible: PossibleReferences
     layout: ChosenLines
     robust_layout: ChosenLines
     laid: ReferenceKind = "lines"

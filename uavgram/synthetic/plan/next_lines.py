@@ -82,8 +82,8 @@ def find_next_lines_of_inputs(inputs: Inputs, project: Path) -> NextLines:
     if not len(pairs):
         raise InputError(
             project,
-            f"no line of {MIN_LENGTH_M:g} to {MAX_LENGTH_M:g} m fits between its points in a photo: "
-            "pick points that are farther apart",
+            f"no line of {MIN_LENGTH_M:g} to {MAX_LENGTH_M:g} m fits between its points in a "
+            "photo: pick points that are farther apart",
         )
     aim = _aim(adjustment, values)
     candidates = _candidates(adjustment, places, pairs, _tape_sigma(inputs.lines))

@@ -56,7 +56,7 @@ class GroundMarks:
 
     label: tuple[str, ...]
     world_m: Floats
-    find_visible: VisiblePoints
+    seen: VisiblePoints
     corners: int = 0
 
 

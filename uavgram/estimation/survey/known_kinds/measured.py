@@ -71,7 +71,7 @@ class MeasuredKind(KnownKind):
         except measurements.UnmeasurableError:
             return -thing.value, nothing, nothing, 0.0
         # Where the ground point moves with the point, its derivatives add to those of the point.
-        is_below = below.told[:, None]
+        is_below = below.is_determined[:, None]
         return (
             value - thing.value,
             gradient + np.where(is_below, by_feet, 0.0),

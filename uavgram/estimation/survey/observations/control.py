@@ -37,7 +37,7 @@ class Control(Observation):
         plural="control points",
         check="their labels and sigmas",
         misfit_code="control-suspect",
-        look="Look at their coordinates, their labels and their picks.",
+        advice="Look at their coordinates, their labels and their picks.",
         is_core=True,
         is_whole=True,
         is_joint=True,

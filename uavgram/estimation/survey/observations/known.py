@@ -195,7 +195,7 @@ class Known(Observation):
         plural="known things",
         check="their values and sigmas",
         misfit_code="known-suspect",
-        look="Look at their values, at their points and at their picks.",
+        advice="Look at their values, at their points and at their picks.",
         is_core=True,
         has_table=True,
     )

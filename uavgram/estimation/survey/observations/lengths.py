@@ -117,7 +117,7 @@ class Lengths(Observation):
         plural="known lengths",
         check="their readings and sigma_m",
         misfit_code="line-suspect",
-        look="Look at the readings, at their ends and at their picks.",
+        advice="Look at the readings, at their ends and at their picks.",
         is_core=True,
         has_table=True,
     )

@@ -35,7 +35,7 @@ class Suspicion:
 
     Attributes
     ----------
-    accused
+    suspect
         Observation with the largest test statistic `w`.
     w
         Test statistic, signed, given earlier suspicions.
@@ -45,7 +45,7 @@ class Suspicion:
         Others whose odds against it are more than 1 in 20.
     """
 
-    accused: Member
+    suspect: Member
     w: float
     group: tuple[Member, ...]
     rivals: tuple[Member, ...]
@@ -116,7 +116,7 @@ class Kind:
     plural, check
         Name of several in a sentence, and the thing to check if the group does not fit; empty: no
         message is about it alone.
-    look
+    advice
         Advice if several single ones do not fit.
     misfit_code
         Code of the message on one that does not fit.
@@ -143,7 +143,7 @@ class Kind:
     units: tuple[str, ...] = ("m",)
     plural: str = ""
     check: str = ""
-    look: str = "Check their values and sigmas in the project."
+    advice: str = "Check their values and sigmas in the project."
     misfit_code: str = "prior-strained"
     is_judged: bool = False
     is_core: bool = False

@@ -125,7 +125,7 @@ class Pixels(Observation):
         plural="picks",
         check="their labels and picks_sigma_px",
         misfit_code="pick-suspect",
-        look="Look at their places and at their labels.",
+        advice="Look at their places and at their labels.",
         is_core=True,
         is_whole=True,
         is_joint=True,

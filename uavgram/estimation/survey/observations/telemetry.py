@@ -51,7 +51,7 @@ class Telemetry(Observation):
         plural="positions and directions of the log",
         check="the gimbal, the times and their sigmas",
         misfit_code="telemetry-strained",
-        look="Look at their picks, their times and the gimbal.",
+        advice="Look at their picks, their times and the gimbal.",
         is_whole=True,
     )
 
