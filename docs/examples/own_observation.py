@@ -11,13 +11,13 @@ import numpy as np
 
 import uavgram
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS, KNOWN_KINDS
-from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
+from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownKind, KnownResiduals
 
 
 class LongerBy(KnownKind):
     """The distance of the first two points less that of the last two [m]."""
 
-    def departures(self, alike: Alike) -> Departures:
+    def departures(self, alike: AlikeThings) -> KnownResiduals:
         """Compute the differences less the known ones."""
         known = np.array([thing.value for thing in alike.things])
         one = alike.world[:, 1] - alike.world[:, 0]
@@ -25,7 +25,7 @@ class LongerBy(KnownKind):
         lengths = np.linalg.norm(one, axis=1), np.linalg.norm(other, axis=1)
         along, across = one / lengths[0][:, None], other / lengths[1][:, None]
         gradient = np.stack([-along, along, across, -across], axis=1)
-        return Departures((lengths[0] - lengths[1] - known)[:, None], gradient[:, None])
+        return KnownResiduals((lengths[0] - lengths[1] - known)[:, None], gradient[:, None])
 
 
 kind = LongerBy("longer_by", shown="longer by", points=(4, 4), has_value=True)

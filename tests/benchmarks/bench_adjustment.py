@@ -52,7 +52,7 @@ def best(action: Callable[[], Answer], times: int = 3) -> tuple[float, Answer]:
 def one(frames: int) -> None:
     from large_survey import large_survey
 
-    from uavgram.estimation.reliability.redundancy import group_fit
+    from uavgram.estimation.reliability.redundancy import compute_group_fit
     from uavgram.model.options import SolveOptions
     from uavgram.stages.refine import refine
 
@@ -64,7 +64,7 @@ def one(frames: int) -> None:
         adjustment.points()
         for name, block in minimum.blocks.items():
             if name != "gauge":
-                group_fit(block, minimum.factor, adjustment.covariance)
+                compute_group_fit(block, minimum.factor, adjustment.covariance)
         return adjustment
 
     before = peak_mb()
@@ -84,7 +84,7 @@ def one(frames: int) -> None:
 
 def parts(adjustment: Adjustment) -> None:
     """Time, and rate of memory and arithmetic, of what one iteration and the end consist of."""
-    from uavgram.estimation.reliability.redundancy import reliability
+    from uavgram.estimation.reliability.redundancy import compute_reliability
     from uavgram.estimation.solver.normal_equations import NormalEquations, Plan
     from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix
     from uavgram.estimation.solver.sparse.cholesky import Multifrontal
@@ -127,7 +127,9 @@ def parts(adjustment: Adjustment) -> None:
     stored = 8 * float(np.sum(own**2 / 2 + own * edge))
     covariance = factor.covariance()
     selected, _ = best(lambda: covariance.blocks(layout.frame_columns(np.arange(1))), 1)
-    fit, _ = best(lambda: reliability(replace(blocks["pixels"]), covariance))  # none is kept
+    fit, _ = best(
+        lambda: compute_reliability(replace(blocks["pixels"]), covariance)
+    )  # none is kept
     gathered = blocks["pixels"].jacobian.shape[2] ** 2 * len(blocks["pixels"].jacobian) * 8
     rows = (
         ("residuals and Jacobians", evaluate, jacobian, 0),

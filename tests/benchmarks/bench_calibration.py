@@ -21,8 +21,8 @@ import cv2
 import numpy as np
 
 from uavgram.estimation.calibration.adjustment import Fit, adjust
-from uavgram.estimation.calibration.problem import lens_of, pad
-from uavgram.estimation.calibration.start import first_values
+from uavgram.estimation.calibration.problem import make_lens, pad
+from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
 from uavgram.stages.calibrate.calibrate import calibrate
 
@@ -46,8 +46,8 @@ def compare(name: str, observations: BoardObservations, coefficients: int, flags
     size = photo.width_px, photo.height_px
 
     def ours() -> Fit:
-        lens, corners = lens_of(options), pad(observations, "flat")
-        return adjust(lens, corners, first_values(lens, corners, size))
+        lens, corners = make_lens(options), pad(observations, "flat")
+        return adjust(lens, corners, estimate_first_values(lens, corners, size))
 
     # OpenCV with its own stopping rule (30 steps), and run until it rests as ours does
     board = observations.board.corner_board_m.astype(np.float32)

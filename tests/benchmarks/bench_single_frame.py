@@ -27,7 +27,7 @@ import cv2
 import numpy as np
 
 from uavgram.estimation.first_poses.length_poses import LengthFrames, resect_from_lengths
-from uavgram.estimation.survey.likelihood import covariance_root
+from uavgram.estimation.survey.likelihood import compute_covariance_root
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.points import View, compute_ground_points
 from uavgram.model.arrays import Floats
@@ -118,7 +118,7 @@ def poses() -> None:
     calibration = survey.calibration
     best = resect_from_lengths(calibration, frames)
     start = 1.03 * best.plane
-    root = covariance_root(calibration.covariance)
+    root = compute_covariance_root(calibration.covariance)
     ray = back_project(calibration.model, calibration.parameters, survey.pixel_px)
     first = np.concatenate([ray[:, 0], ray[:, 1]])
     frame: single_frame_ceres.Frame = {

@@ -15,14 +15,14 @@ import poselib
 from uavgram.estimation.first_poses.pose_problem import LineRows
 from uavgram.model.arrays import Bools, Floats
 from uavgram.synthetic.study.method_scenes import MethodScenes
-from uavgram.synthetic.study.methods import Starts, on_lines
+from uavgram.synthetic.study.methods import Starts, make_line_rows
 
 MOST_TRIPLES, KEPT = 20, 4
 
 
 def p3ll_starts(scenes: MethodScenes) -> Starts:
     """The poses above ground, of all triples of lines, that fit all lines best."""
-    seen = on_lines(scenes)
+    seen = make_line_rows(scenes)
     count = len(seen.ray)
     center, rotation = np.full((count, KEPT, 3), np.nan), np.full((count, KEPT, 3, 3), np.nan)
     rng = np.random.default_rng(0)

@@ -21,16 +21,16 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from poselib_lines import p3ll_starts, pnpl_starts
 
-from uavgram.estimation.first_poses.known_lines import rivals
+from uavgram.estimation.first_poses.known_lines import compute_rival_differences
 from uavgram.model.simulation import MethodRow
-from uavgram.synthetic.study.method_scenes import Setting, method_scenes
+from uavgram.synthetic.study.method_scenes import Setting, draw_scenes
 from uavgram.synthetic.study.methods import (
-    AMBIGUOUS,
-    LIMITS,
-    compared,
-    direct_starts,
-    line_starts,
-    solved,
+    LIMIT_SETTINGS,
+    MAX_RIVAL_INCREASE,
+    compare_methods,
+    find_direct_starts,
+    find_line_starts,
+    find_minima,
 )
 
 SAME = 1e-2
@@ -48,10 +48,10 @@ def main() -> None:
     began = time.process_time()
     usual = Setting(name="usual")
     more = {"lines, PoseLib p3ll": p3ll_starts} if arguments.poselib else {}
-    shown(compared(usual, arguments.scenes, arguments.seed, more))
+    shown(compare_methods(usual, arguments.scenes, arguments.seed, more))
     if arguments.limits:
-        for setting in LIMITS:
-            shown(compared(setting, arguments.scenes, arguments.seed))
+        for setting in LIMIT_SETTINGS:
+            shown(compare_methods(setting, arguments.scenes, arguments.seed))
     reached(arguments.scenes, arguments.seed, poselib=arguments.poselib)
     print(f"{time.process_time() - began:.1f} s of CPU")
 
@@ -73,23 +73,23 @@ def shown(rows: list[MethodRow]) -> None:
 
 def reached(scenes: int, seed: int, *, poselib: bool) -> None:
     """Share of scenes with four lines in which each way to begin leads to the best minimum."""
-    drawn = method_scenes(Setting(name="four lines"), 4, scenes, seed)
+    drawn = draw_scenes(Setting(name="four lines"), 4, scenes, seed)
     rows = replace(drawn.rows, start_on_line=True, end_on_line=True)
     ends = {
-        "direct": solved(rows, direct_starts(drawn)),
-        "search": solved(rows, line_starts(drawn)),
-        "truth": solved(rows, (drawn.center[:, None], drawn.rotation[:, None])),
+        "direct": find_minima(rows, find_direct_starts(drawn)),
+        "search": find_minima(rows, find_line_starts(drawn)),
+        "truth": find_minima(rows, (drawn.center[:, None], drawn.rotation[:, None])),
     }
     if poselib:
-        ends["PoseLib p3ll"] = solved(rows, p3ll_starts(drawn))
+        ends["PoseLib p3ll"] = find_minima(rows, p3ll_starts(drawn))
         starts, below = pnpl_starts(drawn)
-        ends["PoseLib pnpl"] = solved(rows, starts)
+        ends["PoseLib pnpl"] = find_minima(rows, starts)
         print(f"\nposes of PoseLib's pnpl below ground: {100 * below.mean():.1f} %")
     best = np.min([end.cost[:, 0] for end in ends.values()], axis=0)
     print("\nfour lines: share that reaches the best minimum")
     for name, end in ends.items():
         print(f"{name:16}{100 * np.mean(end.cost[:, 0] <= best + SAME):7.2f} %")
-    told = np.isfinite(rivals(ends["search"], AMBIGUOUS))
+    told = np.isfinite(compute_rival_differences(ends["search"], MAX_RIVAL_INCREASE))
     right = ends["search"].cost[:, 0] <= best + SAME
     either = 100 * np.mean(right | told)
     print(f"search: reached or told {either:.2f} %, told {100 * told.mean():.2f} %")

@@ -31,8 +31,8 @@ from uavgram.stages.products.mission import flight_mission
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.run import plan
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.simulate import as_stated, gathered, one_repetition
-from uavgram.synthetic.study.photos import ratio_of
+from uavgram.synthetic.simulate import apply_stated_sigmas, gather_repetitions, run_repetition
+from uavgram.synthetic.study.photos import compute_ratio
 
 SCENARIO = """
 telemetry: {telemetry}
@@ -72,7 +72,7 @@ def planned(
         )
     )
     made, flown = plan(path)
-    flown = as_stated(flown)
+    flown = apply_stated_sigmas(flown)
     relief = made.assumptions.roughness_m  # of each point its own, as is stated
     ground = replace(flown.ground, relief_m=relief, relief_length_m=0.0)
     return made, replace(flown, ground=ground, stated=replace(flown.stated, noise="stated"))
@@ -94,7 +94,7 @@ def main() -> None:
             for k, (file, read_by) in enumerate(READERS.items()):
                 poses = stations(read_by(mission, Path(folder)), scenario.site)
                 there = replace(scenario, flight=replace(scenario.flight, poses=poses))
-                repeat = partial(one_repetition, ScenarioWorld(there))
+                repeat = partial(run_repetition, ScenarioWorld(there))
                 numbers = range(k * asked.repetitions, (k + 1) * asked.repetitions)
                 rows = list(in_processes(repeat, numbers, asked.workers))
                 told(f"{name}, {file}", made, rows)
@@ -103,11 +103,11 @@ def main() -> None:
 def told(name: str, made: FlightPlanned, rows: list) -> None:  # type: ignore[type-arg]
     """Print how the errors of repetitions compare with a plan."""
     wanted = made.measurements
-    found = gathered(rows, wanted.name, wanted.unit, wanted.sigma)
+    found = gather_repetitions(rows, wanted.name, wanted.unit, wanted.sigma)
     good = found.counted.all(axis=1)
     error = (found.value - found.true)[good]
-    low, middle, high = ratio_of(error / wanted.sigma)
-    _, own, _ = ratio_of(error / found.sigma[good])
+    low, middle, high = compute_ratio(error / wanted.sigma)
+    _, own, _ = compute_ratio(error / found.sigma[good])
     print(
         f"{name}: errors over the plan's ± {middle:.3f} ({low:.3f} to {high:.3f}); over the "
         f"survey's own {own:.3f}; {len(rows) - len(error)} of {len(rows)} without a result; each "

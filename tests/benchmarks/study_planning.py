@@ -34,11 +34,11 @@ from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats
 from uavgram.model.options import TapeOptions
 from uavgram.model.planned import FlightPattern
-from uavgram.synthetic.plan.accuracy import ends_of
-from uavgram.synthetic.plan.layouts import best_layout, criterion_of
-from uavgram.synthetic.plan.possible import Possible, possible
+from uavgram.synthetic.plan.accuracy import list_ends
+from uavgram.synthetic.plan.layouts import compute_criterion, find_best_layout
+from uavgram.synthetic.plan.possible import PossibleReferences, compute_possible
 from uavgram.synthetic.plan.scene import Deviation
-from uavgram.synthetic.plan.survey import predicted
+from uavgram.synthetic.plan.survey import predict_values
 from uavgram.synthetic.sight import EDGE_PX
 
 RANDOM = 100
@@ -57,18 +57,18 @@ def compared(pattern: FlightPattern, seed: int, roughness_m: float, laid: str) -
     """Planned mean sigma over the median, and over the best tenth, of random layouts; seconds."""
     case = plan_case(pattern, seed, roughness_m=roughness_m)
     start = time.perf_counter()
-    options = possible(case.scene, case.cameras, case.wanted, lengths(case, laid))
-    layout = best_layout(options.aim, options.candidates, case.lines)
+    options = compute_possible(case.scene, case.cameras, case.wanted, lengths(case, laid))
+    layout = find_best_layout(options.aim, options.candidates, case.lines)
     took = time.perf_counter() - start
     others = [
-        criterion_of(options.aim, options.candidates, lines)
+        compute_criterion(options.aim, options.candidates, lines)
         for lines in random_layouts(options, case.lines, seed)
     ]
     middle, tenth = np.quantile(others, (0.5, 0.1))
     return np.array([layout.criterion / middle, layout.criterion / tenth, took, case.lines])
 
 
-def random_layouts(options: Possible, lines: int, seed: int) -> list[list[int]]:
+def random_layouts(options: PossibleReferences, lines: int, seed: int) -> list[list[int]]:
     """Layouts of candidates that share no end."""
     rng = np.random.default_rng(seed)
     ends = options.candidates.ends
@@ -89,10 +89,10 @@ def simulated(
     """
     case = plan_case(pattern, seed, roughness_m=known[0])
     case = replace(case, scene=replace(case.scene, tape=TapeOptions(scale_sigma=known[1])))
-    options = possible(case.scene, case.cameras, case.wanted, (3.0, case.longest_m))
-    planned = best_layout(options.aim, options.candidates, case.lines).lines
+    options = compute_possible(case.scene, case.cameras, case.wanted, (3.0, case.longest_m))
+    planned = find_best_layout(options.aim, options.candidates, case.lines).lines
     others = random_layouts(options, case.lines, seed)
-    value = [criterion_of(options.aim, options.candidates, lines) for lines in others]
+    value = [compute_criterion(options.aim, options.candidates, lines) for lines in others]
     middle = others[int(np.argsort(value)[len(value) // 2])]
     flown = case.scene, case.cameras, case.wanted
     rms, z, lost = [], [], 0
@@ -102,7 +102,7 @@ def simulated(
         found = errors(flown, ends, draws, rng, world)
         found = found[np.abs(found).max(axis=1) < WRONG_M]
         lost += draws - len(found)
-        sigma = predicted(*flown, ends).sigma
+        sigma = predict_values(*flown, ends).sigma
         rms.append(np.sqrt(np.mean(found**2, axis=0)).mean())
         z.append(np.sqrt(np.mean((found / sigma) ** 2)))
     return np.array([rms[0] / rms[1], *z, lost])
@@ -122,10 +122,10 @@ def laid_beside(pattern: FlightPattern, seed: int, laid: str) -> Floats:
     deviation = Deviation()
     case = plan_case(pattern, seed, roughness_m=0.05, deviation=deviation)
     scene, cameras, wanted = case.scene, case.cameras, case.wanted
-    options = possible(scene, cameras, wanted, lengths(case, laid))
-    ends = ends_of(options, best_layout(options.aim, options.candidates, case.lines).lines)
+    options = compute_possible(scene, cameras, wanted, lengths(case, laid))
+    ends = list_ends(options, find_best_layout(options.aim, options.candidates, case.lines).lines)
     scene = replace(scene, deviation=STEADY)  # photos are where they are, and show what they show
-    as_planned = predicted(scene, cameras, wanted, ends).sigma.mean()
+    as_planned = predict_values(scene, cameras, wanted, ends).sigma.mean()
     rng = np.random.default_rng(seed)
     found = np.empty((len(BESIDE), LAYINGS))
     for row, (shift_m, end_m, drone_m) in enumerate(BESIDE.values()):
@@ -135,7 +135,7 @@ def laid_beside(pattern: FlightPattern, seed: int, laid: str) -> Floats:
                 moved += directions(rng, ends.shape[:2], 2) * end_m
             center = cameras.center_m + directions(rng, (len(cameras.center_m),), 3) * drone_m
             there = cameras._replace(center_m=center)
-            sigma = predicted(scene, there, wanted, moved).sigma.mean()
+            sigma = predict_values(scene, there, wanted, moved).sigma.mean()
             found[row, turn] = sigma / as_planned
     return found
 
@@ -144,9 +144,9 @@ def flights_that_lose(pattern: FlightPattern, seed: int, planned_for: Deviation)
     """Share of flights in which a line of the plan is whole in no photo."""
     case = plan_case(pattern, seed, roughness_m=0.05, deviation=planned_for)
     scene = case.scene
-    options = possible(scene, case.cameras, case.wanted, (3.0, case.longest_m))
-    lines = best_layout(options.aim, options.candidates, case.lines).lines
-    point = scene.on_ground(ends_of(options, lines)).reshape(-1, 3)
+    options = compute_possible(scene, case.cameras, case.wanted, (3.0, case.longest_m))
+    lines = find_best_layout(options.aim, options.candidates, case.lines).lines
+    point = scene.on_ground(list_ends(options, lines)).reshape(-1, 3)
     camera, rng, real = scene.calibration, np.random.default_rng(seed), Deviation()
     shape = (FLIGHTS, len(case.cameras.center_m), 3)
     center = case.cameras.center_m + real.position_m * rng.standard_normal(shape)

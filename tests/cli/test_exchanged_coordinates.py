@@ -8,7 +8,7 @@ from pyproj import Transformer
 from small_projects import Project
 
 from uavgram.errors import InputError
-from uavgram.estimation.reliability.stated_values import likely_fault
+from uavgram.estimation.reliability.stated_values import explain_coordinates
 from uavgram.model.survey.survey import Geodetic, World
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import known_in_world
@@ -62,5 +62,5 @@ def test_points_that_are_all_of_another_place_are_a_mistake(project: Project) ->
 
 def test_local_coordinates_that_are_exchanged_are_named_by_where_the_points_were_found() -> None:
     found = np.array([110.0, -40.0, 1.0])
-    assert "east and north exchanged" in likely_fault(np.array([-39.0, 111.0, 1.2]), found)
-    assert likely_fault(np.array([111.0, -60.0, 1.2]), found) == ""
+    assert "east and north exchanged" in explain_coordinates(np.array([-39.0, 111.0, 1.2]), found)
+    assert explain_coordinates(np.array([111.0, -60.0, 1.2]), found) == ""

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.cli import main
-from uavgram.synthetic.study.run import study_names
+from uavgram.synthetic.study.run import list_studies
 
 
 def test_a_study_is_made_and_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -26,7 +26,7 @@ def test_a_study_is_made_and_written(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_the_studies_are_the_questions_of_the_thesis_and_the_methods() -> None:
-    assert study_names("all") == ("lengths", "picks", "view", "camera", "methods")
+    assert list_studies("all") == ("lengths", "picks", "view", "camera", "methods")
 
 
 def test_an_unknown_study_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

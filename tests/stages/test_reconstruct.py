@@ -13,7 +13,7 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
-from uavgram.estimation.survey.unknowns import State, move
+from uavgram.estimation.survey.unknowns import State, apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Geodetic, Relief, World
@@ -108,7 +108,7 @@ def test_departures_are_heights_over_the_plane_and_their_sigmas_follow_from_all_
     layout = rough.problem.layout
     gradient = np.empty((layout.points, layout.size))
     for k, step in enumerate(1e-4 * np.eye(layout.size)):
-        ahead, back = (move(layout, rough.state, sign * step) for sign in (1.0, -1.0))
+        ahead, back = (apply_increment(layout, rough.state, sign * step) for sign in (1.0, -1.0))
         gradient[:, k] = (off_plane(rough, ahead) - off_plane(rough, back)) / 2e-4
     joint = rough.minimum.factor.joint(np.arange(layout.size))
     sigma = np.sqrt(np.diag(gradient @ joint @ gradient.T))

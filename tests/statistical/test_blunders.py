@@ -28,14 +28,14 @@ from whole_surveys import with_all
 
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability import test_statistics as module
-from uavgram.estimation.reliability.data_snooping import suspicions
+from uavgram.estimation.reliability.data_snooping import find_suspicions
 from uavgram.estimation.reliability.redundancy import (
     Reliability,
-    critical_value,
-    power,
-    reliability,
+    compute_critical_value,
+    compute_power,
+    compute_reliability,
 )
-from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observations.observation import Member
@@ -171,9 +171,9 @@ def check_errors(refined: Refined) -> Floats:
 
 def predicted(survey: Survey) -> tuple[Floats, Callable[[int, float], float]]:
     """Redundancy numbers of the six lengths, and the power of their tests for an error."""
-    redundancy = observed(solved(survey)[0].adjustment)["lengths"].redundancy[:, 0]
+    redundancy = compute_test_statistics(solved(survey)[0].adjustment)["lengths"].redundancy[:, 0]
     return redundancy, lambda line, by: float(
-        power(np.array(by), redundancy[line], np.array(TAPE_M), ALPHA)
+        compute_power(np.array(by), redundancy[line], np.array(TAPE_M), ALPHA)
     )
 
 
@@ -191,7 +191,7 @@ def statistics(
     for _ in range(repetitions):
         given = noisy(survey, rng, wrong, by)
         adjustment = find_best_minima(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
-        found.append(observed(adjustment)["lengths"].w[:, 0])
+        found.append(compute_test_statistics(adjustment)["lengths"].w[:, 0])
     return np.array(found)
 
 
@@ -209,7 +209,7 @@ def violations(survey: Survey, repetitions: int = REPETITIONS) -> list[str]:
         words.append(f"squares of w: {squares} not in {low:.0f}..{high:.0f}")
     clean = np.abs(w)
     for alpha in (0.001, 0.05):
-        flagged = (clean > critical_value(alpha)).sum(axis=0)
+        flagged = (clean > compute_critical_value(alpha)).sum(axis=0)
         low, high = bounds(repetitions, alpha)
         if (flagged < low).any() or (flagged > high).any():
             words.append(f"false alarms at {alpha}: {flagged} not in {low:.0f}..{high:.0f}")
@@ -219,7 +219,10 @@ def violations(survey: Survey, repetitions: int = REPETITIONS) -> list[str]:
         mean = by * np.sqrt(redundancy[line]) / TAPE_M
         if abs(abs(w.mean()) - mean) > norm.isf(TAIL) / np.sqrt(repetitions):
             words.append(f"{by} m: mean w {w.mean():.2f}, predicted {mean:.2f}")
-        flagged, chance = int((np.abs(w) > critical_value(ALPHA)).sum()), chance_of(line, by)
+        flagged, chance = (
+            int((np.abs(w) > compute_critical_value(ALPHA)).sum()),
+            chance_of(line, by),
+        )
         low, high = bounds(repetitions, chance)
         if not low <= flagged <= high:
             words.append(f"{by} m: {flagged} flagged, predicted {chance:.3f}")
@@ -250,10 +253,10 @@ def test_a_wrong_length_is_flagged_and_its_group_named(
     for _ in range(NAMED):
         given, wrong, by = blundered(survey, rng)
         adjustment = find_best_minima(Participants(given, EVERY_PICK, NO_LINE, {})).adjustment
-        first = next(suspicions(adjustment, observed(adjustment), ALPHA), None)
+        first = next(find_suspicions(adjustment, compute_test_statistics(adjustment), ALPHA), None)
         flagged.append(first is not None)
         expected.append(chance_of(wrong, by) >= 0.95)
-        named.append(first is not None and first.accused == Member("lengths", wrong, 0))
+        named.append(first is not None and first.suspect == Member("lengths", wrong, 0))
         if (
             first is not None and named[-1]
         ):  # and with it the picks of its ends, which no test can part from it
@@ -305,7 +308,7 @@ def test_a_length_is_named_where_its_error_leads_to_another_pose(
     length[0] -= 0.76
     wrong = replace(survey, length_m=length)
     every = find_best_minima(Participants(wrong, EVERY_PICK, NO_LINE, {})).adjustment
-    w = np.abs(observed(every)["lengths"].w[:, 0])
+    w = np.abs(compute_test_statistics(every)["lengths"].w[:, 0])
     assert w.argmax() == 2
     for outliers in ("report", "remove"):
         refined, _ = solved(wrong, outliers)
@@ -339,8 +342,8 @@ def test_a_pick_15_px_off_is_located_where_three_frames_see_every_point(
         pixel = np.array(survey.pixel_px)
         pixel[pick] += 15.0 * np.array([np.cos(angle), np.sin(angle)])
         adjustment = with_all(replace(survey, pixel_px=pixel)).adjustment
-        first = next(suspicions(adjustment, observed(adjustment), ALPHA))
-        located += (first.accused.kind, first.accused.row) == ("pixels", pick)
+        first = next(find_suspicions(adjustment, compute_test_statistics(adjustment), ALPHA))
+        located += (first.suspect.kind, first.suspect.row) == ("pixels", pick)
     record_property("located", float(located / SEVERAL))
     assert SEVERAL - located <= MISSED * SEVERAL
 
@@ -371,24 +374,24 @@ def test_two_swapped_labels_are_swapped_back_where_three_frames_see_every_point(
 def test_residuals_over_their_variance_break_the_predictions(
     truth: Truth, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    right = reliability
+    right = compute_reliability
 
     def wrong(block: Block, covariance: Covariance) -> Reliability:
         numbers = right(block, covariance)
         return numbers._replace(w=numbers.w / np.sqrt(np.maximum(numbers.redundancy, 1e-6)))
 
-    monkeypatch.setattr(module, "reliability", wrong)
+    monkeypatch.setattr(module, "compute_reliability", wrong)
     assert violations(truth[0], 60)
 
 
 def test_residuals_over_the_observations_sigma_break_the_predictions(
     truth: Truth, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    right = reliability
+    right = compute_reliability
 
     def wrong(block: Block, covariance: Covariance) -> Reliability:
         numbers = right(block, covariance)
         return numbers._replace(w=block.residual)
 
-    monkeypatch.setattr(module, "reliability", wrong)
+    monkeypatch.setattr(module, "compute_reliability", wrong)
     assert violations(truth[0], 60)

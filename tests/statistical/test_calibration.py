@@ -15,12 +15,12 @@ from scipy.stats import binom, chi2
 
 from uavgram.estimation.calibration import adjustment
 from uavgram.estimation.calibration.adjustment import Normals, UndeterminedError, adjust
-from uavgram.estimation.calibration.difference import camera_difference
-from uavgram.estimation.calibration.outliers import snoop, without
-from uavgram.estimation.calibration.problem import Lens, Linear, lens_of, pad
-from uavgram.estimation.calibration.projection_uncertainty import projection_covariance
-from uavgram.estimation.calibration.reliability import photo_effect, photo_tests
-from uavgram.estimation.calibration.start import first_values
+from uavgram.estimation.calibration.difference import compare_cameras
+from uavgram.estimation.calibration.outliers import drop_unweighted, remove_outliers
+from uavgram.estimation.calibration.problem import Lens, Linearisation, make_lens, pad
+from uavgram.estimation.calibration.projection_uncertainty import compute_projection_covariance
+from uavgram.estimation.calibration.reliability import compute_photo_tests, estimate_photo_effect
+from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.geometry.camera.projection import back_project, project, project_with_jacobian
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
@@ -48,7 +48,7 @@ def repeated(
     clean = scenes.make_scene(
         0, parameters, options.model, photos=8, noise=0.0, whole=False, distance=(5, 12)
     )
-    lens = lens_of(options)
+    lens = make_lens(options)
     state, found, covariances = None, [], []
     for trial in range(trials):
         rng = np.random.default_rng(trial)
@@ -62,7 +62,7 @@ def repeated(
         observations = BoardObservations(board=clean.observations.board, photos=tuple(photos))
         corners = pad(observations, "flat")
         if state is None:
-            state = first_values(lens, corners, scenes.SIZE)
+            state = estimate_first_values(lens, corners, scenes.SIZE)
         fit = adjust(lens, corners, state)
         state = fit.state
         found.append(fit.state.parameters)
@@ -160,14 +160,14 @@ def test_planted_photos_counted_twice_show(trials: Trials) -> None:
 
 
 def test_planted_no_schur_complement_shows(monkeypatch: pytest.MonkeyPatch) -> None:
-    schur = adjustment.normals_of
+    schur = adjustment.eliminate_poses
 
-    def known_poses(lens: Lens, linear: Linear) -> Normals:
+    def known_poses(lens: Lens, linear: Linearisation) -> Normals:
         photo = np.swapaxes(linear.border, 1, 2) @ linear.border
-        border = photo.sum(axis=0) + adjustment.prior_normal(lens)
+        border = photo.sum(axis=0) + adjustment.compute_prior_normal(lens)
         return schur(lens, linear)._replace(photo_border=photo, border=border)
 
-    monkeypatch.setattr(adjustment, "normals_of", known_poses)
+    monkeypatch.setattr(adjustment, "eliminate_poses", known_poses)
     found, covariances = repeated(trials=60)
     assert not judged(*squared_misses(found, covariances, scenes.BROWN5))
 
@@ -180,10 +180,12 @@ def test_on_real_photos_the_covariance_is_the_scatter_over_photos(
     # own covariance, which is OpenCV's, is too small by a factor of more than two.
     observations = scenes.opencv_chess(data_dir, side)
     options = CalibrationOptions(outliers="remove")
-    lens, corners = lens_of(options), pad(observations, "flat")
-    found = snoop(lens, corners, first_values(lens, corners, (640, 480)), options)
-    fit = without(found.fit, found.fit.corners.count == 0)
-    effect = photo_effect(fit, photo_tests(fit, "residuals"), 1.0)
+    lens, corners = make_lens(options), pad(observations, "flat")
+    found = remove_outliers(
+        lens, corners, estimate_first_values(lens, corners, (640, 480)), options
+    )
+    fit = drop_unweighted(found.fit, found.fit.corners.count == 0)
+    effect = estimate_photo_effect(fit, compute_photo_tests(fit, "residuals"), 1.0)
     rng = np.random.default_rng(0)
     samples: list[Floats] = []
     photos = len(fit.corners.count)
@@ -212,10 +214,10 @@ def test_projection_uncertainty_covers_calibrations_after_the_fitted_turn(trials
         parameters=scenes.BROWN5,
         covariance=covariances.mean(axis=0),
     )
-    pixel, covariance = projection_covariance(truth, columns=8)
+    pixel, covariance = compute_projection_covariance(truth, columns=8)
     misses = np.array(
         [
-            camera_difference(truth, replace(truth, parameters=p), columns=8).difference_px
+            compare_cameras(truth, replace(truth, parameters=p), columns=8).difference_px
             for p in found[:80]
         ]
     )

@@ -16,7 +16,7 @@ import pytest
 from scenes import make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.correlated_errors import trend_inflation
+from uavgram.estimation.survey.correlated_errors import compute_trend_inflation
 from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions, TelemetryOptions
@@ -39,7 +39,7 @@ def adjusted(options: dict[str, Any], *, lines: int, inflated: bool) -> tuple[Ad
     factor = 1.0
     if inflated:
         shortest, longest = TelemetryOptions().correlation_s
-        factor = trend_inflation(survey.telemetry.time_s, shortest, longest)
+        factor = compute_trend_inflation(survey.telemetry.time_s, shortest, longest)
     prior = replace(survey.telemetry, covariance=factor * survey.telemetry.covariance)
     return refine(replace(survey, telemetry=prior), SolveOptions())[0].adjustment, factor
 

@@ -32,7 +32,7 @@ from scipy.stats import binom, norm, t
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.propagation import propagate
-from uavgram.estimation.measuring.second_order import curvature
+from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.solver import levenberg_marquardt as least_squares
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import Block
@@ -41,7 +41,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.lengths import Lengths
 from uavgram.estimation.survey.observations.pixels import Pixels
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.options import SolveOptions
@@ -94,7 +94,7 @@ ROWS = {
 @pytest.fixture(autouse=True)
 def _a_thousandth_of_a_sigma(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last of the iterations' digits say nothing here."""
-    monkeypatch.setattr(least_squares, "CONVERGED", 1e-6)
+    monkeypatch.setattr(least_squares, "MIN_REDUCTION", 1e-6)
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ def adjusted(scene: Scene) -> Adjustment | None:
     minimum = minimise(
         scene.truth,
         problem.evaluate,
-        lambda state, step: advance(layout, state, step),
+        lambda state, step: advance_state(layout, state, step),
         layout.size,
         layout.structure,
     )
@@ -142,7 +142,7 @@ def adjusted(scene: Scene) -> Adjustment | None:
 def curved(adjustment: Adjustment) -> bool:
     """Whether the program would say that the distance needs more than first order."""
     measured = propagate(adjustment, DISTANCE, NO_TIMES)
-    terms = curvature(adjustment, measured, NO_TIMES)
+    terms = compute_curvature(adjustment, measured, NO_TIMES)
     within = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= MAX_SIGMA_DIFFERENCE
     return not (within and abs(terms.bias[0] / measured.sigma[0]) <= MAX_BIAS_SIGMAS)
 
@@ -285,8 +285,8 @@ def test_ambiguous_scenes_of_three_lines_hold_the_truth_in_one_of_their_interval
 
 
 def without_calibration_covariance(monkeypatch: pytest.MonkeyPatch) -> None:
-    root = survey_problem.covariance_root
-    monkeypatch.setattr(survey_problem, "covariance_root", lambda c: 1e-3 * root(c))
+    root = survey_problem.compute_covariance_root
+    monkeypatch.setattr(survey_problem, "compute_covariance_root", lambda c: 1e-3 * root(c))
 
 
 def rotation_on_the_wrong_side(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,8 +17,8 @@ from scipy.stats import chi2
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.known import KnownRows, known_rows
-from uavgram.estimation.survey.unknowns import advance
+from uavgram.estimation.survey.observations.known import KnownRows, compute_known_rows
+from uavgram.estimation.survey.unknowns import advance_state
 from uavgram.model.arrays import Floats
 
 pytestmark = pytest.mark.statistical
@@ -35,7 +35,7 @@ def adjusted(scene: Scene) -> Adjustment:
     minimum = minimise(
         scene.truth,
         problem.evaluate,
-        lambda state, step: advance(layout, state, step),
+        lambda state, step: advance_state(layout, state, step),
         layout.size,
         layout.structure,
     )
@@ -49,7 +49,7 @@ def errors(name: str) -> tuple[Floats, Floats]:
     for seed in range(TRIALS):
         scene, truth = known_scene(seed, name)
         adjustment = adjusted(scene)
-        rows = known_rows(adjustment.problem, adjustment.state, scene.survey.known)
+        rows = compute_known_rows(adjustment.problem, adjustment.state, scene.survey.known)
         sigma = np.sqrt(adjustment.minimum.factor.variances(rows.columns, rows.gradient))
         found.append((rows.value - truth) / sigma)
         share.append(sigma / rows.sigma)

@@ -18,8 +18,8 @@ from scipy.stats import chi2
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.survey.known_kinds import on_line
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.known import known_rows
-from uavgram.estimation.survey.unknowns import advance
+from uavgram.estimation.survey.observations.known import compute_known_rows
+from uavgram.estimation.survey.unknowns import advance_state
 from uavgram.geometry.ground.line_of_position import compute_joint_covariance
 from uavgram.model.arrays import Floats
 
@@ -45,12 +45,12 @@ def squares() -> tuple[tuple[float, int], tuple[float, int]]:
         minimum = minimise(
             scene.truth,
             problem.evaluate,
-            partial(advance, layout),
+            partial(advance_state, layout),
             layout.size,
             layout.structure,
         )
         assert minimum.converged
-        rows = known_rows(problem, minimum.state, scene.survey.known)
+        rows = compute_known_rows(problem, minimum.state, scene.survey.known)
         joint = minimum.factor.covariances(rows.columns, rows.gradient)
         error = rows.value - placed.truth
         total += float(error @ np.linalg.solve(joint, error))

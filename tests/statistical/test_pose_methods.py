@@ -17,7 +17,7 @@ from scenes import Scene, make_scene
 from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.geometry.ground import shapes
 from uavgram.imaging.known_point_pose import find_known_point_poses
 from uavgram.model.options import SolveOptions
@@ -90,7 +90,7 @@ def outcome(scene: Scene, survey: Survey, solve: SolveOptions) -> Outcome | None
     true = float(np.linalg.norm(scene.world[ENDS[1]] - scene.world[ENDS[0]]))
     blocks = adjustment.minimum.blocks.values()
     degrees = sum(b.residual.size for b in blocks) - adjustment.problem.layout.size
-    fit = upper_tail(adjustment.minimum.cost, degrees)
+    fit = compute_upper_tail(adjustment.minimum.cost, degrees)
     return Outcome(
         error=(value - true) / true,
         squared=float((value - true) ** 2 / (gradient.ravel() @ covariance @ gradient.ravel())),

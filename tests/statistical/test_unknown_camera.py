@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import binom, norm
 
 from uavgram.estimation.measuring.propagation import propagate
-from uavgram.estimation.measuring.second_order import curvature
+from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.camera.lens import largest_radius
 from uavgram.geometry.ground import shapes
@@ -125,7 +125,7 @@ def error_of(scene: Scene, refined: Refined) -> tuple[float, bool]:
     """Error of the distance in sigmas, and whether first order is enough for it."""
     adjustment = refined.adjustment
     measured = propagate(adjustment, DISTANCE, NO_TIMES)
-    terms = curvature(adjustment, measured, NO_TIMES)
+    terms = compute_curvature(adjustment, measured, NO_TIMES)
     enough = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= MAX_SIGMA_DIFFERENCE
     enough &= abs(terms.bias[0] / measured.sigma[0]) <= MAX_BIAS_SIGMAS
     world, _ = adjustment.joint_points(np.array(MEASURED))

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uavgram.estimation.calibration.problem import State, board_middle
+from uavgram.estimation.calibration.problem import State, compute_board_middle
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import BoardObservations, BoardPhoto, flat_board
 from uavgram.model.camera.calibration import LensModel
@@ -53,7 +53,7 @@ def opencv_pixels(
 
 def true_state(scene: Scene, parameters: ArrayLike, bow: ArrayLike = ()) -> State:
     """The scene's truth as the estimator's state."""
-    middle = board_middle(scene.observations.board)
+    middle = compute_board_middle(scene.observations.board)
     return State(
         np.asarray(parameters),
         np.asarray(bow, float),

@@ -11,16 +11,16 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.estimation.measuring.propagation import values_at
+from uavgram.estimation.measuring.propagation import compute_values
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import State, advance, move
+from uavgram.estimation.survey.unknowns import State, advance_state, apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import GroundOptions
-from uavgram.synthetic.plan.cameras import Cameras
+from uavgram.synthetic.plan.cameras import PlannedCameras
 from uavgram.synthetic.plan.scene import PlanScene
-from uavgram.synthetic.plan.survey import PlannedSurvey, survey_with
-from uavgram.synthetic.plan.wanted import Wanted
+from uavgram.synthetic.plan.survey import PlannedSurvey, make_survey
+from uavgram.synthetic.plan.wanted import WantedValues
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class World:
 
 
 def errors(
-    flown: tuple[PlanScene, Cameras, Wanted],
+    flown: tuple[PlanScene, PlannedCameras, WantedValues],
     ends_m: Floats,
     count: int,
     rng: np.random.Generator,
@@ -55,11 +55,11 @@ def errors(
     """
     world = world or World()
     scene, cameras, wanted = flown
-    planned = survey_with(scene, cameras, wanted, ends_m)
+    planned = make_survey(scene, cameras, wanted, ends_m)
     truth = planned
     if world.relief_m:
         rough = replace(scene, ground=GroundOptions(roughness_sigma_m=world.relief_m))
-        truth = survey_with(rough, cameras, wanted, ends_m)
+        truth = make_survey(rough, cameras, wanted, ends_m)
     to_fit, to_draw = (one.adjusted(one.blocks()) for one in (planned, truth))
     asked = wanted.requests, planned.frames
     found = []
@@ -68,7 +68,8 @@ def errors(
         if fitted is None:
             continue
         found.append(
-            values_at(to_fit.problem, fitted, *asked) - values_at(to_draw.problem, true, *asked)
+            compute_values(to_fit.problem, fitted, *asked)
+            - compute_values(to_draw.problem, true, *asked)
         )
     return np.array(found)
 
@@ -94,7 +95,7 @@ def _one(
     found = minimise(
         planned.state,
         problem.evaluate,
-        partial(advance, problem.layout),
+        partial(advance_state, problem.layout),
         problem.layout.size,
         problem.layout.structure,
     )
@@ -121,7 +122,7 @@ def _drawn_state(planned: PlannedSurvey, rng: np.random.Generator, relief_m: flo
         step[2 : layout.first_tie : layout.point_size] = relief_m * rng.standard_normal(
             layout.points
         )
-    return move(layout, planned.state, step)
+    return apply_increment(layout, planned.state, step)
 
 
 PRIORS = ("boresight", "lever_arm", "position_bias", "heading_bias", "tape")

@@ -12,10 +12,10 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.options import GroundOptions
 from uavgram.model.planned import FlightPattern, PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.synthetic.plan.cameras import Cameras, seen
-from uavgram.synthetic.plan.flights import flight
-from uavgram.synthetic.plan.scene import Deviation, Logged, PlanScene
-from uavgram.synthetic.plan.wanted import Wanted, wanted_of
+from uavgram.synthetic.plan.cameras import PlannedCameras, find_visible
+from uavgram.synthetic.plan.flights import make_flight
+from uavgram.synthetic.plan.scene import Deviation, LoggedAccuracy, PlanScene
+from uavgram.synthetic.plan.wanted import WantedValues, list_wanted
 
 DISTANCES = 20
 SIGMA = np.array([12.0, 12.0, 8.0, 8.0, 6e-3, 6e-3, 4e-4, 4e-4, 2e-3])
@@ -39,8 +39,8 @@ class PlanCase:
     """A scene, its flight, and how many lines are to be laid out."""
 
     scene: PlanScene
-    cameras: Cameras
-    wanted: Wanted
+    cameras: PlannedCameras
+    wanted: WantedValues
     lines: int
     longest_m: float
 
@@ -87,7 +87,7 @@ def _drawn(
             for i in range(DISTANCES)
         ),
         ground=GroundOptions(roughness_sigma_m=roughness_m),
-        logged=Logged() if rng.random() < 0.5 else None,
+        logged=LoggedAccuracy() if rng.random() < 0.5 else None,
         picks_sigma_px=rng.uniform(0.5, 1.0),
         deviation=deviation,
     )
@@ -98,17 +98,17 @@ def _drawn(
     )
     count = int(rng.integers(3, 7)) if lines is None else lines
     for height in np.arange(15.0, 120.0, 2.5):
-        flown = flight(scene, request, (pattern, float(height), float(pitch)), photos)
+        flown = make_flight(scene, request, (pattern, float(height), float(pitch)), photos)
         must = scene.on_ground(np.concatenate([area, point]))
         if flown and _shows(scene, flown.cameras, must):
             longest = min(15.0, 0.9 * float(2 * half.min()))
-            return PlanCase(scene, flown.cameras, wanted_of(scene), count, longest)
+            return PlanCase(scene, flown.cameras, list_wanted(scene), count, longest)
     return None
 
 
-def _shows(scene: PlanScene, cameras: Cameras, point_m: Floats) -> bool:
+def _shows(scene: PlanScene, cameras: PlannedCameras, point_m: Floats) -> bool:
     try:
-        shown = seen(scene.calibration, cameras, point_m, scene.deviation).certain
+        shown = find_visible(scene.calibration, cameras, point_m, scene.deviation).certain
     except GeometryError:
         return False
     return bool(shown.any(axis=0).all())

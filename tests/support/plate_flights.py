@@ -22,7 +22,7 @@ from uavgram.synthetic.errors import ErrorSpec
 from uavgram.synthetic.files import write_demo
 from uavgram.synthetic.scenario import FlightPlan, Scenario
 from uavgram.synthetic.survey import simulate
-from uavgram.synthetic.truth import rolled_pixels
+from uavgram.synthetic.truth import project_rolling_shutter
 
 PLATES, WITHHELD = 4, 6
 SIDE_M, SIGMA_M = 0.3, 0.0005
@@ -61,7 +61,7 @@ def plate_flight(
     blank = np.full((survey.calibration.height_px, survey.calibration.width_px), 128, np.uint8)
     write_demo(folder, survey, (blank for _ in survey.frame_id))
     truth = survey.truth
-    true = rolled_pixels(survey.calibration, truth, truth.point_world_m[None])
+    true = project_rolling_shutter(survey.calibration, truth, truth.point_world_m[None])
     frame = {name: i for i, name in enumerate(truth.frame_id)}
     point = {name: i for i, name in enumerate(truth.label)}
     rows = []

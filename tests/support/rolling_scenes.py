@@ -8,8 +8,8 @@ import numpy as np
 from scenes import GIMBAL_FROM_CAMERA, INTRINSICS, LEVER_ARM, PIXEL_SIGMA, Scene, cv_pixels
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.survey.likelihood import covariance_root
-from uavgram.estimation.survey.rolling import with_readout
+from uavgram.estimation.survey.likelihood import compute_covariance_root
+from uavgram.estimation.survey.rolling import add_readout
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
 
@@ -54,11 +54,11 @@ def row_pixels(
 def read_in_rows(scene: Scene, readout_s: float, *, noise: float = 1.0, seed: int = 0) -> Scene:
     """The scene with picks as a camera of such a readout time has them, and that as an unknown."""
     survey, motion = scene.survey, true_motion(scene)
-    error = covariance_root(survey.calibration.covariance) @ scene.truth.intrinsic
+    error = compute_covariance_root(survey.calibration.covariance) @ scene.truth.intrinsic
     frames = range(len(survey.frame_id))
     every = np.stack([row_pixels(scene, motion, readout_s, f, INTRINSICS + error) for f in frames])
     pixel = every[survey.pick_frame, survey.pick_label]
     pixel += noise * PIXEL_SIGMA * np.random.default_rng((77, seed)).normal(size=pixel.shape)
-    rolling = with_readout(replace(survey, pixel_px=pixel), NOMINAL)
+    rolling = add_readout(replace(survey, pixel_px=pixel), NOMINAL)
     truth = replace(scene.truth, readout=np.array([readout_s]))
     return replace(scene, survey=rolling, truth=truth)

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.survey.likelihood import covariance_root
+from uavgram.estimation.survey.likelihood import compute_covariance_root
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
@@ -258,7 +258,7 @@ def make_scene(
         point=np.column_stack([point, departure]) if roughness else point,
         center=center,
         rotation=rotation,
-        intrinsic=np.linalg.lstsq(covariance_root(covariance), error)[0].astype(float),
+        intrinsic=np.linalg.lstsq(compute_covariance_root(covariance), error)[0].astype(float),
         plane=plane,
         relief=np.zeros(0),
         telemetry=shared,

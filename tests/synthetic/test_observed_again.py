@@ -17,8 +17,8 @@ from uavgram.model.survey.observations import Picks, Source
 from uavgram.model.survey.ties import TiePicks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.synthetic.inputs import inputs_of
-from uavgram.synthetic.resurvey import ProjectWorld, project_world
+from uavgram.synthetic.inputs import make_inputs
+from uavgram.synthetic.resurvey import ProjectWorld, make_project_world
 from uavgram.synthetic.scenario import RepeatedSurvey, Scenario
 from uavgram.synthetic.survey import simulate
 
@@ -35,7 +35,7 @@ def survey() -> tuple[Inputs, int]:
     )
     stated = replace(Scenario().stated, noise="stated")
     drawn = simulate(replace(Scenario(), points=points, stated=stated))
-    truth, inputs = drawn.truth, inputs_of(drawn)
+    truth, inputs = drawn.truth, make_inputs(drawn)
     lens, size = truth.intrinsics, (drawn.calibration.width_px, drawn.calibration.height_px)
 
     def seen(frame: int, place: Floats) -> Floats:
@@ -101,7 +101,7 @@ def survey() -> tuple[Inputs, int]:
 @pytest.fixture(scope="module")
 def world() -> ProjectWorld:
     inputs, matches = survey()
-    made = project_world(RepeatedSurvey(name="again"), inputs, None)
+    made = make_project_world(RepeatedSurvey(name="again"), inputs, None)
     assert len(made.survey.matches.row) == matches + 1  # and the pick that they were found from
     assert len(made.survey.ties.row) > 0.9 * len(inputs.ties.tie)
     return made

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 from pathlib import Path
 
 from uavgram.model.planned import PlanRequest
-from uavgram.synthetic.scenario_file import load_scenario, scenario_text
+from uavgram.synthetic.scenario_file import format_scenario, load_scenario
 
 
 def test_the_example_names_every_key_with_its_default(repository: Path) -> None:
@@ -25,5 +25,5 @@ def test_a_scenario_with_a_plan_is_written_as_it_was_read(repository: Path, tmp_
     for name in ("plan.yaml", "demo.yaml"):
         scenario = load_scenario(repository / "configs" / name)
         copy = tmp_path / name
-        copy.write_text(scenario_text(scenario))
+        copy.write_text(format_scenario(scenario))
         assert load_scenario(copy) == scenario

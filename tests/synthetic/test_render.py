@@ -16,10 +16,10 @@ from uavgram.model.arrays import Floats
 from uavgram.model.target_families import corner_label
 from uavgram.synthetic.accident_scene import DEMO_POINTS, Mark
 from uavgram.synthetic.autopilot import draw_biases
-from uavgram.synthetic.flight import fly, true_poses
-from uavgram.synthetic.picture.ground_map import ground_map, whole_photo
+from uavgram.synthetic.flight import compute_true_poses, simulate_motion
+from uavgram.synthetic.picture.ground_map import compute_ground_map, get_whole_photo
 from uavgram.synthetic.picture.render import render_photos
-from uavgram.synthetic.scenario import FAMILY, GroundSpec, PlateSpec, Scenario
+from uavgram.synthetic.scenario import PLATE_FAMILY, GroundSpec, PlateSpec, Scenario
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
 
 FRAMES = (0, 3)
@@ -91,7 +91,7 @@ def test_the_coarse_grid_of_rays_costs_less_than_two_hundredths_of_a_pixel(
     survey = simulate(replace(Scenario(), ground=ground))
     truth = survey.truth
     width, height = survey.calibration.width_px, survey.calibration.height_px
-    map_x, map_y = ground_map(survey, 2, whole_photo(survey), truth.surface)
+    map_x, map_y = compute_ground_map(survey, 2, get_whole_photo(survey), truth.surface)
     assert map_x.shape == (height, width)
     rng = np.random.default_rng(0)
     u = np.concatenate([rng.integers(0, width, 2000), [0, 0, width - 1, width - 1]])
@@ -121,7 +121,7 @@ def test_photos_read_row_after_row_show_marks_and_plates_where_each_row_saw_them
     survey = simulate(scenario)
     photo = next(render_photos(survey))
     gray = np.asarray(cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY), np.uint8)
-    seen = {plate.plate: plate.corner_px for plate in sight_plates(gray, FAMILY)}
+    seen = {plate.plate: plate.corner_px for plate in sight_plates(gray, PLATE_FAMILY)}
     assert set(seen) == {0, 1}
     rows = {label: row for row, label in enumerate(survey.truth.label)}
     off, swept = [], []
@@ -162,14 +162,14 @@ def seen_by_its_row(survey: SimulatedSurvey, row: int, readout_s: float) -> tupl
     """Where a point is in the first photo, by the instant of its row and by that of the middle."""
     scenario, calibration = survey.scenario, survey.calibration
     draw = np.random.SeedSequence(scenario.seed).spawn(2)
-    motion = fly(scenario.flight, scenario.site, np.random.default_rng(draw[0]))
+    motion = simulate_motion(scenario.flight, scenario.site, np.random.default_rng(draw[0]))
     biases = draw_biases(scenario, np.random.default_rng(draw[1]))
     exposed, height = motion.exposure_time_s[0], calibration.height_px
     pixels = []
     pixel = np.array([0.0, (height - 1) / 2])
     for _ in range(8):
         late = readout_s * (pixel[1] - (height - 1) / 2) / height
-        center, rotation = true_poses(motion, biases, np.array([exposed + late]))
+        center, rotation = compute_true_poses(motion, biases, np.array([exposed + late]))
         away = survey.truth.point_world_m[row] - center[0]
         pixel = project("brown", survey.truth.intrinsics, away @ rotation[0])
         pixels.append(pixel)

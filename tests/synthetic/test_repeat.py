@@ -19,19 +19,19 @@ from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.parallel import in_processes
 from uavgram.synthetic.autopilot import draw_biases
 from uavgram.synthetic.files import write_demo
-from uavgram.synthetic.inputs import ScenarioWorld, inputs_of, project_of
+from uavgram.synthetic.inputs import ScenarioWorld, make_inputs, make_project
 from uavgram.synthetic.resurvey import read_project_world
 from uavgram.synthetic.scenario import PlateSpec, Scenario
 from uavgram.synthetic.scenario_file import read_world
 from uavgram.synthetic.simulate import (
-    Asked,
-    as_stated,
-    gathered,
-    one_repetition,
-    predicted_sigmas,
+    SimulationRequest,
+    apply_stated_sigmas,
+    find_unlike_stated,
+    gather_repetitions,
+    list_variants,
+    predict_sigmas,
+    run_repetition,
     simulate_many,
-    unlike_stated,
-    variants,
     write_outputs,
 )
 from uavgram.synthetic.survey import simulate
@@ -46,8 +46,8 @@ def single(repository: Path) -> ScenarioWorld:
 
 @pytest.fixture(scope="module")
 def repeated(single: ScenarioWorld) -> Repetitions:
-    name, unit, sigma = predicted_sigmas(single)
-    return gathered([one_repetition(single, k) for k in range(24)], name, unit, sigma)
+    name, unit, sigma = predict_sigmas(single)
+    return gather_repetitions([run_repetition(single, k) for k in range(24)], name, unit, sigma)
 
 
 def test_where_the_world_is_the_model_errors_are_as_predicted(repeated: Repetitions) -> None:
@@ -65,9 +65,9 @@ def test_sigmas_are_those_that_were_predicted(repeated: Repetitions) -> None:
 
 
 def test_a_repetition_is_reproducible(single: ScenarioWorld, repeated: Repetitions) -> None:
-    again = one_repetition(single, 7)
+    again = run_repetition(single, 7)
     assert again.value == tuple(repeated.value[7].tolist())
-    other = one_repetition(single, 8)
+    other = run_repetition(single, 8)
     assert other.value != again.value
 
 
@@ -75,7 +75,7 @@ def test_more_repetitions_of_a_blunder_are_told_from_none(single: ScenarioWorld)
     """The same draws with a tape 2 % long: every error grows by 2 % of its length."""
     habits = replace(single.scenario.habits, tape_long=0.02)
     long = ScenarioWorld(replace(single.scenario, habits=habits))
-    clean, wrong = (one_repetition(world, 3) for world in (single, long))
+    clean, wrong = (run_repetition(world, 3) for world in (single, long))
     for name, before, after in zip(
         ("P to Q", "Q to R"), clean.value[:2], wrong.value[:2], strict=True
     ):
@@ -94,8 +94,8 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_in_memory_is_what_the_files_say(project: Path) -> None:
     inputs = read_inputs(project)
     of_files = compute(inputs, curved=False).result
-    of_memory = compute(inputs_of(simulate(Scenario())), curved=False).result
-    own = project_of(Scenario())
+    of_memory = compute(make_inputs(simulate(Scenario())), curved=False).result
+    own = make_project(Scenario())
     for section in ("ground", "mount", "time", "telemetry", "solve", "tape", "picks_sigma_px"):
         assert getattr(inputs.project, section) == getattr(own, section), section
     # Files round to a thousandth of a pixel and to a tenth of a millimetre.
@@ -121,7 +121,7 @@ def test_files_of_another_scenario_say_what_it_states(tmp_path: Path, repository
         size = survey.calibration.height_px, survey.calibration.width_px, 3
         grey = np.full(size, 128, dtype=np.uint8)
         path = write_demo(tmp_path / name, survey, repeat(grey, len(survey.frame_id)))
-        inputs, memory = read_inputs(path), inputs_of(survey)
+        inputs, memory = read_inputs(path), make_inputs(survey)
         for section in ("ground", "mount", "time", "telemetry", "solve", "tape"):
             own = getattr(memory.project, section)
             assert getattr(inputs.project, section) == own, (name, section)
@@ -137,7 +137,7 @@ def test_files_of_a_scenario_with_plates_have_them_as_found(tmp_path: Path) -> N
     survey = simulate(replace(Scenario(), plates=plates, flight=flight))
     blank = [np.zeros((1500, 2000, 3), np.uint8)]
     inputs = read_inputs(write_demo(tmp_path, survey, blank))
-    memory = inputs_of(survey)
+    memory = make_inputs(survey)
     assert inputs.project.targets == memory.project.targets is not None
     assert inputs.picks.source == memory.picks.source
     assert set(inputs.picks.source) == {"hand", "target"}
@@ -145,14 +145,14 @@ def test_files_of_a_scenario_with_plates_have_them_as_found(tmp_path: Path) -> N
 
 def test_a_real_survey_is_repeated_and_one_more_length_helps(project: Path, tmp_path: Path) -> None:
     world = read_project_world(project, None, 4)
-    row = one_repetition(world, 0)
+    row = run_repetition(world, 0)
     assert row.failure == ""
     ratio = (np.array(row.value) - np.array(row.true)) / np.array(row.sigma)
     assert np.abs(ratio).max() < 5.0
     more = tmp_path / "more.yaml"
     more.write_text("lines: [{name: new, start: P5, end: P7}]\n", encoding="utf-8")
-    name, _, before = predicted_sigmas(world)
-    _, _, after = predicted_sigmas(read_project_world(project, more, 4))
+    name, _, before = predict_sigmas(world)
+    _, _, after = predict_sigmas(read_project_world(project, more, 4))
     at = name.index("car to car")
     # The new tape lies along it: its centimetre beside what was known, but for the scale, 0.1 %,
     # which all lengths of the tape have in common.
@@ -169,7 +169,7 @@ def test_outputs_say_the_same(single: ScenarioWorld, tmp_path: Path) -> None:
     heard: list[str] = []
     source = tmp_path / "one.yaml"
     source.write_text("name: one\n", encoding="utf-8")
-    found = simulate_many(source, single, Asked(3), heard=heard.append)
+    found = simulate_many(source, single, SimulationRequest(3), heard=heard.append)
     files = write_outputs(found, tmp_path / "out", source)
     content = json.loads((tmp_path / "out" / files[0]).read_text(encoding="utf-8"))
     assert content["repetitions"] == 3
@@ -189,7 +189,7 @@ def test_outputs_say_the_same(single: ScenarioWorld, tmp_path: Path) -> None:
 
 def test_what_is_amiss_is_taken_apart(repository: Path) -> None:
     scenario = read_world(repository / "configs" / "worn_road.yaml").scenario
-    apart = dict(variants(scenario))
+    apart = dict(list_variants(scenario))
     assert list(apart) == [
         "nothing amiss",
         "ground.crown_percent",
@@ -201,7 +201,7 @@ def test_what_is_amiss_is_taken_apart(repository: Path) -> None:
     clean = apart["nothing amiss"]
     assert clean.habits.names() == ()
     assert apart["errors.readout_ms"].errors.readout_ms == 30.0
-    assert not list(variants(clean))
+    assert not list(list_variants(clean))
 
 
 @pytest.mark.parametrize(
@@ -234,7 +234,7 @@ def test_senseless_scenarios_are_refused_by_key(tmp_path: Path, text: str, named
     path = tmp_path / "scenario.yaml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InputError, match=rf"(?s)scenario.yaml.*{named}"):
-        simulate_many(path, read_world(path), Asked(2))
+        simulate_many(path, read_world(path), SimulationRequest(2))
 
 
 def test_a_drone_of_the_table_is_a_camera(tmp_path: Path) -> None:
@@ -260,15 +260,15 @@ def test_results_come_in_order() -> None:
 def test_what_is_drawn_otherwise_than_stated_is_told_and_can_be_drawn_as_stated() -> None:
     demo = Scenario()
     # By hand from configs/demo.yaml: position 1.2 and 1.5 m against 2 and 3 m.
-    told = {one.key: one for one in unlike_stated(demo)}
+    told = {one.key: one for one in find_unlike_stated(demo)}
     assert told["errors.position_bias_m"].drawn == (1.2, 1.5)
     assert told["errors.position_bias_m"].stated == (2.0, 3.0)
     assert "errors.pick_px" not in told
-    as_told = as_stated(demo)
-    assert unlike_stated(as_told) == ()
+    as_told = apply_stated_sigmas(demo)
+    assert find_unlike_stated(as_told) == ()
     biases = [draw_biases(as_told, np.random.default_rng(k)).position_m for k in range(400)]
     spread = np.std(biases, axis=0)
     assert spread == pytest.approx([2.0, 2.0, 3.0], rel=0.15)
     # Without a log nothing of it is asked.
     alone = replace(demo, telemetry="none")
-    assert [one.key for one in unlike_stated(alone)] == ["errors.tape_scale"]
+    assert [one.key for one in find_unlike_stated(alone)] == ["errors.tape_scale"]

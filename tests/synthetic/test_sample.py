@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from uavgram.errors import InputError
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.synthetic import demo
-from uavgram.synthetic.accident_scene import TAPED
+from uavgram.synthetic.accident_scene import TAPE_FILE
 from uavgram.synthetic.demo import make_sample
 from uavgram.synthetic.survey import SimulatedSurvey
 
@@ -35,8 +35,8 @@ def test_the_sample_has_photos_log_and_camera_and_nothing_picked(tmp_path: Path)
     assert inputs.log is not None
     assert (inputs.picks.image, inputs.lines.name, inputs.requests) == ((), (), ())
     assert (folder / "picks.csv").read_text(encoding="utf-8").count("\n") == 1
-    assert "R3 to R4   13.00 m" in (folder / TAPED).read_text(encoding="utf-8")
-    assert "P5 to P7   4.3" in (folder / TAPED).read_text(encoding="utf-8")
+    assert "R3 to R4   13.00 m" in (folder / TAPE_FILE).read_text(encoding="utf-8")
+    assert "P5 to P7   4.3" in (folder / TAPE_FILE).read_text(encoding="utf-8")
     assert sorted(p.name for p in folder.parent.iterdir()) == ["sample"]
 
 

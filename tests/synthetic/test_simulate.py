@@ -16,8 +16,8 @@ from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.synthetic.accident_scene import ScenePoint
 from uavgram.synthetic.errors import ErrorSpec
-from uavgram.synthetic.flight import gauss_markov
-from uavgram.synthetic.quantities import measured_values
+from uavgram.synthetic.flight import draw_gauss_markov
+from uavgram.synthetic.quantities import compute_true_values
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
 
@@ -175,13 +175,13 @@ def test_tapes_are_wrong_by_centimetres_and_one_is_withheld(survey: SimulatedSur
 
 
 def test_gauss_markov_noise_has_its_sigma_and_its_memory() -> None:
-    noise = gauss_markov(np.random.default_rng(3), 400_000, 0.1, 2.0, np.array([0.5, 3.0]))
+    noise = draw_gauss_markov(np.random.default_rng(3), 400_000, 0.1, 2.0, np.array([0.5, 3.0]))
     np.testing.assert_allclose(noise.std(axis=0), [0.5, 3.0], rtol=0.03)
     steps = 20  # one time constant
     correlation = [np.corrcoef(c[:-steps], c[steps:])[0, 1] for c in noise.T]
     np.testing.assert_allclose(correlation, np.exp(-1), atol=0.03)
     starts = [
-        gauss_markov(np.random.default_rng(i), 2, 0.1, 2.0, np.array([1.0]))[0, 0]
+        draw_gauss_markov(np.random.default_rng(i), 2, 0.1, 2.0, np.array([1.0]))[0, 0]
         for i in range(2000)
     ]
     assert np.std(starts) == pytest.approx(1.0, rel=0.06)  # stationary from the first sample on
@@ -201,7 +201,7 @@ def test_true_values_of_measurements_are_those_of_known_figures() -> None:
         ),
         MeasurementRequest(name="place", kind="coordinate", points=("c",)),
     )
-    names, values, units = measured_values(requests, rows, points)
+    names, values, units = compute_true_values(requests, rows, points)
     expected = [5.0, 7.0, 12.0, 90.0, 2.4, np.sqrt(3 * 9.80665), 3.0, 4.0]
     np.testing.assert_allclose(values, expected, rtol=1e-12)
     assert names[-2:] == ("place east", "place north")
@@ -232,7 +232,7 @@ def test_true_heights_slopes_and_volumes_are_those_of_known_figures() -> None:
         ask("volume", "abcde", level=0.0, top=1.0),  # a pyramid
         ask("volume", "abcdegh", plane=1.0),  # below z = 6
     )
-    _, values, units = measured_values(requests, rows, points)
+    _, values, units = compute_true_values(requests, rows, points)
     slope = np.degrees(np.arctan2(6, np.hypot(4, 5)))
     expected = [6, 0, -3, 5, slope, 6, -6, np.hypot(4, 5), 0, 24, 24, -72]
     np.testing.assert_allclose(values, expected, atol=1e-12)

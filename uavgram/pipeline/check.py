@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from uavgram.errors import near_miss
-from uavgram.estimation.survey.known_kinds.kinds import gives_scale
+from uavgram.estimation.survey.known_kinds.kinds import determine_scale
 from uavgram.model.message import Message, MessagePlural
 from uavgram.pipeline.measure.ground_below import has_place
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
@@ -61,7 +61,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
         text = "No measurement is asked for yet: add some on the picking page, or in `measure`."
         yield Message("info", "nothing-to-measure", text)
     lines = with_sides(inputs.lines, inputs.picks, project.targets)
-    known = len(lines.name) or len(inputs.control.label) or gives_scale(inputs.known)
+    known = len(lines.name) or len(inputs.control.label) or determine_scale(inputs.known)
     known = known or len(inputs.control_lines.name)
     if not known and project.log is None and project.poses is None:
         poses = (

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.sightings import motion_of
+from uavgram.estimation.survey.observations.sightings import compute_motion
 from uavgram.geometry.ground.top_view import FrameCovariance, View, compute_place_sigma
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.imaging.photos.tone import Tone, apply_tone, choose_tone
@@ -189,7 +189,7 @@ def _caption(view: View, raster: GroundRaster) -> str:
 def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameCovariance:
     row_of = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     frames = np.array([row_of[name] for name in view.frame_id])
-    motion = motion_of(adjustment.survey, adjustment.state)
+    motion = compute_motion(adjustment.survey, adjustment.state)
     return FrameCovariance(
         covariance=adjustment.sight_covariance(frames),
         motion=motion[frames] if adjustment.problem.layout.readout else None,

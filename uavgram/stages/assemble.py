@@ -9,10 +9,10 @@ from typing import Annotated, Literal
 import numpy as np
 
 from uavgram.errors import GeometryError, near_miss
-from uavgram.estimation.reliability.redundancy import upper_tail
-from uavgram.estimation.survey.correlated_errors import trend_inflation
+from uavgram.estimation.reliability.redundancy import compute_upper_tail
+from uavgram.estimation.survey.correlated_errors import compute_trend_inflation
 from uavgram.estimation.survey.observed import Observations
-from uavgram.estimation.survey.rolling import with_readout
+from uavgram.estimation.survey.rolling import add_readout
 from uavgram.geometry.motion.telemetry_pose import LEVER_ARM, SHARED_SIZE
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.flight.frames import Frames
@@ -40,7 +40,7 @@ def free_control_heights(survey: Survey) -> Survey:
         rows = np.flatnonzero(own[survey.control_label])
         sigma = np.hypot(survey.control_sigma_m[rows, 2], ground.roughness_sigma_m)
         squares = _misfit(survey.control_world_m[rows], sigma, ground.slope_sigma_rad)
-        if upper_tail(squares, len(rows) - 1.0) < SIGNIFICANCE:
+        if compute_upper_tail(squares, len(rows) - 1.0) < SIGNIFICANCE:
             free[survey.control_label[rows]] = True
     return replace(survey, is_free=free)
 
@@ -176,7 +176,7 @@ def assemble(observed: Observations) -> Assembled:
     if survey.telemetry is not None:
         nominal = np.zeros(SHARED_SIZE)
         nominal[LEVER_ARM] = survey.telemetry.lever_arm_m
-        survey = with_readout(survey, nominal)
+        survey = add_readout(survey, nominal)
     return Assembled(
         survey=survey,
         pick_index=_index(chosen, len(picks.image)),
@@ -376,7 +376,7 @@ def _prior(telemetry: Telemetry, frame_at: dict[str, int]) -> TelemetryPrior:
     time_s = prior.time_s[rows]
     factor = 1.0
     if telemetry.correlation_s is not None:
-        factor = trend_inflation(time_s, *telemetry.correlation_s)
+        factor = compute_trend_inflation(time_s, *telemetry.correlation_s)
     return replace(
         prior,
         frame_index=np.array([frame_at[names[k]] for k in rows]),

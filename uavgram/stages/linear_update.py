@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Floats
 
 
@@ -54,7 +54,7 @@ def update_linearly(adjustment: Adjustment, pixel_px: Floats, length_m: Floats) 
         moved = np.einsum("nr,nrk->nk", error, blocks[name].jacobian)
         right += np.bincount(blocks[name].columns.ravel(), moved.ravel(), size)
     step = adjustment.minimum.factor.solve(right)
-    state = advance(problem.layout, adjustment.state, step)
+    state = advance_state(problem.layout, adjustment.state, step)
     pixels = blocks["pixels"]
     follow = np.einsum("nrk,nk->nr", pixels.jacobian, step[pixels.columns])
     residual = pixels.residual + follow - errors["pixels"]

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.measuring.transferred_pixels import Transferred
+from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 
@@ -234,7 +234,7 @@ class Candidates:
         (n,) whether only one photo shows such a label, so that its height is unknown.
     """
 
-    places: Transferred
+    places: TransferredPixels
     pair: tuple[Pair, ...]
     pick: Ints
     is_raised: Bools

@@ -10,10 +10,10 @@ from scipy.special import ndtri
 
 from uavgram.estimation.measuring.error_budget import Shifts
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
-from uavgram.estimation.measuring.scale import NOTHING, scale_sigmas
-from uavgram.estimation.measuring.second_order import curvature
+from uavgram.estimation.measuring.scale import MAX_RELATIVE_SIGMA, compute_scale_sigmas
+from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.ground_below import ground_below
+from uavgram.estimation.survey.ground_below import find_ground_below
 from uavgram.geometry.ground.heights import profile
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
@@ -117,9 +117,9 @@ def _profile(adjustment: Adjustment, label: Ints) -> Floats:
     """Compute places (n, 2, 4) along a profile, and their sigmas; NaN without a direction."""
     world, jacobian, columns = adjustment.points_with_jacobian(label)
     feet, of_feet, foot_columns = adjustment.ground_with_jacobian(label)
-    below = ground_below(adjustment.survey, label, world, feet)
-    of_feet = np.where(below.told[:, None, None], jacobian, of_feet)
-    foot_columns = np.where(below.told[:, None], columns, foot_columns)
+    below = find_ground_below(adjustment.survey, label, world, feet)
+    of_feet = np.where(below.is_determined[:, None, None], jacobian, of_feet)
+    foot_columns = np.where(below.is_determined[:, None], columns, foot_columns)
     along = profile(world)
     n = len(label)
     # Ground height relative to the first point.
@@ -176,7 +176,7 @@ def check_second_order(
     """
     if not measured.rows:
         return None, ()
-    terms = curvature(adjustment, measured, frames)
+    terms = compute_curvature(adjustment, measured, frames)
     computed = np.isfinite(results.value) & (results.sigma > 0)
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = terms.sigma / results.sigma
@@ -266,7 +266,7 @@ def _distinct(ascending: Floats, reach: float) -> tuple[float, ...]:
 
 def describe_scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
     """Report the source of the scale, and its confirmation by other observations."""
-    found = scale_sigmas(adjustment)
+    found = compute_scale_sigmas(adjustment)
     witnesses = _witnesses(adjustment)
     rest = " and ".join([", ".join(witnesses[:-1])] * (len(witnesses) > 1) + witnesses[-1:])
     verb = "confirm" if len(witnesses) > 1 or rest.endswith("s") else "confirms"
@@ -275,7 +275,7 @@ def describe_scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
         text = f"The scale rests on {rest} {alone}: ± {_percent(found.all)} %."
         return (Message("info", "scale-basis", text),)
     own = f"your lengths (± {_percent(found.lengths)} %)"
-    if not found.others < NOTHING:
+    if not found.others < MAX_RELATIVE_SIGMA:
         text = (
             f"The scale rests on {own}; nothing else confirms it: a tape that is 1 % wrong makes "
             "every result 1 % wrong, and nothing shows it."

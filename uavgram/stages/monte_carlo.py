@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.measuring.propagation import propagate, values_at
+from uavgram.estimation.measuring.propagation import compute_values, propagate
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.moved import refit
 from uavgram.model.arrays import Bools
@@ -78,7 +78,9 @@ def sample_observations(
             failed += 1
         else:
             drawn: dict[str, float] = defaultdict(rng.standard_normal)  # one draw for each source
-            rows.append(values_at(adjustment.problem, state, requests, frames, drawn.__getitem__))
+            rows.append(
+                compute_values(adjustment.problem, state, requests, frames, drawn.__getitem__)
+            )
     if len(rows) < 2:
         raise GeometryError(
             f"{failed} of {count} Monte Carlo repetitions did not converge: the survey is too "

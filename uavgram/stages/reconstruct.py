@@ -7,8 +7,8 @@ from collections.abc import Collection
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.departures import departures, heights_above_ground
-from uavgram.estimation.survey.neighbours import neighbours
+from uavgram.estimation.survey.departures import compute_departures, compute_heights
+from uavgram.estimation.survey.neighbours import find_neighbours
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
@@ -33,9 +33,9 @@ def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = (
     position, covariance = adjustment.points()
     absolute = _in_plane(covariance[:, :2, :2])
     latitude, longitude = _geographic(position, world)
-    departure, departure_sigma = departures(adjustment)
-    height, height_sigma = heights_above_ground(adjustment)
-    around = neighbours(adjustment)
+    departure, departure_sigma = compute_departures(adjustment)
+    height, height_sigma = compute_heights(adjustment)
+    around = find_neighbours(adjustment)
     return PointResults(
         label=survey.label,
         position_world_m=position,

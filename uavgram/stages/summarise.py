@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
@@ -318,7 +318,7 @@ def summarise_solution(
     return SolutionSummary(
         degrees_of_freedom=degrees,
         variance_factor=refined.adjustment.variance_factor,
-        chi2_probability=upper_tail(minimum.cost, degrees),
+        chi2_probability=compute_upper_tail(minimum.cost, degrees),
         iterations=minimum.iterations,
         converged=minimum.converged,
         alternatives=tuple(

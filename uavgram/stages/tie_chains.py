@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from uavgram.estimation.survey.observations.tied import PATCH_PX
+from uavgram.estimation.survey.observations.tied import PATCH_SIGMA_PX
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey.observations import Picks
@@ -63,7 +63,7 @@ def find_matches(
         frame=np.array([frame_at[picks.image[i]] for i in pick], dtype=np.int64),
         point=np.array([place[origin] for origin, _ in rows], dtype=np.int64),
         pixel_px=picks.pixel_px[pick],
-        sigma_px=np.where(is_first, PATCH_PX, sigma_px[pick]),
+        sigma_px=np.where(is_first, PATCH_SIGMA_PX, sigma_px[pick]),
         row=pick,
         pick=pick_index[list(chains)] if chains else np.zeros(0, dtype=np.int64),
     )

@@ -127,7 +127,7 @@ class RoadLayout:
         require(not short, "skid_marks: each needs two points or more")
 
 
-def _points(
+def _list_points(
     mark: Mark, side: Literal["left", "right"], *rows: tuple[str, float, float]
 ) -> tuple[ScenePoint, ...]:
     return tuple(
@@ -136,7 +136,7 @@ def _points(
 
 
 DEMO_POINTS: tuple[ScenePoint, ...] = (
-    *_points(
+    *_list_points(
         "checker",
         "left",
         ("R1", -20.0, 5.4),
@@ -144,7 +144,7 @@ DEMO_POINTS: tuple[ScenePoint, ...] = (
         ("R3", 6.0, 5.3),
         ("R4", 19.0, 5.4),
     ),
-    *_points(
+    *_list_points(
         "checker",
         "right",
         ("R5", -19.0, -5.2),
@@ -152,7 +152,7 @@ DEMO_POINTS: tuple[ScenePoint, ...] = (
         ("R7", 15.5, -6.0),
         ("R8", 21.5, -4.9),
     ),
-    *_points(
+    *_list_points(
         "cross",
         "left",
         ("P1", -15.5, -1.0),  # left skid mark: start, middle, end
@@ -164,7 +164,7 @@ DEMO_POINTS: tuple[ScenePoint, ...] = (
         ("P13", 6.2, -8.2),  # stop line of the side road
         ("P16", -11.0, 3.2),  # edge line
     ),
-    *_points(
+    *_list_points(
         "cross",
         "right",
         ("P3", -15.1, -2.5),  # right skid mark
@@ -176,7 +176,7 @@ DEMO_POINTS: tuple[ScenePoint, ...] = (
         ("P10", 13.6, -2.3),
         ("P14", 8.3, -8.2),
     ),
-    *_points(
+    *_list_points(
         "disc",
         "right",
         ("C1", -16.0, 9.0),
@@ -196,13 +196,13 @@ DEMO_LINES: tuple[SceneLine, ...] = (
 )
 
 
-MARK = "# The sample survey of `uavgram pick --sample`:"
+SAMPLE_MARK = "# The sample survey of `uavgram pick --sample`:"
 """First line of the sample's project file; the user may change all that follows."""
 
-TAPED = "taped.txt"
+TAPE_FILE = "taped.txt"
 """File with the readings of the tape, next to the project file."""
 
-PAINTED = tuple(point.label for point in DEMO_POINTS)
+PAINTED_LABELS = tuple(point.label for point in DEMO_POINTS)
 """Labels that are painted on the ground of the sample."""
 
 
@@ -210,6 +210,6 @@ def is_sample(project: Path) -> bool:
     """Return whether a project file is that of a sample."""
     try:
         with project.open(encoding="utf-8") as stream:
-            return stream.readline().startswith(MARK)
+            return stream.readline().startswith(SAMPLE_MARK)
     except (OSError, UnicodeDecodeError):
         return False

@@ -22,7 +22,7 @@ from uavgram.model.flight.log import (
     VelocitySamples,
 )
 from uavgram.synthetic.errors import ErrorSpec
-from uavgram.synthetic.flight import STEP_S, FlightBiases, Motion, at, gauss_markov
+from uavgram.synthetic.flight import STEP_S, FlightBiases, Motion, draw_gauss_markov, interpolate
 from uavgram.synthetic.scenario import Scenario, Site
 
 POSITION_EVERY = 10  # of the motion's steps: 10 Hz
@@ -47,7 +47,7 @@ def draw_biases(scenario: Scenario, rng: np.random.Generator) -> FlightBiases:
     )
 
 
-def record(
+def record_flight(
     scenario: Scenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> SimulatedLog:
     """Record a flight as an autopilot does, with the scenario's errors.
@@ -64,8 +64,8 @@ def record(
         Draws the errors.
     """
     errors, site, boot_s = scenario.errors, scenario.site, scenario.flight.boot_s
-    position, gps = _estimated_positions(scenario, motion, biases, rng)
-    body, gimbal = _estimated_angles(errors, motion, biases, rng)
+    position, gps = _draw_positions(scenario, motion, biases, rng)
+    body, gimbal = _draw_angles(errors, motion, biases, rng)
     # logged times of exposures: jitter, and a fixed delay
     events = motion.exposure_time_s
     events = events + errors.event_jitter_s * rng.standard_normal(len(events))
@@ -86,22 +86,22 @@ def record(
         home_geodetic=np.array([site.latitude_deg, site.longitude_deg, site.height_msl_m]),
         undulation_m=site.undulation_m,
         position_time_s=boot_s + motion.time_s[every["position"]],
-        position_geodetic=geodetic_msl(position[every["position"]], site),
+        position_geodetic=convert_to_geodetic(position[every["position"]], site),
         velocity_ned_m_s=np.stack([north, east, -up], axis=1),
         attitude_time_s=boot_s + motion.time_s[every["attitude"]],
         attitude_rpy_rad=body[every["attitude"]],
         gimbal_time_s=boot_s + motion.time_s[every["gimbal"]],
         gimbal_rpy_rad=gimbal[every["gimbal"]],
         gps_time_s=boot_s + motion.time_s[gps_rows],
-        gps_geodetic=geodetic_msl(gps_position, site),
+        gps_geodetic=convert_to_geodetic(gps_position, site),
         gps_accuracy_m=np.tile(accuracy, (len(gps_position), 1)),
         event_time_s=boot_s + events,
-        event_geodetic=geodetic_msl(at(motion, position, events), site),
-        event_rpy_rad=at(motion, body, events),
+        event_geodetic=convert_to_geodetic(interpolate(motion, position, events), site),
+        event_rpy_rad=interpolate(motion, body, events),
     )
 
 
-def geodetic_msl(position_world_m: Floats, site: Site) -> Floats:
+def convert_to_geodetic(position_world_m: Floats, site: Site) -> Floats:
     """Convert world (N, 3) to latitude, longitude [deg], height above sea level [m], (N, 3)."""
     ellipsoid_m = site.height_msl_m + site.undulation_m
     origin = (site.latitude_deg, site.longitude_deg, ellipsoid_m)
@@ -109,7 +109,7 @@ def geodetic_msl(position_world_m: Floats, site: Site) -> Floats:
     return np.column_stack([latitude, longitude, height - site.undulation_m])
 
 
-def _estimated_positions(
+def _draw_positions(
     scenario: Scenario, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Draw positions of estimator and receiver (N, 3): a common drift, and scatter of the fixes."""
@@ -117,7 +117,7 @@ def _estimated_positions(
     horizontal, vertical = errors.position_drift_m
     sigma = np.array([horizontal, horizontal, vertical])
     count = len(motion.time_s)
-    drift = gauss_markov(rng, count, STEP_S, errors.position_drift_tau_s, sigma)
+    drift = draw_gauss_markov(rng, count, STEP_S, errors.position_drift_tau_s, sigma)
     estimated = motion.position_world_m + biases.position_m + drift
     if scenario.habits.gps_jump_m:
         amid = motion.time_s > np.median(motion.exposure_time_s)
@@ -126,23 +126,23 @@ def _estimated_positions(
     return estimated, estimated + scatter * rng.standard_normal((count, 3))
 
 
-def _estimated_angles(
+def _draw_angles(
     errors: ErrorSpec, motion: Motion, biases: FlightBiases, rng: np.random.Generator
 ) -> tuple[Floats, Floats]:
     """Draw the logged roll, pitch, yaw of body and gimbal, (N, 3) each."""
     count, tau = len(motion.time_s), errors.attitude_tau_s
     body_sigma = np.deg2rad([errors.attitude_deg, errors.attitude_deg, errors.heading_deg])
-    body = motion.body_rpy_rad + gauss_markov(rng, count, STEP_S, tau, body_sigma)
+    body = motion.body_rpy_rad + draw_gauss_markov(rng, count, STEP_S, tau, body_sigma)
     body[:, 2] += biases.heading_rad
     gimbal_sigma = np.full(3, np.deg2rad(errors.gimbal_deg))
-    gimbal = motion.gimbal_rpy_rad + gauss_markov(rng, count, STEP_S, tau, gimbal_sigma)
+    gimbal = motion.gimbal_rpy_rad + draw_gauss_markov(rng, count, STEP_S, tau, gimbal_sigma)
     return body, gimbal
 
 
 SYSTEM_EVERY_S = 1.0
 
 
-def flight_log(log: SimulatedLog) -> FlightLog:
+def make_flight_log(log: SimulatedLog) -> FlightLog:
     """Return the log in the form of a log reader, but without the integer rounding of MAVLink.
 
     Parameters
@@ -155,14 +155,14 @@ def flight_log(log: SimulatedLog) -> FlightLog:
         kind="tlog",
         vehicle="quadrotor",
         firmware="",
-        boots=(_boot(log),),
+        boots=(_convert_to_boot(log),),
         messages=(),
         undulation_m=log.undulation_m,
         notes=(),
     )
 
 
-def _boot(log: SimulatedLog) -> Boot:
+def _convert_to_boot(log: SimulatedLog) -> Boot:
     clock_s = np.arange(log.position_time_s[0], log.position_time_s[-1], SYSTEM_EVERY_S)
     unstated = np.full(len(log.gps_time_s), np.nan)
     return Boot(

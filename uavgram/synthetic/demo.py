@@ -13,7 +13,7 @@ from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.synthetic.accident_scene import MARK, TAPED, is_sample
+from uavgram.synthetic.accident_scene import SAMPLE_MARK, TAPE_FILE, is_sample
 from uavgram.synthetic.files import write_demo, write_unpicked
 from uavgram.synthetic.picture.render import render_photos
 from uavgram.synthetic.scenario import Scenario
@@ -21,7 +21,7 @@ from uavgram.synthetic.survey import SimulatedSurvey, simulate
 
 
 @with_one_blas_thread
-def demo(
+def run_demo(
     folder: Path,
     scenario: Scenario,
     progress: Progress = silent,
@@ -56,7 +56,7 @@ def demo(
     return result, dict(zip(names, values, strict=True)), project
 
 
-SAMPLE = "uavgram-sample"
+SAMPLE_NAME = "uavgram-sample"
 """Default name of the sample's folder."""
 
 
@@ -98,9 +98,11 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as making:
             made = Path(making) / "whole"
-            write_unpicked(made, survey, photos, f"{MARK} mark what its photos show, and measure.")
-            text = _taped_text(survey)
-            (made / TAPED).write_text(text, encoding="utf-8")
+            write_unpicked(
+                made, survey, photos, f"{SAMPLE_MARK} mark what its photos show, and measure."
+            )
+            text = _format_taped(survey)
+            (made / TAPE_FILE).write_text(text, encoding="utf-8")
             if folder.exists():  # empty; on Windows it cannot be replaced by a rename
                 folder.rmdir()
             made.rename(folder)
@@ -111,7 +113,7 @@ def make_sample(folder: Path, progress: Progress = silent) -> Path:
     return project
 
 
-def _taped_text(survey: SimulatedSurvey) -> str:
+def _format_taped(survey: SimulatedSurvey) -> str:
     """Return the taped lengths of the scene, for the page, and true distances."""
     lines, truth = survey.lines, survey.truth
     rows = "\n".join(

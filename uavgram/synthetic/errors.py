@@ -10,7 +10,7 @@ from uavgram.model.limits import require, require_sizes
 
 TelemetryClass = Literal["consumer", "rtk", "ppk", "none"]
 
-USUALLY_LOST = 9
+LOST_EXPOSURE_INDEX = 9
 """Index of the exposure in the demo's flight without a stored photo."""
 
 
@@ -72,7 +72,7 @@ class ErrorSpec:
     camera_zone_h: float = -6.0
     exif_jitter_s: float = 0.01
     event_jitter_s: float = 0.005
-    lost_exposure: int | None = USUALLY_LOST
+    lost_exposure: int | None = LOST_EXPOSURE_INDEX
     readout_ms: float = 0.0
     pick_px: float = 0.7
     tape_m: float = 0.01
@@ -143,34 +143,36 @@ class StatedSpec:
 Section = MappingProxyType[str, list[float]]
 
 
-def _section(**values: list[float]) -> Section:
+def _make_section(**values: list[float]) -> Section:
     return MappingProxyType(values)
 
 
-_CENTIMETRES = _section(position_sigma_m=[0.02, 0.03], position_bias_sigma_m=[0.03, 0.05])
-USUAL: MappingProxyType[str, MappingProxyType[str, Section]] = MappingProxyType(
+_CENTIMETRE_SECTION = _make_section(
+    position_sigma_m=[0.02, 0.03], position_bias_sigma_m=[0.03, 0.05]
+)
+USUAL_SECTIONS: MappingProxyType[str, MappingProxyType[str, Section]] = MappingProxyType(
     {
         "consumer": MappingProxyType({}),
         # A receiver with corrections states 1 cm + 1 ppm and 1.5 cm + 1 ppm (u-blox ZED-F9P data
         # sheet); errors of the antenna's lever arm and of the time of exposure add to that.
         "rtk": MappingProxyType(
             {
-                "errors": _section(
+                "errors": _make_section(
                     position_bias_m=[0.02, 0.03],
                     position_drift_m=[0.015, 0.02],
                     gps_noise_m=[0.01, 0.02],
                 ),
-                "stated": _CENTIMETRES,
+                "stated": _CENTIMETRE_SECTION,
             }
         ),
         "ppk": MappingProxyType(
             {
-                "errors": _section(
+                "errors": _make_section(
                     position_bias_m=[0.015, 0.02],
                     position_drift_m=[0.01, 0.015],
                     gps_noise_m=[0.005, 0.01],
                 ),
-                "stated": _CENTIMETRES,
+                "stated": _CENTIMETRE_SECTION,
             }
         ),
         "none": MappingProxyType({}),

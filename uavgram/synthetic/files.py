@@ -24,7 +24,7 @@ from uavgram.io.tables.updates import (
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import number_text
-from uavgram.synthetic.inputs import project_yaml
+from uavgram.synthetic.inputs import format_project
 from uavgram.synthetic.survey import SimulatedSurvey
 
 JPEG_QUALITY = 92
@@ -63,7 +63,7 @@ def write_demo(folder: Path, survey: SimulatedSurvey, photos: Iterable[NDArray[n
         truth = json.dumps(truth_as_json(survey), indent=1) + "\n"
         remove_link(folder / "truth.json").write_text(truth, encoding="utf-8")
         project = remove_link(folder / "project.yaml")
-        project.write_text(project_yaml(survey), encoding="utf-8")
+        project.write_text(format_project(survey), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"{folder}: cannot be written: {error.strerror}; name another") from error
     return project
@@ -100,7 +100,7 @@ def write_unpicked(
     ):
         _write_csv(folder / name, header, ())
     project = remove_link(folder / "project.yaml")
-    lines = project_yaml(survey).splitlines()
+    lines = format_project(survey).splitlines()
     kept = [line.partition("; the one")[0] for line in lines if not line.startswith("check:")]
     project.write_text("\n".join([about, *kept[1:], ""]), encoding="utf-8")
     return project

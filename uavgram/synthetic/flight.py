@@ -56,7 +56,7 @@ class _Leg(NamedTuple):
     pitch: float
 
 
-def route(plan: FlightPlan, site: Site) -> Route:
+def compute_route(plan: FlightPlan, site: Site) -> Route:
     """Compute the route of a flight plan, leg after leg.
 
     Parameters
@@ -87,7 +87,7 @@ def route(plan: FlightPlan, site: Site) -> Route:
     )
 
 
-def exposures(plan: FlightPlan, flown: Route, rng: np.random.Generator) -> Floats:
+def compute_exposure_times(plan: FlightPlan, flown: Route, rng: np.random.Generator) -> Floats:
     """Return the times (E,) at which the vehicle passes the planned positions.
 
     Parameters
@@ -106,7 +106,7 @@ def exposures(plan: FlightPlan, flown: Route, rng: np.random.Generator) -> Float
     return (begin[:, None] + (along + jitter) / plan.speed_m_s).ravel()
 
 
-def _ahead(plan: FlightPlan, site: Site) -> float:
+def _compute_aim_distance(plan: FlightPlan, site: Site) -> float:
     """Return the distance from the vehicle to the intersection of optical axis and ground [m]."""
     above = plan.height_m - site.ground_height_m
     return float(above / np.tan(np.deg2rad(-plan.gimbal_pitch_deg)))
@@ -118,7 +118,7 @@ def _strips(plan: FlightPlan, site: Site) -> list[_Leg]:
     The optical axis meets the ground ahead of the vehicle: the path is shifted so that the
     footprints, not the vehicle, are centred on the scene's middle.
     """
-    reach, ahead = plan.strip_half_length_m + LEAD_M, _ahead(plan, site)
+    reach, ahead = plan.strip_half_length_m + LEAD_M, _compute_aim_distance(plan, site)
     count = {"strip": 1, "grid": plan.grid_strips}.get(plan.pattern, 2)
     pitch = float(np.deg2rad(plan.gimbal_pitch_deg))
     legs = []
@@ -139,7 +139,7 @@ def _hovers(plan: FlightPlan, site: Site) -> list[_Leg]:
     """Return the legs of hovering positions."""
     height, pitch = plan.height_m, float(np.deg2rad(plan.gimbal_pitch_deg))
     if plan.pattern == "single":
-        place = (-_ahead(plan, site), 0.0, height)
+        place = (-_compute_aim_distance(plan, site), 0.0, height)
         return [_Leg(place, place, 0.0, pitch)]
     if plan.pattern == "orbit":
         legs = []
@@ -193,7 +193,7 @@ class Motion(FrozenArrays):
     exposure_time_s: Annotated[Floats, "e"]
 
 
-def gauss_markov(
+def draw_gauss_markov(
     rng: np.random.Generator, count: int, step_s: float, tau_s: float, sigma: Floats
 ) -> Floats:
     """Draw (count, K) stationary first-order Gauss-Markov noise with sigmas (K,).
@@ -221,7 +221,7 @@ def gauss_markov(
     return np.asarray(solve_banded((1, 0), band, white)) * sigma
 
 
-def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
+def simulate_motion(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
     """Simulate the motion of a plan: up from home, from leg to leg, home, down.
 
     Parameters
@@ -231,32 +231,32 @@ def fly(plan: FlightPlan, site: Site, rng: np.random.Generator) -> Motion:
     rng
         Draws trigger positions and wobble.
     """
-    flown = route(plan, site)
+    flown = compute_route(plan, site)
     knots = flown.start_s
     time = np.arange(0.0, knots[-1] + ON_GROUND_S, STEP_S)
     path = np.stack([np.interp(time, knots, column) for column in flown.waypoint_world_m.T], axis=1)
     path = gaussian_filter1d(path, CORNER_SIGMA_S / STEP_S, axis=0, mode="nearest")
     # no wobble on the ground
     aloft = np.clip(path[:, 2:] / plan.height_m, 0.0, 1.0)
-    path = path + aloft * _wobble(rng, len(time), np.full(3, plan.wobble_m))
+    path = path + aloft * _draw_wobble(rng, len(time), np.full(3, plan.wobble_m))
     velocity = np.gradient(path, STEP_S, axis=0)
-    yaw = _turning(flown.yaw_rad, flown, time)
-    body = _lean(velocity, yaw)
+    yaw = _compute_heading(flown.yaw_rad, flown, time)
+    body = _compute_attitude(velocity, yaw)
     tilt_sigma = np.deg2rad([plan.tilt_wobble_deg, plan.tilt_wobble_deg, plan.tilt_wobble_deg / 2])
-    body = body + aloft * _wobble(rng, len(time), tilt_sigma)
-    gimbal = _wobble(rng, len(time), np.full(3, np.deg2rad(plan.gimbal_wobble_deg)))
-    gimbal[:, 1] += _turning(flown.pitch_rad, flown, time)
+    body = body + aloft * _draw_wobble(rng, len(time), tilt_sigma)
+    gimbal = _draw_wobble(rng, len(time), np.full(3, np.deg2rad(plan.gimbal_wobble_deg)))
+    gimbal[:, 1] += _compute_heading(flown.pitch_rad, flown, time)
     return Motion(
         time_s=time,
         position_world_m=path,
         velocity_world_m_s=velocity,
         body_rpy_rad=body,
         gimbal_rpy_rad=gimbal,
-        exposure_time_s=exposures(plan, flown, rng),
+        exposure_time_s=compute_exposure_times(plan, flown, rng),
     )
 
 
-def at(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
+def interpolate(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
     """Interpolate an (N, 3) column of the motion at (E,) times, linearly: (E, 3).
 
     Parameters
@@ -271,7 +271,7 @@ def at(motion: Motion, column: Floats, instants_s: Floats) -> Floats:
     return np.stack([np.interp(instants_s, motion.time_s, part) for part in column.T], axis=1)
 
 
-def _turning(angle: Floats, flown: Route, time: Floats) -> Floats:
+def _compute_heading(angle: Floats, flown: Route, time: Floats) -> Floats:
     """Return one angle (N,) of the flight: that of each leg, with smooth turns between the legs."""
     if np.ptp(angle) == 0:
         return np.full(len(time), angle[0])
@@ -279,7 +279,7 @@ def _turning(angle: Floats, flown: Route, time: Floats) -> Floats:
     return gaussian_filter1d(now, CORNER_SIGMA_S / STEP_S, mode="nearest")
 
 
-def _lean(velocity: Floats, yaw: Floats) -> Floats:
+def _compute_attitude(velocity: Floats, yaw: Floats) -> Floats:
     """Return roll, pitch, yaw (N, 3) of a multicopter.
 
     Its thrust balances gravity, drag and acceleration.
@@ -293,9 +293,9 @@ def _lean(velocity: Floats, yaw: Floats) -> Floats:
     return np.stack([np.arctan2(right, np.hypot(ahead, up)), -np.arctan2(ahead, up), yaw], axis=1)
 
 
-def _wobble(rng: np.random.Generator, count: int, sigma: Floats) -> Floats:
+def _draw_wobble(rng: np.random.Generator, count: int, sigma: Floats) -> Floats:
     """Draw smooth random motion (count, K) with about the given sigmas."""
-    rough = gauss_markov(rng, count, STEP_S, WOBBLE_TAU_S, sigma)
+    rough = draw_gauss_markov(rng, count, STEP_S, WOBBLE_TAU_S, sigma)
     return gaussian_filter1d(rough, 0.25 / STEP_S, axis=0, mode="nearest")
 
 
@@ -340,7 +340,7 @@ def _between(table: Floats, frame: Ints | int, before: Ints, part: Floats) -> Fl
     return np.asarray(first + part * (table[frame, before + 1] - first))
 
 
-READ = 0.51  # share of the readout, before and after the middle row
+READOUT_SHARE = 0.51  # share of the readout, before and after the middle row
 INSTANTS_S = 0.002  # between poses; at 2 rad/s, linear interpolation is wrong by 5e-7 rad
 
 
@@ -354,7 +354,9 @@ class FlightBiases(FrozenArrays):
     lever_arm_m: Annotated[Floats, 3]
 
 
-def true_poses(motion: Motion, biases: FlightBiases, instants_s: Floats) -> tuple[Floats, Floats]:
+def compute_true_poses(
+    motion: Motion, biases: FlightBiases, instants_s: Floats
+) -> tuple[Floats, Floats]:
     """Return the true projection centres (F, 3) and rotations (F, 3, 3) of the camera.
 
     Parameters
@@ -364,16 +366,16 @@ def true_poses(motion: Motion, biases: FlightBiases, instants_s: Floats) -> tupl
     instants_s
         (F,) from the start of the recording.
     """
-    roll, pitch, yaw = at(motion, motion.body_rpy_rad, instants_s).T
+    roll, pitch, yaw = interpolate(motion, motion.body_rpy_rad, instants_s).T
     world_from_body = ENU_FROM_NED @ matrix_from_ypr(yaw, pitch, roll)
-    gimbal_roll, gimbal_pitch, gimbal_yaw = at(motion, motion.gimbal_rpy_rad, instants_s).T
+    gimbal_roll, gimbal_pitch, gimbal_yaw = interpolate(motion, motion.gimbal_rpy_rad, instants_s).T
     world_from_gimbal = ENU_FROM_NED @ matrix_from_ypr(yaw + gimbal_yaw, gimbal_pitch, gimbal_roll)
-    position = at(motion, motion.position_world_m, instants_s)
+    position = interpolate(motion, motion.position_world_m, instants_s)
     center = position + world_from_body @ biases.lever_arm_m
     return center, world_from_gimbal @ GIMBAL_FROM_CAMERA @ exp_so3(biases.boresight_rad)
 
 
-def photo_rows(
+def compute_photo_rows(
     motion: Motion, biases: FlightBiases, exposed_s: Floats, readout_s: float
 ) -> PhotoRows | None:
     """Compute poses (F, R) during the readout of each photo, a little longer on both sides.
@@ -389,9 +391,13 @@ def photo_rows(
     """
     if not readout_s:
         return None
-    share = np.linspace(-READ, READ, 2 * int(np.ceil(READ * abs(readout_s) / INSTANTS_S)) + 1)
+    share = np.linspace(
+        -READOUT_SHARE,
+        READOUT_SHARE,
+        2 * int(np.ceil(READOUT_SHARE * abs(readout_s) / INSTANTS_S)) + 1,
+    )
     instants = exposed_s[:, None] + readout_s * share
-    center, rotation = true_poses(motion, biases, instants.ravel())
+    center, rotation = compute_true_poses(motion, biases, instants.ravel())
     return PhotoRows(
         share=share,
         center_world_m=center.reshape(*instants.shape, 3),

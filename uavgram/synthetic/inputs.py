@@ -23,14 +23,14 @@ from uavgram.model.options import (
 )
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
-from uavgram.synthetic.autopilot import flight_log
-from uavgram.synthetic.scenario import FAMILY, Scenario
+from uavgram.synthetic.autopilot import make_flight_log
+from uavgram.synthetic.scenario import PLATE_FAMILY, Scenario
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
 
 TIME_STEP_S = 0.001
 
 
-def inputs_of(survey: SimulatedSurvey, *, noise: str | None = None) -> Inputs:
+def make_inputs(survey: SimulatedSurvey, *, noise: str | None = None) -> Inputs:
     """Return the survey in the form in which `read_inputs` reads the output of `write_demo`.
 
     Parameters
@@ -42,7 +42,7 @@ def inputs_of(survey: SimulatedSurvey, *, noise: str | None = None) -> Inputs:
     """
     count = len(survey.frame_id)
     camera = survey.calibration
-    project = project_of(survey.scenario, noise)
+    project = make_project(survey.scenario, noise)
     return Inputs(
         project_path="project.yaml",
         project=project,
@@ -61,14 +61,14 @@ def inputs_of(survey: SimulatedSurvey, *, noise: str | None = None) -> Inputs:
         requests=survey.measurements,
         control=survey.control,
         check=survey.checks,
-        log=None if project.log is None else flight_log(survey.log),
+        log=None if project.log is None else make_flight_log(survey.log),
         poses=None,
         digests=(),
         messages=(),
     )
 
 
-def project_of(scenario: Scenario, noise: str | None = None) -> Project:
+def make_project(scenario: Scenario, noise: str | None = None) -> Project:
     """Return the project of a simulated survey, with the scenario's stated sigmas.
 
     Parameters
@@ -115,7 +115,7 @@ def project_of(scenario: Scenario, noise: str | None = None) -> Project:
             outliers=stated.outliers, noise="stated" if noise == "stated" else stated.noise
         ),
         tape=TapeOptions(scale_sigma=stated.tape_scale_sigma),
-        targets=TargetOptions(family=FAMILY, side_m=plates.side_m, sigma_m=plates.sigma_m)
+        targets=TargetOptions(family=PLATE_FAMILY, side_m=plates.side_m, sigma_m=plates.sigma_m)
         if plates.at
         else None,
     )
@@ -126,7 +126,7 @@ def _pair(stated: tuple[float, ...]) -> tuple[float, float] | Literal["auto"]:
     return (stated[0], stated[1]) if stated else "auto"
 
 
-def project_yaml(survey: SimulatedSurvey) -> str:
+def format_project(survey: SimulatedSurvey) -> str:
     """Return the text of the project file, with a comment on its first line.
 
     Parameters
@@ -164,10 +164,10 @@ time:
 picks_sigma_px: {number_text(errors.pick_px)}
 picks_identification_sigma_m: {beside}  # nothing is picked beside; leave this out for photos
 """
-    return _as_the_scenario(text, survey.scenario)
+    return _adapt_text(text, survey.scenario)
 
 
-def _as_the_scenario(text: str, scenario: Scenario) -> str:
+def _adapt_text(text: str, scenario: Scenario) -> str:
     """Adapt the demo's project text to the differences of another scenario."""
     errors = scenario.errors
     if scenario.telemetry == "none":
@@ -180,10 +180,10 @@ def _as_the_scenario(text: str, scenario: Scenario) -> str:
         text = "\n".join([*lines, ""])
     if scenario.plates.at:
         side, sigma = map(number_text, (scenario.plates.side_m, scenario.plates.sigma_m))
-        text += f"targets: {{family: {FAMILY}, side_m: {side}, sigma_m: {sigma}}}\n"
+        text += f"targets: {{family: {PLATE_FAMILY}, side_m: {side}, sigma_m: {sigma}}}\n"
     if scenario.control:
         text = text.replace("check: check.csv", "control: control.csv\ncheck: check.csv")
-    own, demo = project_of(scenario), project_of(Scenario())
+    own, demo = make_project(scenario), make_project(Scenario())
     for section in ("ground", "telemetry", "tape", "solve"):
         here, there = getattr(own, section), getattr(demo, section)
         rows = [
@@ -205,7 +205,7 @@ def _yaml(value: str | float | tuple[float, ...]) -> str:
     return value if isinstance(value, str) else number_text(value)
 
 
-class Drawn(NamedTuple):
+class DrawnSurvey(NamedTuple):
     """One draw: content of a project, and the true values of its measurements.
 
     `posed` are the frames where no log has to be read for them; `name`, `unit` (M,) and `true` (M,)
@@ -222,10 +222,10 @@ class Drawn(NamedTuple):
 class World(Protocol):
     """Survey that can be repeated."""
 
-    def drawn(self, number: int) -> Drawn:
+    def drawn(self, number: int) -> DrawnSurvey:
         """Return one repetition; the same number gives the same one."""
 
-    def exact(self) -> Drawn:
+    def exact(self) -> DrawnSurvey:
         """Return the survey without any error, with its sigmas as stated."""
 
     def named(self) -> tuple[str, int]:
@@ -239,24 +239,24 @@ class ScenarioWorld:
     scenario: Scenario
     calibration: Calibration | None = None
 
-    def drawn(self, number: int) -> Drawn:
+    def drawn(self, number: int) -> DrawnSurvey:
         """Return one repetition; the same number gives the same one."""
         survey = simulate(self.scenario, self.calibration, repetition=number)
         truth = survey.truth
-        return Drawn(
-            inputs_of(survey),
+        return DrawnSurvey(
+            make_inputs(survey),
             None,
             truth.measurement_name,
             truth.measurement_unit,
             truth.measurement_value,
         )
 
-    def exact(self) -> Drawn:
+    def exact(self) -> DrawnSurvey:
         """Return the survey without any error, with its sigmas as stated."""
         survey = simulate(self.scenario, self.calibration, exact=True)
         truth = survey.truth
-        return Drawn(
-            inputs_of(survey, noise="stated"),
+        return DrawnSurvey(
+            make_inputs(survey, noise="stated"),
             None,
             truth.measurement_name,
             truth.measurement_unit,

@@ -12,8 +12,8 @@ from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
 from uavgram.model.target_families import PLATE_CORNERS
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.scene import Surface
-from uavgram.synthetic.sight import inside, large_plates
-from uavgram.synthetic.truth import SurveyTruth, rolled_pixels
+from uavgram.synthetic.sight import find_large_plates, is_inside
+from uavgram.synthetic.truth import SurveyTruth, project_rolling_shutter
 
 
 class MeanGenerator(np.random.Generator):
@@ -46,10 +46,10 @@ class MeanGenerator(np.random.Generator):
         return np.array(mean, dtype=np.float64)
 
 
-TAIL = 5.0  # factor of the errors of picks in the heavy tail
+TAIL_FACTOR = 5.0  # factor of the errors of picks in the heavy tail
 
 
-def seen_pixels(
+def compute_pixels(
     scenario: Scenario,
     calibration: Calibration,
     truth: SurveyTruth,
@@ -77,10 +77,10 @@ def seen_pixels(
         rise = surface.up(moved.reshape(-1, 2)) - surface.up(offset.reshape(-1, 2))
         up = places[..., 2] + rise.reshape(offset.shape[:2])
         places = np.concatenate([moved + surface.middle_m, up[..., None]], axis=2)
-    return rolled_pixels(calibration, truth, places)
+    return project_rolling_shutter(calibration, truth, places)
 
 
-def pick(
+def draw_picks(
     scenario: Scenario,
     calibration: Calibration,
     truth: SurveyTruth,
@@ -99,17 +99,21 @@ def pick(
         Draw the noise, and the picks in the heavy tail.
     """
     habits, corners = scenario.habits, len(scenario.plates.labels)
-    sigmas = np.repeat([scenario.errors.pick_px, scenario.plates.corner_px], _counts(scenario))
-    shown, people = inside(calibration, pixel_px), len(scenario.points)
+    sigmas = np.repeat(
+        [scenario.errors.pick_px, scenario.plates.corner_px], _count_corners(scenario)
+    )
+    shown, people = is_inside(calibration, pixel_px), len(scenario.points)
     # corners of a plate are found together, if all are inside the photo and it is large enough
     whole = shown[:, people:].reshape(len(shown), -1, PLATE_CORNERS).all(axis=2)
-    shown[:, people:] = np.repeat(whole, PLATE_CORNERS, axis=1) & large_plates(pixel_px[:, people:])
+    shown[:, people:] = np.repeat(whole, PLATE_CORNERS, axis=1) & find_large_plates(
+        pixel_px[:, people:]
+    )
     frame, point = np.nonzero(shown)
     sigma = sigmas[point]
     # normal noise, with a share of picks in the heavy tail
     noise = sigma[:, None] * rngs[0].standard_normal((len(frame), 2))
     if habits.heavy_tails:
-        noise *= np.where(rngs[1].random((len(frame), 1)) < habits.heavy_tails, TAIL, 1.0)
+        noise *= np.where(rngs[1].random((len(frame), 1)) < habits.heavy_tails, TAIL_FACTOR, 1.0)
     points = scenario.points
     stated = np.array(
         [p.height_m if p.stated == "height" else 0.0 for p in points] + [0.0] * corners
@@ -132,7 +136,7 @@ def pick(
     )
 
 
-def _counts(scenario: Scenario) -> tuple[int, int]:
+def _count_corners(scenario: Scenario) -> tuple[int, int]:
     """Return the numbers of points and of corners of plates."""
     return len(scenario.points), len(scenario.plates.labels)
 
@@ -147,7 +151,7 @@ def _swap(label: list[str], frame: list[int], first: str, second: str) -> None:
             return
 
 
-def tape(
+def draw_tape_readings(
     scenario: Scenario,
     truth: SurveyTruth,
     rngs: tuple[np.random.Generator, np.random.Generator],
@@ -183,7 +187,7 @@ def tape(
     )
 
 
-def survey_points(
+def draw_surveyed_points(
     truth: SurveyTruth, rows: list[int], noise_m: Floats, sigma_m: float
 ) -> KnownPoints:
     """Return points with surveyed coordinates.

@@ -18,7 +18,7 @@ UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "slope": "deg", "vol
 """Units of the kinds that are not lengths [m]."""
 
 
-def measured_values(
+def compute_true_values(
     requests: Sequence[MeasurementRequest], row: Mapping[str, int], points_world_m: Floats
 ) -> tuple[tuple[str, ...], Floats, tuple[str, ...]]:
     """Return names, true values and units of the requests; a coordinate gives east and north.
@@ -48,7 +48,7 @@ def measured_values(
     return tuple(names), np.array(values), tuple(units)
 
 
-def with_true_friction(
+def draw_true_friction(
     requests: Sequence[MeasurementRequest], rng: np.random.Generator
 ) -> tuple[MeasurementRequest, ...]:
     """Replace the stated friction of skids (mu, mu_sigma) by a true one drawn from it."""

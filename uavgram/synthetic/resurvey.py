@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.errors import InputError, near_miss
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import OBSERVATIONS
-from uavgram.estimation.survey.observed import Truth
+from uavgram.estimation.survey.observed import SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.observations import (
@@ -29,12 +29,12 @@ from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
 from uavgram.pipeline.measure.observations import with_sides
 from uavgram.pipeline.measure.pose import Posed, pose_frames
 from uavgram.pipeline.threads import one_blas_thread
-from uavgram.synthetic.inputs import Drawn
+from uavgram.synthetic.inputs import DrawnSurvey
 from uavgram.synthetic.observe import MeanGenerator
 from uavgram.synthetic.scenario import RepeatedSurvey
 from uavgram.synthetic.scenario_file import load_repeated
 
-STILL_KINDS = frozenset({"skid_speed", "speed"})
+KINDS_WITHOUT_MOTION = frozenset({"skid_speed", "speed"})
 """Kinds of measurements with mostly other uncertainties than the survey's: not repeated."""
 
 
@@ -57,12 +57,12 @@ class ProjectWorld:
     unit: tuple[str, ...]
     value: Floats
 
-    def drawn(self, number: int) -> Drawn:
+    def drawn(self, number: int) -> DrawnSurvey:
         """Return one repetition; the same number gives the same one."""
         seeds = np.random.SeedSequence([self.spec.seed, number]).spawn(len(OBSERVATIONS))
         return self._drawn(map(np.random.default_rng, seeds))
 
-    def exact(self) -> Drawn:
+    def exact(self) -> DrawnSurvey:
         """Return the survey without any error, with its sigmas as stated."""
         drawn = self._drawn(MeanGenerator() for _ in OBSERVATIONS)
         options = replace(drawn.inputs.project.solve, noise="stated")
@@ -73,7 +73,7 @@ class ProjectWorld:
         """Return name and seed."""
         return self.spec.name, self.spec.seed
 
-    def _drawn(self, rngs: Iterable[np.random.Generator]) -> Drawn:
+    def _drawn(self, rngs: Iterable[np.random.Generator]) -> DrawnSurvey:
         """Draw each kind of observation anew, from its own random stream."""
         inputs, control = self.inputs, self.inputs.control
         placed = KnownWorldPoints(
@@ -82,7 +82,7 @@ class ProjectWorld:
         observed = stated_observations(inputs, self.posed, placed)
         problem = SurveyProblem(self.survey, self.pivot_m, self.line_used)
         for kind, rng in zip(OBSERVATIONS, rngs, strict=True):
-            observed = kind.draw(observed, Truth(problem, self.state, rng))
+            observed = kind.draw(observed, SimulatedTruth(problem, self.state, rng))
         placed = observed.control
         again = replace(
             inputs,
@@ -100,7 +100,7 @@ class ProjectWorld:
             ),
         )
         posed = replace(self.posed, telemetry=observed.telemetry)
-        return Drawn(again, posed, self.name, self.unit, self.value)
+        return DrawnSurvey(again, posed, self.name, self.unit, self.value)
 
 
 def read_project_world(project: Path, scenario: Path | None, seed: int | None) -> ProjectWorld:
@@ -122,10 +122,10 @@ def read_project_world(project: Path, scenario: Path | None, seed: int | None) -
     """
     spec = RepeatedSurvey(name=project.stem) if scenario is None else load_repeated(scenario)
     spec = spec if seed is None else replace(spec, seed=seed)
-    return project_world(spec, read_inputs(project), scenario)
+    return make_project_world(spec, read_inputs(project), scenario)
 
 
-def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -> ProjectWorld:
+def make_project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -> ProjectWorld:
     """Adjust a survey that is to be repeated.
 
     Parameters
@@ -147,7 +147,7 @@ def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -
     kept = [
         i
         for i, value in enumerate(table.value)
-        if np.isfinite(value) and table.kind[i] not in STILL_KINDS
+        if np.isfinite(value) and table.kind[i] not in KINDS_WITHOUT_MOTION
     ]
     if not kept:
         raise InputError(
@@ -156,7 +156,7 @@ def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -
     lines = with_sides(inputs.lines, inputs.picks, inputs.project.targets)
     inputs = replace(
         inputs,
-        lines=_with_more(scenario, lines, spec, adjustment.survey.label),
+        lines=_add_lengths(scenario, lines, spec, adjustment.survey.label),
         check=NO_POINTS,
         digests=(),
         messages=(),
@@ -164,7 +164,7 @@ def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -
     return ProjectWorld(
         spec,
         inputs,
-        _only(posed, adjustment.survey.frame_id),
+        _select_telemetry(posed, adjustment.survey.frame_id),
         adjustment.survey,
         adjustment.problem.pivot_m,
         np.isin(np.arange(len(adjustment.survey.line_start)), adjustment.problem.line_index),
@@ -175,7 +175,7 @@ def project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | None) -
     )
 
 
-def _only(posed: Posed, frame_id: tuple[str, ...]) -> Posed:
+def _select_telemetry(posed: Posed, frame_id: tuple[str, ...]) -> Posed:
     """Return the telemetry of the adjusted frames alone, in their order."""
     telemetry = posed.telemetry
     if telemetry is None:
@@ -193,7 +193,7 @@ def _only(posed: Posed, frame_id: tuple[str, ...]) -> Posed:
     return replace(posed, telemetry=some, frames=frames)
 
 
-def _with_more(
+def _add_lengths(
     scenario: Path | None, lines: KnownLines, spec: RepeatedSurvey, labels: tuple[str, ...]
 ) -> KnownLines:
     """Return the lengths of the project and those added by the file."""

@@ -86,7 +86,7 @@ class GroundSpec:
         return not any(sizes)
 
 
-MANY = 10
+MIN_EXPOSURES = 10
 """Number of exposures on strips from which on their gaps match camera events in one way only."""
 
 Pattern = Literal["strips", "strip", "grid", "orbit", "single", "poses"]
@@ -205,7 +205,7 @@ class FlightPlan:
     @property
     def tells_clock(self) -> bool:
         """Whether exposures are numerous and irregular enough to find the clock offset."""
-        return self.photo_count >= MANY and not self.is_hovering
+        return self.photo_count >= MIN_EXPOSURES and not self.is_hovering
 
     @property
     def photo_count(self) -> int:
@@ -220,8 +220,8 @@ class FlightPlan:
         }[self.pattern]
 
 
-FAMILY = "aruco-4x4-50"
-MOST_PLATES = 50
+PLATE_FAMILY = "aruco-4x4-50"
+MAX_PLATES = 50
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -250,7 +250,7 @@ class PlateSpec:
             0 < self.sigma_m <= 0.1 * self.side_m, "sigma_m must be above 0, at most side_m / 10"
         )
         require(self.corner_px > 0, "corner_px must be greater than 0")
-        require(len(self.at) <= MOST_PLATES, f"at must name at most {MOST_PLATES} plates")
+        require(len(self.at) <= MAX_PLATES, f"at must name at most {MAX_PLATES} plates")
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -258,7 +258,7 @@ class PlateSpec:
         return tuple(corner_label(k, c) for k in range(len(self.at)) for c in range(PLATE_CORNERS))
 
 
-STEEPEST_DEG = 45.0
+MAX_SLOPE_DEG = 45.0
 """Largest slope of the ground; steeper ground is never measured."""
 
 
@@ -294,8 +294,8 @@ class Site:
         require(abs(self.latitude_deg) < 90, "latitude_deg must lie between -90 and 90")
         require(abs(self.longitude_deg) <= 180, "longitude_deg must lie between -180 and 180")
         require(
-            max(abs(slope) for slope in self.ground_slope_deg) <= STEEPEST_DEG,
-            f"ground_slope_deg must lie between -{STEEPEST_DEG:g} and {STEEPEST_DEG:g}",
+            max(abs(slope) for slope in self.ground_slope_deg) <= MAX_SLOPE_DEG,
+            f"ground_slope_deg must lie between -{MAX_SLOPE_DEG:g} and {MAX_SLOPE_DEG:g}",
         )
 
     @property

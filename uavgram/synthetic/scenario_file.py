@@ -16,12 +16,12 @@ from uavgram.model.camera.tags import CameraTags, DroneCamera
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.pipeline.cameras.read import camera_of_drone, read_camera
 from uavgram.stages.camera import assume_camera, find_camera
-from uavgram.synthetic.errors import USUAL, USUALLY_LOST
+from uavgram.synthetic.errors import LOST_EXPOSURE_INDEX, USUAL_SECTIONS
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.scenario import CameraSpec, RepeatedSurvey, Scenario
-from uavgram.synthetic.survey import senseless, simulate
+from uavgram.synthetic.survey import find_senseless, simulate
 
-MOST_ITEMS = 2000
+MAX_ITEMS = 2000
 """Limit of the items of all lists of a scenario together."""
 
 
@@ -33,13 +33,13 @@ def load_scenario(path: str | Path) -> Scenario:
     InputError
         Names file, line and key of every mistake.
     """
-    return scenario_document(path)[0]
+    return read_scenario_document(path)[0]
 
 
-def scenario_document(path: str | Path) -> tuple[Scenario, Document]:
+def read_scenario_document(path: str | Path) -> tuple[Scenario, Document]:
     """Read a scenario as `load_scenario` does, and return the document with its line numbers."""
     path = Path(path).absolute()
-    document = _nothing_lost(_with_usual(read_yaml(path, MOST_ITEMS)))
+    document = _remove_lost_exposure(_fill_in_usual(read_yaml(path, MAX_ITEMS)))
     scenario = validate(Scenario, document)
     camera = scenario.camera
     if camera.file is not None:
@@ -56,30 +56,30 @@ def load_repeated(path: str | Path) -> RepeatedSurvey:
     InputError
         Names file, line and key of every mistake.
     """
-    return validate(RepeatedSurvey, read_yaml(Path(path).absolute(), MOST_ITEMS))
+    return validate(RepeatedSurvey, read_yaml(Path(path).absolute(), MAX_ITEMS))
 
 
-def _nothing_lost(document: Document) -> Document:
+def _remove_lost_exposure(document: Document) -> Document:
     """Return the document without a lost exposure if the flight is too short and none is stated."""
     data = document.data
     flight = data.get("flight") if isinstance(data, dict) else None
     if not isinstance(data, dict) or not isinstance(flight, dict):
         return document
     errors, photos = data.get("errors", {}), flight.get("photos_per_strip")
-    short = isinstance(photos, int) and 2 * photos <= USUALLY_LOST
+    short = isinstance(photos, int) and 2 * photos <= LOST_EXPOSURE_INDEX
     if not short or not isinstance(errors, dict) or "lost_exposure" in errors:
         return document
     return replace(document, data={**data, "errors": {**errors, "lost_exposure": None}})
 
 
-def _with_usual(document: Document) -> Document:
+def _fill_in_usual(document: Document) -> Document:
     """Return the document with the defaults of its class of telemetry filled in."""
     data = document.data
     kind = data.get("telemetry") if isinstance(data, dict) else None
-    if not isinstance(data, dict) or not isinstance(kind, str) or kind not in USUAL:
+    if not isinstance(data, dict) or not isinstance(kind, str) or kind not in USUAL_SECTIONS:
         return document
     filled: dict[str, Plain] = dict(data)
-    for section, usual in USUAL[kind].items():
+    for section, usual in USUAL_SECTIONS[kind].items():
         written = data.get(section, {})
         if isinstance(written, dict):
             own: dict[str, Plain] = {key: list(value) for key, value in usual.items()}
@@ -87,7 +87,7 @@ def _with_usual(document: Document) -> Document:
     return replace(document, data=filled)
 
 
-def scenario_text(scenario: Scenario, remark: str = "") -> str:
+def format_scenario(scenario: Scenario, remark: str = "") -> str:
     """Return the text of a scenario file that reads back as the same scenario.
 
     Parameters
@@ -135,9 +135,9 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
     InputError
         Names file, line and key of values that are invalid or make no sense.
     """
-    scenario, document = scenario_document(path)
+    scenario, document = read_scenario_document(path)
     scenario = scenario if seed is None else scenario.with_seed(seed)
-    wrong = [(i, measurement_fault(one)) for i, one in enumerate(scenario.measurements)]
+    wrong = [(i, explain_impossible(one)) for i, one in enumerate(scenario.measurements)]
     if any(fault for _, fault in wrong):
         named = [
             (document.line_of(("measurements", i)), f"measurements[{i}]: {fault}")
@@ -145,9 +145,9 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
             if fault
         ]
         raise InputError.of_all(document.path, named)
-    calibration = scenario_camera(path, scenario.camera)
+    calibration = read_scenario_camera(path, scenario.camera)
     world = ScenarioWorld(scenario, calibration)
-    faults = list(senseless(simulate(scenario, calibration, exact=True)))
+    faults = list(find_senseless(simulate(scenario, calibration, exact=True)))
     if faults:
         placed = [
             (document.line_of(one.key), f"{format_key_path(one.key)}: {one.text}") for one in faults
@@ -156,7 +156,7 @@ def read_world(path: Path, seed: int | None = None) -> ScenarioWorld:
     return world
 
 
-def measurement_fault(asked: MeasurementRequest) -> str:
+def explain_impossible(asked: MeasurementRequest) -> str:
     """Return why a measurement is impossible with its points and parameters, or empty."""
     given = dict(asked.parameters)
     missing = [one for one in PARAMETERS.get(asked.kind, ()) if one not in given]
@@ -164,7 +164,7 @@ def measurement_fault(asked: MeasurementRequest) -> str:
     return f"{asked.name!r}: {fault}" if fault else ""
 
 
-def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
+def read_scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
     """Return the camera of a file or of a drone; None: the scenario's own numbers.
 
     Raises
@@ -192,10 +192,10 @@ def scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
             "'dji fc330', or as it is sold, such as 'DJI Mavic 2 Pro', or give camera.file. Drones "
             "of one maker often have the same camera",
         )
-    return _of_table(path, camera, _whole_colour(found, known))
+    return _of_table(path, camera, _choose_colour_camera(found, known))
 
 
-def _whole_colour(found: DroneCamera, known: tuple[DroneCamera, ...]) -> DroneCamera:
+def _choose_colour_camera(found: DroneCamera, known: tuple[DroneCamera, ...]) -> DroneCamera:
     """Return, of several cameras of one name, the colour camera with the most pixels."""
     same = [one for one in known if one.make_model == found.make_model and not one.is_thermal]
     return max(same, key=lambda one: one.width_px, default=found)

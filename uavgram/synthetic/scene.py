@@ -55,7 +55,7 @@ class Surface(FrozenArrays):
         )
 
 
-WAVES = 200  # of a relief: enough for normally distributed heights
+WAVE_COUNT = 200  # of a relief: enough for normally distributed heights
 
 
 def draw_surface(scenario: Scenario, rng: np.random.Generator) -> Surface:
@@ -75,7 +75,7 @@ def draw_surface(scenario: Scenario, rng: np.random.Generator) -> Surface:
     slope = np.tan(np.deg2rad(stated)) + np.tan(np.deg2rad(spec.slope_deg)) * axes[:, 0]
     drawn = rng.standard_normal(3)
     slope = slope + np.tan(np.deg2rad(spec.slope_sigma_deg)) * drawn[1:]
-    count = WAVES if spec.relief_m and spec.relief_length_m else 0
+    count = WAVE_COUNT if spec.relief_m and spec.relief_length_m else 0
     size = spec.relief_m / np.sqrt(max(count, 1))
     return Surface(
         spec=spec,
@@ -93,7 +93,9 @@ PLATE_STEP_M = 0.2
 """Distance to either side over which the slope of the ground at a plate is computed [m]."""
 
 
-def point_positions(scenario: Scenario, surface: Surface, rng: np.random.Generator) -> Floats:
+def compute_point_positions(
+    scenario: Scenario, surface: Surface, rng: np.random.Generator
+) -> Floats:
     """Return world positions (K, 3) of the scenario's points and of its plates' corners.
 
     Parameters

@@ -12,11 +12,11 @@ from uavgram.model.target_families import MIN_SIDE_PX, PLATE_CORNERS
 EDGE_PX = 12.0
 """Distance from the photo's edge within which marks are not picked."""
 
-LEVEL = 0.05
+MIN_SINE_BELOW_HORIZON = 0.05
 """Smallest sine of the angle below the horizon at which measuring is possible: 3 degrees."""
 
 
-def inside(camera: Calibration, pixel_px: Floats, room_px: Floats | float = 0.0) -> Bools:
+def is_inside(camera: Calibration, pixel_px: Floats, room_px: Floats | float = 0.0) -> Bools:
     """Return a mask of pixels (..., 2) that are at least `EDGE_PX` inside a photo's edge.
 
     Parameters
@@ -34,7 +34,7 @@ def inside(camera: Calibration, pixel_px: Floats, room_px: Floats | float = 0.0)
         return np.asarray(np.all((pixel_px > low) & (pixel_px < high), axis=-1))
 
 
-def large_plates(corner_px: Floats) -> Bools:
+def find_large_plates(corner_px: Floats) -> Bools:
     """Return a mask of corners (F, 4N) of plates that are large enough in a photo to be found.
 
     `corner_px` is (F, 4N, 2), plate by plate.
@@ -45,7 +45,7 @@ def large_plates(corner_px: Floats) -> Bools:
         return np.repeat(side.min(axis=2) >= MIN_SIDE_PX, PLATE_CORNERS, axis=1)
 
 
-def corner_rays(camera: Calibration, intrinsics: Floats, rotation: Floats) -> Floats:
+def compute_corner_rays(camera: Calibration, intrinsics: Floats, rotation: Floats) -> Floats:
     """Return unit vectors (F, 4, 3) in the world of a photo's corners.
 
     Parameters
@@ -73,4 +73,4 @@ def shows_horizon(ray: Floats, slope: Floats) -> Bools:
         (2,) of the ground to the east and to the north.
     """
     above = ray @ [*-slope, 1.0]
-    return np.asarray((np.isnan(above) | (above > -LEVEL)).any(axis=1))
+    return np.asarray((np.isnan(above) | (above > -MIN_SINE_BELOW_HORIZON)).any(axis=1))

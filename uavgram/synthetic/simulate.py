@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError, UavgramError
-from uavgram.estimation.repeated.accuracy import accuracy_of, running_ratio
+from uavgram.estimation.repeated.accuracy import compute_accuracy, compute_running_ratio
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.simulation_json import write_simulation
 from uavgram.model.arrays import Floats
@@ -27,11 +27,11 @@ from uavgram.pipeline.parallel import in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.errors import FixedErrors
-from uavgram.synthetic.inputs import Drawn, ScenarioWorld, World
+from uavgram.synthetic.inputs import DrawnSurvey, ScenarioWorld, World
 from uavgram.synthetic.scenario import GroundSpec, Scenario
 from uavgram.views.simulation.page import render_simulation_page
 
-OF_THE_LOG = {
+LOG_KEYS = {
     "position_bias_m": "position_bias_sigma_m",
     "heading_bias_deg": "heading_bias_sigma_deg",
     "boresight_deg": "boresight_sigma_deg",
@@ -39,12 +39,12 @@ OF_THE_LOG = {
 }
 """Keys of ``errors`` and the corresponding keys of ``stated``, for surveys with a log only."""
 
-TAPE = {"tape_scale": "tape_scale_sigma"}
-SAME = 1e-3
+TAPE_KEYS = {"tape_scale": "tape_scale_sigma"}
+MAX_RELATIVE_DIFFERENCE = 1e-3
 """Relative difference up to which two sigmas are equal."""
 
 
-def unlike_stated(scenario: Scenario) -> tuple[SigmaMismatch, ...]:
+def find_unlike_stated(scenario: Scenario) -> tuple[SigmaMismatch, ...]:
     """Return the quantities that a scenario draws with another sigma than its project states.
 
     The ± of the results is wrong by these differences.
@@ -67,16 +67,18 @@ def unlike_stated(scenario: Scenario) -> tuple[SigmaMismatch, ...]:
         pairs["ground.height_sigma_m"] = float(height), stated.ground_height_sigma_m
         pairs["ground.slope_sigma_deg"] = float(slope), stated.ground_slope_sigma_deg
     found = (SigmaMismatch(key, _each(drawn), _each(says)) for key, (drawn, says) in pairs.items())
-    return tuple(one for one in found if not np.allclose(one.drawn, one.stated, rtol=SAME))
+    return tuple(
+        one for one in found if not np.allclose(one.drawn, one.stated, rtol=MAX_RELATIVE_DIFFERENCE)
+    )
 
 
-def as_stated(scenario: Scenario) -> Scenario:
+def apply_stated_sigmas(scenario: Scenario) -> Scenario:
     """Return the scenario with each quantity drawn with the sigma stated in the project.
 
     Parameters
     ----------
     scenario
-        Scenario whose quantities of `unlike_stated` are replaced.
+        Scenario whose quantities of `find_unlike_stated` are replaced.
     """
     errors, stated, ground = scenario.errors, scenario.stated, scenario.ground
     drawn = {key: getattr(stated, other) for key, other in _keys(scenario).items()}
@@ -95,17 +97,17 @@ def as_stated(scenario: Scenario) -> Scenario:
 
 
 def _keys(scenario: Scenario) -> dict[str, str]:
-    return TAPE if scenario.telemetry == "none" else OF_THE_LOG | TAPE
+    return TAPE_KEYS if scenario.telemetry == "none" else LOG_KEYS | TAPE_KEYS
 
 
 def _each(value: float | tuple[float, ...]) -> tuple[float, ...]:
     return value if isinstance(value, tuple) else (value,)
 
 
-Heard = Callable[[str], None]
+ProgressHandler = Callable[[str], None]
 
 
-def predicted_sigmas(world: World) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
+def predict_sigmas(world: World) -> tuple[tuple[str, ...], tuple[str, ...], Floats]:
     """Return names, units and expected sigmas (M,) of the survey without noise.
 
     They are computed with the real likelihood.
@@ -127,11 +129,11 @@ def predicted_sigmas(world: World) -> tuple[tuple[str, ...], tuple[str, ...], Fl
     return drawn.name, drawn.unit, sigma
 
 
-def repeat(
+def repeat_survey(
     world: World,
     count: int,
     progress: Progress = silent,
-    heard: Heard | None = None,
+    heard: ProgressHandler | None = None,
     *,
     what: str = "repeating the survey",
 ) -> Repetitions:
@@ -155,17 +157,17 @@ def repeat(
     UavgramError
         There is no result even without noise.
     """
-    name, unit, sigma = predicted_sigmas(world)
+    name, unit, sigma = predict_sigmas(world)
     rows: list[Repetition] = []
-    made = in_processes(partial(one_repetition, world), range(count))
+    made = in_processes(partial(run_repetition, world), range(count))
     for row in progress(made, what, count):
         rows.append(row)
         if heard is not None and len(rows) in _milestones(count):
-            heard(_standing(gathered(rows, name, unit, sigma)))
-    return gathered(rows, name, unit, sigma)
+            heard(_describe_convergence(gather_repetitions(rows, name, unit, sigma)))
+    return gather_repetitions(rows, name, unit, sigma)
 
 
-def one_repetition(world: World, number: int) -> Repetition:
+def run_repetition(world: World, number: int) -> Repetition:
     """Draw a survey, run it, and compare; without a result, record the reason.
 
     Parameters
@@ -191,7 +193,7 @@ def one_repetition(world: World, number: int) -> Repetition:
     )
 
 
-def gathered(
+def gather_repetitions(
     rows: Sequence[Repetition], name: tuple[str, ...], unit: tuple[str, ...], predicted: Floats
 ) -> Repetitions:
     """Collect repetitions in arrays.
@@ -224,7 +226,7 @@ def gathered(
     )
 
 
-def _measured(result: Result, drawn: Drawn) -> tuple[Floats, Floats]:
+def _measured(result: Result, drawn: DrawnSurvey) -> tuple[Floats, Floats]:
     """Return values and sigmas (M,) in the order of the truth; NaN where there is none.
 
     Coordinates are NaN in a world that is not georeferenced.
@@ -245,10 +247,10 @@ def _milestones(count: int) -> set[int]:
     return {step for step in steps if step < count}
 
 
-def _standing(repetitions: Repetitions) -> str:
+def _describe_convergence(repetitions: Repetitions) -> str:
     """Describe the convergence of a simulation in one line."""
     count = len(repetitions.number)
-    ratio = running_ratio(repetitions, count)
+    ratio = compute_running_ratio(repetitions, count)
     # standard error of a sigma estimated from n normal errors: sigma / sqrt(2 (n - 1)); the values
     # are correlated, so their number does not reduce it
     sure = 1.96 / np.sqrt(2.0 * max(count - 1, 1))
@@ -258,11 +260,11 @@ def _standing(repetitions: Repetitions) -> str:
 
 
 JSON_FILE, PAGE_FILE = "simulation.json", "simulation.html"
-CLEAN = "nothing amiss"
+CLEAN_NAME = "nothing amiss"
 
 
 @dataclass(frozen=True)
-class Asked:
+class SimulationRequest:
     """Requested number of repetitions, and whether to compare with clean ones."""
 
     repetitions: int
@@ -272,9 +274,9 @@ class Asked:
 def simulate_many(
     source: Path,
     world: World,
-    asked: Asked,
+    asked: SimulationRequest,
     progress: Progress = silent,
-    heard: Heard | None = None,
+    heard: ProgressHandler | None = None,
 ) -> Simulation:
     """Repeat a survey, and if requested its variants with fewer deviations from the project.
 
@@ -294,9 +296,9 @@ def simulate_many(
     InputError
         The survey has no result even without noise, or has no deviation to compare.
     """
-    others = _others(source, world) if asked.compare else {}
+    others = _list_worlds(source, world) if asked.compare else {}
     try:
-        found = repeat(world, asked.repetitions, progress, heard)
+        found = repeat_survey(world, asked.repetitions, progress, heard)
         compared = tuple(
             _variant(name, other, asked.repetitions, progress) for name, other in others.items()
         )
@@ -308,11 +310,13 @@ def simulate_many(
         seed=seed,
         source=source.name,
         repetitions=found,
-        accuracy=accuracy_of(found),
+        accuracy=compute_accuracy(found),
         variants=compared,
-        running=tuple(_running(found)),
-        unlike=unlike_stated(world.scenario) if isinstance(world, ScenarioWorld) else (),
-        deviations=tuple(_apart(world.scenario)[1]) if isinstance(world, ScenarioWorld) else (),
+        running=tuple(_iterate_ratios(found)),
+        unlike=find_unlike_stated(world.scenario) if isinstance(world, ScenarioWorld) else (),
+        deviations=tuple(_make_variants(world.scenario)[1])
+        if isinstance(world, ScenarioWorld)
+        else (),
     )
 
 
@@ -340,20 +344,20 @@ def write_outputs(simulation: Simulation, folder: Path, source: Path) -> tuple[s
     return JSON_FILE, PAGE_FILE
 
 
-def _running(found: Repetitions) -> Iterator[tuple[int, float]]:
+def _iterate_ratios(found: Repetitions) -> Iterator[tuple[int, float]]:
     """Iterate over the ratio of spread to prediction after increasing numbers of repetitions."""
     count = len(found.number)
     steps = sorted({round(count ** (k / 40)) for k in range(41)} | {count})
     for step in steps:
         if step > 2:
-            yield step, running_ratio(found, step)
+            yield step, compute_running_ratio(found, step)
 
 
-def _others(source: Path, world: World) -> dict[str, World]:
+def _list_worlds(source: Path, world: World) -> dict[str, World]:
     """Return the worlds to compare with, by the name of their deviation."""
     if not isinstance(world, ScenarioWorld):
         raise InputError(source, "comparing is for scenarios: a real survey has nothing amiss")
-    others = {name: replace(world, scenario=one) for name, one in variants(world.scenario)}
+    others = {name: replace(world, scenario=one) for name, one in list_variants(world.scenario)}
     if not others:
         raise InputError(
             source,
@@ -365,11 +369,11 @@ def _others(source: Path, world: World) -> dict[str, World]:
 
 def _variant(name: str, world: World, count: int, progress: Progress) -> Variant:
     """Repeat the same draws in another world."""
-    found = repeat(world, count, progress, what=f"the same with {name}")
-    return Variant(name=name, repetitions=found, accuracy=accuracy_of(found))
+    found = repeat_survey(world, count, progress, what=f"the same with {name}")
+    return Variant(name=name, repetitions=found, accuracy=compute_accuracy(found))
 
 
-def variants(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:
+def list_variants(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:
     """Iterate over the clean scenario, and those with one deviation each; none if it is clean.
 
     Parameters
@@ -377,14 +381,14 @@ def variants(scenario: Scenario) -> Iterator[tuple[str, Scenario]]:
     scenario
         Whose habits, ground, readout and identification are separated.
     """
-    clean, alone = _apart(scenario)
+    clean, alone = _make_variants(scenario)
     if alone:
-        yield CLEAN, clean
+        yield CLEAN_NAME, clean
     if len(alone) > 1:
         yield from alone.items()
 
 
-def _apart(scenario: Scenario) -> tuple[Scenario, dict[str, Scenario]]:
+def _make_variants(scenario: Scenario) -> tuple[Scenario, dict[str, Scenario]]:
     """Return the scenario without deviations, and those with one deviation each, by its key."""
     errors, ground, habits = scenario.errors, scenario.ground, scenario.habits
     even = GroundSpec(height_sigma_m=ground.height_sigma_m, slope_sigma_deg=ground.slope_sigma_deg)

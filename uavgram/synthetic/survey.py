@@ -12,14 +12,20 @@ from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.flight.log import SimulatedLog
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
-from uavgram.synthetic.autopilot import draw_biases, record
-from uavgram.synthetic.flight import fly
-from uavgram.synthetic.observe import MeanGenerator, pick, seen_pixels, survey_points, tape
-from uavgram.synthetic.quantities import with_true_friction
+from uavgram.synthetic.autopilot import draw_biases, record_flight
+from uavgram.synthetic.flight import simulate_motion
+from uavgram.synthetic.observe import (
+    MeanGenerator,
+    compute_pixels,
+    draw_picks,
+    draw_surveyed_points,
+    draw_tape_readings,
+)
+from uavgram.synthetic.quantities import draw_true_friction
 from uavgram.synthetic.scenario import CameraSpec, Scenario
-from uavgram.synthetic.scene import draw_surface, point_positions
-from uavgram.synthetic.sight import corner_rays, shows_horizon
-from uavgram.synthetic.truth import SurveyTruth, survey_truth
+from uavgram.synthetic.scene import compute_point_positions, draw_surface
+from uavgram.synthetic.sight import compute_corner_rays, shows_horizon
+from uavgram.synthetic.truth import SurveyTruth, compute_truth
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +62,7 @@ class SimulatedSurvey(FrozenArrays):
     truth: SurveyTruth
 
 
-FILE_STEP_S = 0.001  # three sub-second digits
+FILE_TIME_STEP_S = 0.001  # three sub-second digits
 
 
 class _Streams(NamedTuple):
@@ -100,20 +106,20 @@ def simulate(
     if exact:
         draw = _Streams(draw.motion, *(MeanGenerator() for _ in _Streams._fields[1:]))
     # true flight and its log
-    motion = fly(scenario.flight, scenario.site, draw.motion)
+    motion = simulate_motion(scenario.flight, scenario.site, draw.motion)
     biases = draw_biases(scenario, draw.biases)
-    log = record(scenario, motion, biases, draw.log)
-    calibration = calibration or calibration_of(scenario.camera)
+    log = record_flight(scenario, motion, biases, draw.log)
+    calibration = calibration or make_calibration(scenario.camera)
     # true camera, drawn from its calibration
     intrinsics = draw.camera.multivariate_normal(calibration.parameters, calibration.covariance)
     intrinsics[:2] *= 1.0 + scenario.habits.focal_wrong
     lost = scenario.lost_exposure
     stored = np.arange(len(motion.exposure_time_s)) != (-1 if lost is None else lost)
-    requests = with_true_friction(scenario.measurements, draw.road)
+    requests = draw_true_friction(scenario.measurements, draw.road)
     # true ground and points
     surface = draw_surface(scenario, draw.ground)
-    ground = surface, point_positions(scenario, surface, draw.ground)
-    truth = survey_truth(scenario, requests, (motion, biases), ground, intrinsics, stored)
+    ground = surface, compute_point_positions(scenario, surface, draw.ground)
+    truth = compute_truth(scenario, requests, (motion, biases), ground, intrinsics, stored)
     errors = scenario.errors
     # readings of the camera clock
     jitter = errors.exif_jitter_s * draw.people.standard_normal(len(truth.frame_id))
@@ -121,23 +127,23 @@ def simulate(
     if not scenario.flight.tells_clock:
         file_time += scenario.stated.clock_sigma_s * draw.habits.standard_normal()
     # observations of people
-    lines = tape(scenario, truth, (draw.people, draw.habits))
+    lines = draw_tape_readings(scenario, truth, (draw.people, draw.habits))
     checked = [i for i, point in enumerate(scenario.points) if point.mark == "disc"]
     check_noise = errors.check_m * draw.people.standard_normal((len(checked), 3))
     used = [truth.label.index(label) for label in scenario.control]
     control_noise = errors.control_m * draw.habits.standard_normal((len(used), 3))
-    seen = seen_pixels(scenario, calibration, truth, surface, draw.habits)
+    seen = compute_pixels(scenario, calibration, truth, surface, draw.habits)
     return SimulatedSurvey(
         scenario=scenario,
         calibration=calibration,
         frame_id=truth.frame_id,
-        file_time_utc_s=np.round(file_time / FILE_STEP_S) * FILE_STEP_S,
+        file_time_utc_s=np.round(file_time / FILE_TIME_STEP_S) * FILE_TIME_STEP_S,
         event_has_photo=stored,
         log=log,
-        picks=pick(scenario, calibration, truth, seen, (draw.people, draw.habits)),
+        picks=draw_picks(scenario, calibration, truth, seen, (draw.people, draw.habits)),
         lines=lines,
-        checks=survey_points(truth, checked, check_noise, errors.check_m),
-        control=survey_points(truth, used, control_noise, errors.control_m),
+        checks=draw_surveyed_points(truth, checked, check_noise, errors.check_m),
+        control=draw_surveyed_points(truth, used, control_noise, errors.control_m),
         measurements=scenario.measurements,
         truth=truth,
     )
@@ -149,7 +155,7 @@ def _streams(seed: int, repetition: int | None) -> _Streams:
     return _Streams(*map(np.random.default_rng, spawned))
 
 
-def calibration_of(camera: CameraSpec) -> Calibration:
+def make_calibration(camera: CameraSpec) -> Calibration:
     """Return the calibration in the survey's camera.yaml."""
     sigma = np.array(camera.sigma)
     correlation = np.eye(len(sigma))
@@ -171,7 +177,7 @@ class SenselessKey(NamedTuple):
     text: str
 
 
-def senseless(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
+def find_senseless(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
     """Find senseless values in a survey without errors.
 
     Parameters
@@ -189,20 +195,20 @@ def senseless(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
             f"{i + 1} would be {above:.1f} m above it. Fly higher (heights are above home; the "
             f"ground there is at {ground_m[i]:.1f} m)"
         )
-        yield SenselessKey(_of_photo(scenario, i, "height_m"), text)
+        yield SenselessKey(_find_photo_key(scenario, i, "height_m"), text)
         return
-    ray = corner_rays(survey.calibration, truth.intrinsics, truth.world_from_camera)
+    ray = compute_corner_rays(survey.calibration, truth.intrinsics, truth.world_from_camera)
     for i in np.flatnonzero(shows_horizon(ray, np.zeros(2)))[:1].tolist():
         text = (
             f"photo {i + 1} would show the horizon, and nothing can be measured near it: tilt the "
             "camera further down (-90 is straight down)"
         )
-        yield SenselessKey(_of_photo(scenario, i, "gimbal_pitch_deg"), text)
+        yield SenselessKey(_find_photo_key(scenario, i, "gimbal_pitch_deg"), text)
         return
-    yield from _unseen(survey)
+    yield from _find_unseen(survey)
 
 
-def _of_photo(scenario: Scenario, photo: int, key: str) -> tuple[str | int, ...]:
+def _find_photo_key(scenario: Scenario, photo: int, key: str) -> tuple[str | int, ...]:
     """Return the key that defines the position of a photo, or its orientation."""
     plan = scenario.flight
     if plan.pattern == "poses":
@@ -212,7 +218,7 @@ def _of_photo(scenario: Scenario, photo: int, key: str) -> tuple[str | int, ...]
     return "flight", key
 
 
-def _unseen(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
+def _find_unseen(survey: SimulatedSurvey) -> Iterator[SenselessKey]:
     """Find lengths and measurements whose points are in no photo."""
     scenario, seen = survey.scenario, set(survey.picks.label)
     if not seen:

@@ -12,8 +12,14 @@ from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.synthetic.flight import FlightBiases, Motion, PhotoRows, photo_rows, true_poses
-from uavgram.synthetic.quantities import measured_values
+from uavgram.synthetic.flight import (
+    FlightBiases,
+    Motion,
+    PhotoRows,
+    compute_photo_rows,
+    compute_true_poses,
+)
+from uavgram.synthetic.quantities import compute_true_values
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.scene import Surface
 
@@ -64,10 +70,10 @@ class SurveyTruth(FrozenArrays):
     measurement_unit: tuple[str, ...]
 
 
-ROUNDS = 3
+MAX_ROUNDS = 3
 
 
-def survey_truth(
+def compute_truth(
     scenario: Scenario,
     requests: tuple[MeasurementRequest, ...],
     flown: tuple[Motion, FlightBiases],
@@ -94,18 +100,18 @@ def survey_truth(
     """
     (motion, biases), (surface, points) = flown, ground
     exposed = motion.exposure_time_s[stored]
-    center, rotation = true_poses(motion, biases, exposed)
+    center, rotation = compute_true_poses(motion, biases, exposed)
     row = {label: i for i, label in enumerate(scenario.labels)}
     # ends of the taped lengths, as rows of the points
     ends = np.array([[row[line.start], row[line.end]] for line in scenario.lines], dtype=int)
     ends = ends.reshape(-1, 2)
-    names, values, units = measured_values(requests, row, points)
+    names, values, units = compute_true_values(requests, row, points)
     return SurveyTruth(
         frame_id=tuple(f"IMG_{i + 1:04d}.jpg" for i in range(len(center))),
         time_utc_s=scenario.flight.start_utc_s + exposed,
         center_world_m=center,
         world_from_camera=rotation,
-        rows=photo_rows(motion, biases, exposed, 1e-3 * scenario.errors.readout_ms),
+        rows=compute_photo_rows(motion, biases, exposed, 1e-3 * scenario.errors.readout_ms),
         intrinsics=intrinsics,
         boresight_rad=biases.boresight_rad,
         lever_arm_m=biases.lever_arm_m,
@@ -122,7 +128,9 @@ def survey_truth(
     )
 
 
-def rolled_pixels(calibration: Calibration, truth: SurveyTruth, places_m: Floats) -> Floats:
+def project_rolling_shutter(
+    calibration: Calibration, truth: SurveyTruth, places_m: Floats
+) -> Floats:
     """Project points (F, K, 3) of each photo with a rolling shutter, (F, K, 2) px.
 
     The time of a row moves a pixel by far less than one row per row, so a few fixed-point
@@ -145,7 +153,7 @@ def rolled_pixels(calibration: Calibration, truth: SurveyTruth, places_m: Floats
     height = calibration.height_px
     frame = np.broadcast_to(np.arange(len(offset))[:, None], offset.shape[:2])
     # fixed-point iteration: pixel -> row -> pose at its time -> pixel
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         row = np.clip(np.nan_to_num(pixel[..., 1]), 0.0, height - 1.0)
         center, rotation = truth.rows.at(frame, compute_row_share(row, height))
         seen = np.einsum("fkij,fki->fkj", rotation, places_m - center)

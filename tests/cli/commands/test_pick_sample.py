@@ -8,7 +8,7 @@ import pytest
 
 from uavgram.cli import main
 from uavgram.cli.commands import pick as command
-from uavgram.synthetic.accident_scene import MARK
+from uavgram.synthetic.accident_scene import SAMPLE_MARK
 
 
 def test_the_readings_of_the_tape_are_named(
@@ -16,7 +16,7 @@ def test_the_readings_of_the_tape_are_named(
 ) -> None:
     folder = tmp_path / "sample"
     folder.mkdir()
-    (folder / "project.yaml").write_text(f"{MARK} as it was made.\n")
+    (folder / "project.yaml").write_text(f"{SAMPLE_MARK} as it was made.\n")
     monkeypatch.setattr(command, "_led_to_running", lambda *_, **__: True)
 
     assert main(["pick", "--sample", str(folder)]) == 0

@@ -18,8 +18,8 @@ from uavgram.estimation.calibration.adjustment import (
     adjust,
     fit_poses,
 )
-from uavgram.estimation.calibration.problem import Lens, Linear, lens_of, pad
-from uavgram.estimation.calibration.start import first_values
+from uavgram.estimation.calibration.problem import Lens, Linearisation, make_lens, pad
+from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import (
     BoardObservations,
@@ -32,9 +32,11 @@ USUAL = CalibrationOptions()
 
 
 def fit_of(observations: BoardObservations, options: CalibrationOptions = USUAL) -> Fit:
-    lens, corners = lens_of(options), pad(observations, options.bow)
+    lens, corners = make_lens(options), pad(observations, options.bow)
     photo = observations.photos[0]
-    return adjust(lens, corners, first_values(lens, corners, (photo.width_px, photo.height_px)))
+    return adjust(
+        lens, corners, estimate_first_values(lens, corners, (photo.width_px, photo.height_px))
+    )
 
 
 def residual_sigma(fit: Fit) -> Floats:
@@ -186,13 +188,13 @@ def test_without_the_poses_errors_the_covariance_would_be_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # the planted bug: the border's normal matrix with the poses taken as known
-    def no_schur(lens: Lens, linear: Linear) -> Normals:
+    def no_schur(lens: Lens, linear: Linearisation) -> Normals:
         photo = np.swapaxes(linear.border, 1, 2) @ linear.border
-        border = photo.sum(axis=0) + adjustment.prior_normal(lens)
+        border = photo.sum(axis=0) + adjustment.compute_prior_normal(lens)
         return schur(lens, linear)._replace(border=border)
 
-    schur = adjustment.normals_of
-    monkeypatch.setattr(adjustment, "normals_of", no_schur)
+    schur = adjustment.eliminate_poses
+    monkeypatch.setattr(adjustment, "eliminate_poses", no_schur)
     fit = fit_of(scenes.make_scene(10, photos=5).observations)
     wrong, right = np.diag(fit.border_covariance), np.diag(dense(fit))[: fit.lens.size]
     assert (wrong < 0.9 * right).any()
@@ -256,6 +258,6 @@ def test_photos_that_do_not_determine_the_camera_are_told() -> None:
     # the board always parallel to the image: focal length and distance are one unknown
     pinhole = np.array([820.0, 815, 511.5, 383.5, 0, 0, 0, 0, 0])
     scene = scenes.make_scene(15, pinhole, photos=5, noise=0, tilt_deg=0)
-    lens, corners = lens_of(CalibrationOptions()), pad(scene.observations, "flat")
+    lens, corners = make_lens(CalibrationOptions()), pad(scene.observations, "flat")
     with pytest.raises(UndeterminedError, match=r"do not determine .*: take more photos"):
         adjust(lens, corners, scenes.true_state(scene, pinhole))

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from uavgram.estimation.calibration.problem import (
-    bow_shape,
-    focal_and_center_prior,
-    lens_of,
+    compute_bow,
     linearise,
+    make_focal_and_center_prior,
+    make_lens,
     pad,
 )
 from uavgram.model.arrays import Floats
@@ -35,7 +35,7 @@ CASES = {
 def test_derivatives_equal_central_differences(name: str) -> None:
     parameters, options = CASES[name]
     scene = scenes.make_scene(3, parameters, options.model, photos=3, noise=0.0, whole=False)
-    lens, corners = lens_of(options), pad(scene.observations, options.bow)
+    lens, corners = make_lens(options), pad(scene.observations, options.bow)
     bow = [0.03, -0.02][: corners.bow.shape[2]]
     state = scenes.true_state(scene, parameters, bow)
     linear = linearise(lens, corners, state)
@@ -67,7 +67,7 @@ def test_residuals_of_the_truth_are_zero(name: str) -> None:
     scene = scenes.make_scene(
         3, parameters, options.model, photos=8, noise=0.0, whole=False, distance=(4, 9)
     )
-    lens, corners = lens_of(options), pad(scene.observations, "flat")
+    lens, corners = make_lens(options), pad(scene.observations, "flat")
     assert len(set(corners.count)) > 1  # partial views
     linear = linearise(lens, corners, scenes.true_state(scene, parameters))
     assert linear is not None
@@ -78,15 +78,17 @@ def test_a_board_behind_the_camera_is_refused() -> None:
     scene = scenes.make_scene(3, photos=3)
     state = scenes.true_state(scene, scenes.BROWN5)
     behind = replace(state, middle_camera_m=-state.middle_camera_m)
-    assert linearise(lens_of(CalibrationOptions()), pad(scene.observations, "flat"), behind) is None
+    assert (
+        linearise(make_lens(CalibrationOptions()), pad(scene.observations, "flat"), behind) is None
+    )
 
 
 def test_a_bow_is_the_height_of_the_middle_over_the_rim() -> None:
     board = flat_board(5, 3, 0.1)
-    both = bow_shape(board, "paraboloid")
+    both = compute_bow(board, "paraboloid")
     np.testing.assert_allclose(both[7], [1, 1])  # the middle
     np.testing.assert_allclose(both[[0, 4, 10, 14]], 0, atol=1e-15)
-    one = bow_shape(board, "bowl")[:, 0]
+    one = compute_bow(board, "bowl")[:, 0]
     assert one[7] == 1
     np.testing.assert_allclose(one[[0, 4, 10, 14]], 0, atol=1e-15)
     # a bowl has the same curvature both ways: the fall is as the squared distance
@@ -95,7 +97,7 @@ def test_a_bow_is_the_height_of_the_middle_over_the_rim() -> None:
 
 def test_coefficients_beyond_a_prior_stay_unknown() -> None:
     prior = IntrinsicsPrior(source="a table", parameters=scenes.BROWN5, information=np.eye(9))
-    lens = lens_of(CalibrationOptions(coefficients=8, prior=prior))  # k4 to k6
+    lens = make_lens(CalibrationOptions(coefficients=8, prior=prior))  # k4 to k6
     assert lens.prior_information.shape == (12, 12)
     assert lens.prior_information[:9, :9].any()
     assert not lens.prior_information[9:].any()
@@ -115,7 +117,9 @@ def test_focal_length_and_centre_are_known_for_any_lens_and_its_distortion_is_no
         parameters=np.array([800.0, 801, 510, 380, 0.3, 0, 0, 0, 0]),
         covariance=covariance,
     )
-    lens = lens_of(replace(options, prior=focal_and_center_prior(camera, options.model, "EXIF")))
+    lens = make_lens(
+        replace(options, prior=make_focal_and_center_prior(camera, options.model, "EXIF"))
+    )
     np.testing.assert_array_equal(lens.prior_mean[:4], [800, 801, 510, 380])
     np.testing.assert_allclose(
         np.linalg.inv(lens.prior_information[:4, :4]), covariance[:4, :4], rtol=1e-9

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from uavgram.estimation.calibration.adjustment import adjust
-from uavgram.estimation.calibration.outliers import adjust_scaled, snoop, without
-from uavgram.estimation.calibration.problem import Corners, Lens, State, lens_of, pad
+from uavgram.estimation.calibration.outliers import adjust_scaled, drop_unweighted, remove_outliers
+from uavgram.estimation.calibration.problem import Corners, Lens, State, make_lens, pad
 from uavgram.estimation.calibration.reliability import (
     PhotoEffect,
-    corner_tests,
-    photo_effect,
-    photo_tests,
+    compute_corner_tests,
+    compute_photo_tests,
+    estimate_photo_effect,
 )
-from uavgram.estimation.calibration.start import first_values
+from uavgram.estimation.calibration.start import estimate_first_values
 from uavgram.model.camera.board import (
     BoardObservations,
     CalibrationOptions,
@@ -28,8 +28,8 @@ REMOVE = CalibrationOptions(outliers="remove")
 def prepared(
     observations: BoardObservations, options: CalibrationOptions = REMOVE
 ) -> tuple[Lens, Corners, State]:
-    lens, corners = lens_of(options), pad(observations, options.bow)
-    return lens, corners, first_values(lens, corners, scenes.SIZE)
+    lens, corners = make_lens(options), pad(observations, options.bow)
+    return lens, corners, estimate_first_values(lens, corners, scenes.SIZE)
 
 
 def spoiled(
@@ -46,14 +46,14 @@ def spoiled(
 
 def test_redundancies_add_up_to_the_degrees_of_freedom() -> None:
     fit = adjust(*prepared(scenes.make_scene(0, whole=False, distance=(5, 14)).observations))
-    tests = corner_tests(fit, "given")
+    tests = compute_corner_tests(fit, "given")
     assert 2 * tests.redundancy.sum() == pytest.approx(fit.degrees_of_freedom, rel=1e-9)
     assert (tests.w[fit.corners.weight == 0] == 0).all()
 
 
 def test_a_corners_statistic_is_what_the_sum_of_squares_loses_without_it() -> None:
     fit = adjust(*prepared(scenes.make_scene(1, photos=6).observations))
-    tests = corner_tests(fit, "given")
+    tests = compute_corner_tests(fit, "given")
     for photo, row in ((0, 0), (3, 20), (5, 53)):
         weight = fit.corners.weight.copy()
         weight[photo, row] = 0
@@ -63,7 +63,7 @@ def test_a_corners_statistic_is_what_the_sum_of_squares_loses_without_it() -> No
 
 def test_a_photos_excess_and_shift_are_those_of_a_refit_without_it() -> None:
     fit = adjust(*prepared(scenes.make_scene(2, photos=8).observations))
-    tests = photo_tests(fit, "given")
+    tests = compute_photo_tests(fit, "given")
     sigma = np.sqrt(np.diag(fit.border_covariance))
     for photo in (0, 4, 7):
         keep = np.arange(8) != photo
@@ -77,7 +77,7 @@ def test_gross_corners_are_found_every_one_and_nothing_else() -> None:
     moves = {(0, 3): (3, 0), (0, 40): (0, -2), (5, 17): (1, 1), (7, 0): (-40, 25)}
     observations = spoiled(scenes.make_scene(3).observations, moves)
     lens, corners, start = prepared(observations)
-    found = snoop(lens, corners, start, REMOVE)
+    found = remove_outliers(lens, corners, start, REMOVE)
     assert set(zip(*map(list, np.nonzero(found.bad_corner)), strict=True)) == set(moves)
     assert not found.bad_photo.any()
     assert found.sigma_scale == pytest.approx(1, abs=0.06)
@@ -89,7 +89,7 @@ def test_reported_outliers_stay_in_the_result() -> None:
     moves = {(0, 3): (3, 0), (5, 17): (1, 1)}
     observations = spoiled(scenes.make_scene(3).observations, moves)
     lens, corners, start = prepared(observations)
-    found = snoop(lens, corners, start, CalibrationOptions(outliers="report"))
+    found = remove_outliers(lens, corners, start, CalibrationOptions(outliers="report"))
     assert found.bad_corner.sum() == 2
     assert (found.fit.corners.weight > 0).all()
     with_all = adjust_scaled(lens, corners, start, REMOVE)[0]
@@ -107,11 +107,11 @@ def test_a_photo_whose_board_is_another_one_is_found() -> None:
     lens, corners, start = prepared(
         BoardObservations(board=observations.board, photos=tuple(photos))
     )
-    found = snoop(lens, corners, start, REMOVE)
+    found = remove_outliers(lens, corners, start, REMOVE)
     assert np.flatnonzero(found.bad_photo).tolist() == [6]
     assert found.bad_photo_size[6] > 3
     assert not found.bad_corner[np.arange(12) != 6].any()
-    left = without(found.fit, found.bad_photo)
+    left = drop_unweighted(found.fit, found.bad_photo)
     assert len(left.corners.count) == 11
     assert left.degrees_of_freedom == found.fit.degrees_of_freedom
 
@@ -135,7 +135,7 @@ def test_a_bent_board_makes_photos_disagree_and_noise_does_not() -> None:
     def effect(scene: scenes.Scene) -> PhotoEffect:
         options = CalibrationOptions()
         fit, _ = adjust_scaled(*prepared(scene.observations, options), options)
-        return photo_effect(fit, photo_tests(fit, "residuals"), 1.0)
+        return estimate_photo_effect(fit, compute_photo_tests(fit, "residuals"), 1.0)
 
     noise = effect(scenes.make_scene(6))
     assert noise.probability > 0.01
@@ -153,7 +153,7 @@ def test_the_photo_factor_is_one_on_average_where_corners_are_independent() -> N
         lens, corners, first = prepared(scenes.with_noise(clean, seed, 0.1))
         fit = adjust(lens, corners, start or first)
         start = fit.state
-        found = photo_effect(fit, photo_tests(fit, "given"), 1.0)
+        found = estimate_photo_effect(fit, compute_photo_tests(fit, "given"), 1.0)
         factors.append(found.factor)
         spread = np.sqrt(2 / found.degrees)
     assert np.mean(factors) == pytest.approx(1, abs=4 * spread / np.sqrt(150))

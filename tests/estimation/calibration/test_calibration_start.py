@@ -8,15 +8,15 @@ import pytest
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import adjust
-from uavgram.estimation.calibration.problem import Corners, board_middle, lens_of, pad
+from uavgram.estimation.calibration.problem import Corners, compute_board_middle, make_lens, pad
 from uavgram.estimation.calibration.start import (
-    better_of_two,
-    centred,
-    first_values,
-    homographies,
-    mirrored,
+    choose_better_pose,
+    estimate_first_values,
+    estimate_homographies,
+    mirror_poses,
     poses_from_rays,
-    zhang,
+    solve_centred,
+    solve_zhang,
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import CalibrationOptions
@@ -34,7 +34,7 @@ def test_zhangs_closed_form_is_exact_without_noise_and_distortion() -> None:
     corners = pad(
         scenes.make_scene(0, PINHOLE, photos=5, noise=0, whole=False).observations, "flat"
     )
-    pinhole = zhang(homographies(corners, image_of(corners), corners.weight > 0))
+    pinhole = solve_zhang(estimate_homographies(corners, image_of(corners), corners.weight > 0))
     assert pinhole is not None
     found = pinhole * 1024
     np.testing.assert_allclose(found + np.array([0, 0, 511.5, 383.5]), PINHOLE[:4], rtol=1e-7)
@@ -43,7 +43,7 @@ def test_zhangs_closed_form_is_exact_without_noise_and_distortion() -> None:
 def test_with_a_centred_principal_point_focal_lengths_are_exact() -> None:
     camera = np.array([820.0, 815, 511.5, 383.5, 0, 0, 0, 0, 0])
     corners = pad(scenes.make_scene(0, camera, photos=3, noise=0).observations, "flat")
-    pinhole = centred(homographies(corners, image_of(corners), corners.weight > 0))
+    pinhole = solve_centred(estimate_homographies(corners, image_of(corners), corners.weight > 0))
     assert pinhole is not None
     found = pinhole * 1024
     np.testing.assert_allclose(found, [820, 815, 0, 0], rtol=1e-7)
@@ -61,7 +61,7 @@ def test_poses_are_exact_for_the_true_camera(parameters: Floats, model: LensMode
     assert poses is not None
     rotation, middle = poses
     np.testing.assert_allclose(rotation, scene.rotation, atol=1e-6)
-    expected = scene.translation + scene.rotation @ board_middle(scene.observations.board)
+    expected = scene.translation + scene.rotation @ compute_board_middle(scene.observations.board)
     np.testing.assert_allclose(middle, expected, atol=1e-5)
 
 
@@ -78,8 +78,8 @@ def test_the_adjustment_arrives_from_first_values_whatever_the_focal_length(
     near = (3.5 * away, 7.0 * away)
     scene = scenes.make_scene(2, parameters, model, noise=0.1, distance=near, whole=False)
     options = CalibrationOptions(model=model, coefficients=4 if model == "fisheye" else 5)
-    lens, corners = lens_of(options), pad(scene.observations, "flat")
-    fit = adjust(lens, corners, first_values(lens, corners, scenes.SIZE))
+    lens, corners = make_lens(options), pad(scene.observations, "flat")
+    fit = adjust(lens, corners, estimate_first_values(lens, corners, scenes.SIZE))
     assert fit.converged
     assert fit.cost / fit.degrees_of_freedom == pytest.approx(1, abs=0.15)
 
@@ -87,8 +87,8 @@ def test_the_adjustment_arrives_from_first_values_whatever_the_focal_length(
 def test_what_is_held_is_held_from_the_start() -> None:
     scene = scenes.make_scene(2, PINHOLE, noise=0.1)
     options = CalibrationOptions(aspect=1.01, fixed_principal_point=True)
-    lens, corners = lens_of(options), pad(scene.observations, "flat")
-    state = adjust(lens, corners, first_values(lens, corners, scenes.SIZE)).state
+    lens, corners = make_lens(options), pad(scene.observations, "flat")
+    state = adjust(lens, corners, estimate_first_values(lens, corners, scenes.SIZE)).state
     fx, fy, cx, cy = state.parameters[:4]
     assert fx == pytest.approx(1.01 * fy, rel=1e-12)
     assert (cx, cy) == (511.5, 383.5)
@@ -96,11 +96,11 @@ def test_what_is_held_is_held_from_the_start() -> None:
 
 def test_a_board_in_the_wrong_one_of_its_two_poses_is_turned() -> None:
     scene = scenes.make_scene(4, PINHOLE, photos=8, noise=0.05)
-    lens, corners = lens_of(CalibrationOptions()), pad(scene.observations, "flat")
-    good = adjust(lens, corners, first_values(lens, corners, scenes.SIZE)).state
-    wrong = mirrored(good).where(np.arange(8) == 3, good)
+    lens, corners = make_lens(CalibrationOptions()), pad(scene.observations, "flat")
+    good = adjust(lens, corners, estimate_first_values(lens, corners, scenes.SIZE)).state
+    wrong = mirror_poses(good).where(np.arange(8) == 3, good)
     assert np.abs(wrong.camera_from_board - good.camera_from_board).max() > 0.1
-    found = better_of_two(lens, corners, wrong)
+    found = choose_better_pose(lens, corners, wrong)
     np.testing.assert_allclose(found.camera_from_board, good.camera_from_board, atol=1e-5)
 
 
@@ -112,9 +112,9 @@ def test_noise_in_place_of_corners_is_told_or_fits_badly() -> None:
         for photo in scene.observations.photos
     )
     observations = type(scene.observations)(board=scene.observations.board, photos=photos)
-    lens, corners = lens_of(CalibrationOptions()), pad(observations, "flat")
+    lens, corners = make_lens(CalibrationOptions()), pad(observations, "flat")
     try:
-        fit = adjust(lens, corners, first_values(lens, corners, scenes.SIZE))
+        fit = adjust(lens, corners, estimate_first_values(lens, corners, scenes.SIZE))
     except GeometryError:
         return
     assert fit.cost / fit.degrees_of_freedom > 1e4

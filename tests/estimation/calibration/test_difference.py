@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.difference import camera_difference, image_grid
+from uavgram.estimation.calibration.difference import compare_cameras, make_image_grid
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 
@@ -60,8 +60,8 @@ def cv_rays(parameters: Floats, pixel: Floats) -> Floats:
 def test_it_is_the_smallest_difference_that_opencv_and_scipy_can_find(
     distance: float | None,
 ) -> None:
-    found = camera_difference(brown(), brown(OTHER), distance=distance, columns=12)
-    pixel = image_grid(WIDTH, HEIGHT, 12)
+    found = compare_cameras(brown(), brown(OTHER), distance=distance, columns=12)
+    pixel = make_image_grid(WIDTH, HEIGHT, 12)
     points = cv_rays(PARAMETERS, pixel)
     if distance is not None:
         points *= distance / np.linalg.norm(points, axis=1)[:, None]
@@ -84,7 +84,7 @@ def test_it_is_the_smallest_difference_that_opencv_and_scipy_can_find(
 
 
 def test_a_camera_does_not_differ_from_itself() -> None:
-    difference = camera_difference(brown(), brown())
+    difference = compare_cameras(brown(), brown())
 
     assert difference.max_px < 1e-8
     assert difference.share_seen == 1.0
@@ -93,7 +93,7 @@ def test_a_camera_does_not_differ_from_itself() -> None:
 
 def test_a_principal_point_moved_aside_is_mostly_a_turn_of_the_camera() -> None:
     tele = np.array([20000.0, 20000, 1999.5, 1499.5, 0, 0, 0, 0, 0])
-    difference = camera_difference(brown(tele), brown(tele + np.eye(9)[2] * 20.0))
+    difference = compare_cameras(brown(tele), brown(tele + np.eye(9)[2] * 20.0))
 
     # 20 px to the right at f = 20000 px: turned about y by a thousandth
     np.testing.assert_allclose(difference.rotation_rad, [0, -1e-3, 0], atol=1e-5)
@@ -110,7 +110,7 @@ def test_lens_models_may_differ() -> None:
         covariance=np.zeros((8, 8)),
     )
     pinhole = brown(np.array([2300.0, 2300, 1999.5, 1499.5, 0, 0, 0, 0, 0]))
-    difference = camera_difference(pinhole, fisheye)
+    difference = compare_cameras(pinhole, fisheye)
     radius = np.hypot(*(difference.pixel_px - [1999.5, 1499.5]).T)
 
     # f tan(theta) against f theta, and by symmetry without a turn
@@ -131,7 +131,7 @@ def test_the_covariance_is_that_of_repeated_calibrations(
     for _ in range(runs):
         drawn = brown(PARAMETERS + rng.normal(size=9) * SIGMA, SIGMA)
         pair = (drawn, brown()) if which == "first" else (brown(), drawn)
-        difference = camera_difference(*pair, distance=distance, columns=5)
+        difference = compare_cameras(*pair, distance=distance, columns=5)
         squared.append(difference.z**2)
     mean = np.mean(squared, axis=0)
     low, high = chi2.ppf(np.array([1e-6, 1 - 1e-6]), 2 * runs) / runs
@@ -144,9 +144,9 @@ def test_without_the_turn_in_it_the_covariance_would_be_wrong(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The experiment above sees it: the raw projection errors are far larger than what remains."""
-    known = camera_difference(brown(sigma=SIGMA), brown(), columns=8)
+    known = compare_cameras(brown(sigma=SIGMA), brown(), columns=8)
     monkeypatch.setattr(np.linalg, "lstsq", _blind(np.linalg.lstsq))
-    raw = camera_difference(brown(sigma=SIGMA), brown(), columns=8)
+    raw = compare_cameras(brown(sigma=SIGMA), brown(), columns=8)
 
     assert raw.expected_rms_px > 1.5 * known.expected_rms_px
 
@@ -161,11 +161,11 @@ def _blind(solve: Callable[..., Any]) -> Callable[..., Any]:
 
 def test_images_of_different_sizes_cannot_be_compared() -> None:
     with pytest.raises(GeometryError, match="scale one of them"):
-        camera_difference(brown(), brown(size=(2000, 1500)))
+        compare_cameras(brown(), brown(size=(2000, 1500)))
 
 
 def test_cameras_that_see_nothing_in_common_are_refused() -> None:
     folded = PARAMETERS.copy()
     folded[4] = -60.0
     with pytest.raises(GeometryError, match="in common"):
-        camera_difference(brown(), brown(folded))
+        compare_cameras(brown(), brown(folded))

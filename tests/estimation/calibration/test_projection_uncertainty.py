@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.difference import camera_difference
+from uavgram.estimation.calibration.difference import compare_cameras
 from uavgram.estimation.calibration.projection_uncertainty import (
-    length_uncertainty,
-    projection_covariance,
-    worst_sigma,
+    compute_length_sigmas,
+    compute_projection_covariance,
+    compute_worst_sigma,
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
@@ -59,20 +59,20 @@ def ground(
 
 
 def test_an_unsure_principal_point_hides_in_a_turn() -> None:
-    pixel, covariance = projection_covariance(only("cx", 3.0))
+    pixel, covariance = compute_projection_covariance(only("cx", 3.0))
     middle = np.argmin(np.sum((pixel - [512, 380]) ** 2, axis=1))
-    assert worst_sigma(covariance)[middle] < 0.6  # of 3 px
-    free = projection_covariance(only("fx", 3.0))
-    assert worst_sigma(free[1]).max() > 1.0
+    assert compute_worst_sigma(covariance)[middle] < 0.6  # of 3 px
+    free = compute_projection_covariance(only("fx", 3.0))
+    assert compute_worst_sigma(free[1]).max() > 1.0
 
 
 def test_the_uncertainty_of_a_projection_is_that_of_sampled_calibrations() -> None:
-    pixel, covariance = projection_covariance(CAMERA, columns=12)
+    pixel, covariance = compute_projection_covariance(CAMERA, columns=12)
     rng = np.random.default_rng(0)
     count = 300
     misses = np.array(
         [
-            camera_difference(CAMERA, replace(CAMERA, parameters=sample), columns=12).difference_px
+            compare_cameras(CAMERA, replace(CAMERA, parameters=sample), columns=12).difference_px
             for sample in rng.multivariate_normal(CAMERA.parameters, CAMERA.covariance, count)
         ]
     )
@@ -86,7 +86,7 @@ def test_the_uncertainty_of_a_projection_is_that_of_sampled_calibrations() -> No
 def test_lengths_from_a_known_pose_are_those_of_sampled_calibrations() -> None:
     tilt = np.radians(30)
     ends = np.array([[[300.0, 300], [700, 320]], [[500, 200], [520, 600]]])
-    found = length_uncertainty(CAMERA, tilt_rad=tilt, pixel_px=ends)
+    found = compute_length_sigmas(CAMERA, tilt_rad=tilt, pixel_px=ends)
     rng = np.random.default_rng(1)
     samples = rng.multivariate_normal(CAMERA.parameters, CAMERA.covariance, 3000)
     points = np.array([ground(p, ends.reshape(-1, 2), tilt) for p in samples])
@@ -102,22 +102,22 @@ def test_a_focal_length_alone_scales_all_lengths_seen_from_above() -> None:
         parameters=np.array([800.0, 800, 511.5, 383.5, 0, 0, 0, 0, 0]),
         covariance=np.zeros((9, 9)) + np.pad(np.full((2, 2), 64.0), (0, 7)),
     )
-    found = length_uncertainty(camera, tilt_rad=0.0)
+    found = compute_length_sigmas(camera, tilt_rad=0.0)
     np.testing.assert_allclose(found.pose_known, 0.01, rtol=1e-9)
     # from straight above a pose at another height sees just the same
     assert (found.pose_fitted < 1e-9).all()
 
 
 def test_a_pose_that_follows_takes_most_of_the_error_away() -> None:
-    found = length_uncertainty(CAMERA, tilt_rad=np.radians(30))
+    found = compute_length_sigmas(CAMERA, tilt_rad=np.radians(30))
     assert (found.pose_fitted < found.pose_known).mean() > 0.9
     assert np.median(found.pose_fitted) < 0.5 * np.median(found.pose_known)
 
 
 def test_lengths_above_the_horizon_are_told() -> None:
     with pytest.raises(GeometryError, match="does not see the ground"):
-        length_uncertainty(
+        compute_length_sigmas(
             CAMERA, tilt_rad=np.radians(85), pixel_px=np.array([[[500, 10], [600, 10]]])
         )
-    level = length_uncertainty(CAMERA, tilt_rad=np.radians(75))  # those below it are there
+    level = compute_length_sigmas(CAMERA, tilt_rad=np.radians(75))  # those below it are there
     assert 0 < len(level.length) < 18

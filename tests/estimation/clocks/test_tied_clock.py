@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.clocks.tied_clock import Flown, TiedClock, tied_clock
+from uavgram.estimation.clocks.tied_clock import FlightPoses, TiedClock, estimate_tied_clock
 from uavgram.geometry.motion.rotation import exp_so3, matrix_from_ypr
 from uavgram.model.arrays import Floats
 
@@ -29,7 +29,7 @@ def straight(time_s: Floats) -> tuple[Floats, Floats]:
     return place, matrix_from_ypr(zero, zero, zero)
 
 
-def clock(flown: Flown, first_s: float = 120.0, photos: int = 10) -> TiedClock | None:
+def clock(flown: FlightPoses, first_s: float = 120.0, photos: int = 10) -> TiedClock | None:
     """By ties of photos every four seconds, in axes and a scale of their own, mounted aslant."""
     rng = np.random.default_rng(5)
     exposed: Floats = first_s + 4.0 * np.arange(photos, dtype=np.float64)
@@ -44,7 +44,7 @@ def clock(flown: Flown, first_s: float = 120.0, photos: int = 10) -> TiedClock |
         at, attitude = flown(time_s)
         return at + (noisy - place), attitude
 
-    return tied_clock((center, own), exposed + OFFSET_S, logged, SPAN_S)
+    return estimate_tied_clock((center, own), exposed + OFFSET_S, logged, SPAN_S)
 
 
 def test_the_offset_is_found_where_the_flight_turns() -> None:
@@ -72,10 +72,10 @@ def test_no_photo_was_taken_where_the_vehicle_stood() -> None:
     exposed: Floats = 100.0 + 2.0 * np.arange(8, dtype=np.float64)
     center, own = straight(exposed)
 
-    assert tied_clock((center, own), exposed, stood, SPAN_S) is None
+    assert estimate_tied_clock((center, own), exposed, stood, SPAN_S) is None
 
 
 def test_photos_over_a_longer_time_than_the_log_have_no_offset() -> None:
     exposed: Floats = 100.0 * np.arange(8, dtype=np.float64)
 
-    assert tied_clock(straight(exposed), exposed, straight, SPAN_S) is None
+    assert estimate_tied_clock(straight(exposed), exposed, straight, SPAN_S) is None

@@ -8,7 +8,7 @@ import pytest
 from off_ground import with_third_coordinates
 from scenes import Scene, make_scene
 
-from uavgram.estimation.first_poses.first_points import with_free_points
+from uavgram.estimation.first_poses.first_points import add_free_points
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats
@@ -28,7 +28,7 @@ def begun(scene: Scene) -> tuple[FirstValues, Floats]:
         height_m=0.0,
         departure_m=np.zeros(labels),
     )
-    return with_free_points(survey, ray, values), ray
+    return add_free_points(survey, ray, values), ray
 
 
 def test_two_rays_meet_where_opencv_has_them() -> None:

@@ -8,8 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.homography import (
     Pose,
-    other_pose,
-    polished,
+    find_second_pose,
+    refine_pose,
     resect_from_plane,
 )
 from uavgram.model.arrays import Floats
@@ -43,7 +43,7 @@ def made_up(seed: int, tilt_deg: float, spread_m: float) -> tuple[Pose, Floats]:
 
 def test_the_other_pose_shows_points_alike_where_perspective_is_weak() -> None:
     pose, point = made_up(0, 20.0, 0.05)
-    other = other_pose(pose, point)
+    other = find_second_pose(pose, point)
     np.testing.assert_allclose(seen_by(other, point), seen_by(pose, point), atol=2e-6)
     np.testing.assert_allclose(other[1] @ other[1].T, np.eye(3), atol=1e-12)
     assert np.linalg.det(other[1]) == pytest.approx(1.0)
@@ -56,7 +56,7 @@ def test_a_disturbed_pose_is_polished_back_to_the_truth(seed: int) -> None:
     (center, rotation), point = made_up(seed, 25.0, 12.0)
     ray = seen_by((center, rotation), point)
     turned = rotation @ Rotation.from_rotvec([0.05, -0.04, 0.1]).as_matrix()
-    end = polished((center + np.array([1.0, -2.0, 1.5]), turned), on_plane(point), ray, SIGMA)
+    end = refine_pose((center + np.array([1.0, -2.0, 1.5]), turned), on_plane(point), ray, SIGMA)
     assert end is not None
     cost, (found, found_rotation) = end
     assert cost * SIGMA[0] ** 2 < 1e-12
@@ -67,8 +67,8 @@ def test_a_disturbed_pose_is_polished_back_to_the_truth(seed: int) -> None:
 def test_no_pose_below_the_ground_or_with_points_behind_it() -> None:
     (center, rotation), point = made_up(1, 0.0, 12.0)
     ray = seen_by((center, rotation), point)
-    assert polished((-center, rotation), on_plane(point), ray, SIGMA) is None
-    assert polished((center, -DOWN), on_plane(point), ray, SIGMA) is None
+    assert refine_pose((-center, rotation), on_plane(point), ray, SIGMA) is None
+    assert refine_pose((center, -DOWN), on_plane(point), ray, SIGMA) is None
     direct = resect_from_plane(point, ray)
     assert direct is not None
     np.testing.assert_allclose(direct[0], center, atol=1e-6)

@@ -10,24 +10,28 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.first_poses.known_lines import poses_from_lines, rivals, rotations
+from uavgram.estimation.first_poses.known_lines import (
+    compute_rival_differences,
+    make_rotations,
+    poses_from_lines,
+)
 from uavgram.estimation.first_poses.pose_problem import LineRows
 from uavgram.estimation.solver.batched import minimise_each
-from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
-from uavgram.synthetic.study.methods import line_starts, on_lines, solved
+from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, draw_scenes
+from uavgram.synthetic.study.methods import find_line_starts, find_minima, make_line_rows
 
 EXACT = Setting(name="exact", pick_px=1e-9, place_m=1e-9)
 
 
 @pytest.fixture(scope="module")
 def exact() -> MethodScenes:
-    return method_scenes(EXACT, 5, 12, 3)
+    return draw_scenes(EXACT, 5, 12, 3)
 
 
 def weighed(scenes: MethodScenes) -> LineRows:
     """Exact lines with usual sigmas."""
     rows = replace(scenes.rows, pick_sigma_px=0.8, place_sigma_m=0.01)
-    return on_lines(replace(scenes, rows=rows))
+    return make_line_rows(replace(scenes, rows=rows))
 
 
 def test_exact_lines_give_the_pose_back_above_the_ground(exact: MethodScenes) -> None:
@@ -68,8 +72,8 @@ def test_the_mirror_image_below_the_ground_fits_as_well_and_is_refused(exact: Me
 
 
 def test_derivatives_are_central_differences() -> None:
-    scenes = method_scenes(Setting(name="usual"), 4, 3, 1)
-    seen, which = on_lines(scenes), np.arange(3)
+    scenes = draw_scenes(Setting(name="usual"), 4, 3, 1)
+    seen, which = make_line_rows(scenes), np.arange(3)
 
     def residuals(step: np.ndarray) -> np.ndarray:
         turned = scenes.rotation @ Rotation.from_rotvec(step[3:]).as_matrix()
@@ -81,22 +85,22 @@ def test_derivatives_are_central_differences() -> None:
 
 def test_four_lines_lead_to_the_best_minimum_or_are_told_to_be_ambiguous() -> None:
     """Against what iterations from the true pose find; issue: in 99.5 % of scenes."""
-    scenes = method_scenes(Setting(name="four"), 4, 100, 11)
+    scenes = draw_scenes(Setting(name="four"), 4, 100, 11)
     rows = replace(scenes.rows, start_on_line=True, end_on_line=True)
-    own = solved(rows, line_starts(scenes))
-    truth = solved(rows, (scenes.center[:, None], scenes.rotation[:, None]))
+    own = find_minima(rows, find_line_starts(scenes))
+    truth = find_minima(rows, (scenes.center[:, None], scenes.rotation[:, None]))
     reached = own.cost[:, 0] <= truth.cost[:, 0] + 1e-2
 
-    assert np.mean(reached | np.isfinite(rivals(own, 9.0))) >= 0.995
+    assert np.mean(reached | np.isfinite(compute_rival_differences(own, 9.0))) >= 0.995
     # What iterations from one rough pose alone reach: the search earns its cost.
     nadir = np.broadcast_to(np.diag([1.0, -1.0, -1.0]), scenes.rotation.shape)
     overhead = np.broadcast_to([0.0, 0.0, 40.0], scenes.center.shape)
-    alone = minimise_each(on_lines(scenes), (overhead.copy(), nadir.copy()))
+    alone = minimise_each(make_line_rows(scenes), (overhead.copy(), nadir.copy()))
     assert np.mean(alone.cost <= truth.cost[:, 0] + 1e-2) < 0.9
 
 
 def test_the_search_has_a_rotation_near_every_view_down() -> None:
-    grid = rotations()
+    grid = make_rotations()
     assert grid.shape[1:] == (3, 3)
     np.testing.assert_allclose(
         grid @ grid.swapaxes(1, 2), np.eye(3) * np.ones((len(grid), 1, 1)), atol=1e-12

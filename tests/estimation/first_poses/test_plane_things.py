@@ -9,9 +9,9 @@ from lanes import lane
 
 from uavgram.estimation.first_poses.plane_search import (
     PlaneThing,
-    fitting_heights,
-    row_count,
-    rows_on_planes,
+    compute_rows,
+    count_rows,
+    fit_heights,
 )
 from uavgram.geometry.ground import conditions, shapes
 from uavgram.model.arrays import Floats
@@ -53,11 +53,11 @@ def test_on_the_true_plane_they_are_as_in_the_world(kind: str) -> None:
     for seed in range(5):
         world, ray, plane = seen(seed)
         thing = PlaneThing(kind, THINGS[kind], 0.0, 1.0)
-        found = rows_on_planes(plane[None], ray, NONE, (thing,)).value[0]
+        found = compute_rows(plane[None], ray, NONE, (thing,)).value[0]
         if kind == "parallel":  # which way round depends on the axes within the plane
             found = np.abs(found)
         np.testing.assert_allclose(found, by_world(kind, world[list(THINGS[kind])]), rtol=1e-9)
-        assert len(found) == row_count(kind, len(THINGS[kind]))
+        assert len(found) == count_rows(kind, len(THINGS[kind]))
 
 
 @pytest.mark.parametrize("kind", THINGS)
@@ -69,9 +69,9 @@ def test_derivatives_by_the_plane_equal_differences(kind: str) -> None:
 
         def value(change: Floats, ray: Floats = ray, plane: Floats = plane) -> Floats:
             shifted = (plane + change * np.linalg.norm(plane))[None]
-            return np.asarray(rows_on_planes(shifted, ray, NONE, (thing,)).value[0])
+            return np.asarray(compute_rows(shifted, ray, NONE, (thing,)).value[0])
 
-        found = rows_on_planes(plane[None], ray, NONE, (thing,)).by_plane[0] * scale
+        found = compute_rows(plane[None], ray, NONE, (thing,)).by_plane[0] * scale
         assert_derivative(found, central_differences(value, np.zeros(3)), 1e-6)
 
 
@@ -86,17 +86,17 @@ def test_sigmas_hold_the_picks_as_they_work_on_that_plane(kind: str) -> None:
     def value(change: Floats) -> Floats:
         moved = ray.copy()
         moved[:, :2] += change.reshape(6, 2)
-        return np.asarray(rows_on_planes(plane[None], moved, NONE, (thing,)).value[0])
+        return np.asarray(compute_rows(plane[None], moved, NONE, (thing,)).value[0])
 
     jacobian = central_differences(value, np.zeros(12), 1e-6)
     wanted = np.sqrt(0.02**2 + jacobian**2 @ np.repeat(sigma, 2) ** 2)
-    found = rows_on_planes(plane[None], ray, sigma, (thing,)).sigma[0]
+    found = compute_rows(plane[None], ray, sigma, (thing,)).sigma[0]
     np.testing.assert_allclose(found, wanted, rtol=1e-6)
 
 
 def test_what_holds_on_every_plane_alike_has_no_rows() -> None:
     for kind in ("collinear", "level", "vertical", "coplanar"):
-        assert row_count(kind, 4) == 0
+        assert count_rows(kind, 4) == 0
     # Three points in line, seen from anywhere: in line on every plane.
     _, ray, _ = seen(1)
     ray[2] = 0.4 * ray[0] + 0.6 * ray[1]
@@ -109,7 +109,7 @@ def test_what_holds_on_every_plane_alike_has_no_rows() -> None:
 def test_a_point_behind_the_camera_is_nowhere() -> None:
     _, ray, plane = seen(2)
     thing = PlaneThing("distance", (0, 1), 3.0, 1.0)
-    assert np.isnan(rows_on_planes(-plane[None], ray, NONE, (thing,)).value).all()
+    assert np.isnan(compute_rows(-plane[None], ray, NONE, (thing,)).value).all()
 
 
 @pytest.mark.parametrize("kinds", [("distance",), ("area",), ("line_distance", "area", "angle")])
@@ -119,5 +119,5 @@ def test_over_the_true_normal_the_height_is_the_true_one(kinds: tuple[str, ...])
         PlaneThing(k, THINGS[k], by_world(k, world[list(THINGS[k])])[0], 0.01) for k in kinds
     )
     normal = (plane / np.linalg.norm(plane))[None]
-    height = fitting_heights(normal, ray, np.full(6, 1e-4), things)
+    height = fit_heights(normal, ray, np.full(6, 1e-4), things)
     np.testing.assert_allclose(height, 1.0 / np.linalg.norm(plane))

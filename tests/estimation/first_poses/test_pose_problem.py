@@ -9,7 +9,11 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.stats import chi2
 
-from uavgram.estimation.first_poses.pose_problem import FeatureRows, first_points, ground_points
+from uavgram.estimation.first_poses.pose_problem import (
+    FeatureRows,
+    intersect_ground_picks,
+    intersect_ground_rays,
+)
 from uavgram.estimation.solver.batched import minimise_each
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observed import Observations
@@ -18,8 +22,8 @@ from uavgram.model.survey.known import NO_KNOWN
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.pipeline.measure.compute import refined_survey
 from uavgram.stages.assemble import assemble
-from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
-from uavgram.synthetic.study.methods import point_starts, solved
+from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, draw_scenes
+from uavgram.synthetic.study.methods import find_minima, find_point_starts
 
 USES: dict[str, dict[str, bool]] = {
     "points": {"start_place": True},
@@ -32,7 +36,7 @@ LOGGED = ("lengths", "all")
 
 @pytest.fixture(scope="module")
 def scenes() -> MethodScenes:
-    return method_scenes(Setting(name="usual"), 6, 150, 5)
+    return draw_scenes(Setting(name="usual"), 6, 150, 5)
 
 
 def rows_of(scenes: MethodScenes, name: str) -> FeatureRows:
@@ -43,12 +47,12 @@ def rows_of(scenes: MethodScenes, name: str) -> FeatureRows:
 @pytest.mark.parametrize("name", [*USES, "held"])
 def test_the_reduced_slope_is_that_of_the_sum_of_squares(name: str) -> None:
     """Along the way that the points go with the pose, which is what eliminating them means."""
-    few = method_scenes(Setting(name="usual"), 4, 2, 9)
+    few = draw_scenes(Setting(name="usual"), 4, 2, 9)
     which = np.arange(2)
     rows = rows_of(few, "lengths" if name == "held" else name)
     if name == "held":
         rows = replace(rows, logged=None, held=(few.center + 0.2, few.rotation))
-    point, good = first_points(rows, few.center, few.rotation)
+    point, good = intersect_ground_picks(rows, few.center, few.rotation)
     assert good.all()
     state = few.center + 0.1, few.rotation, point + 0.05
     linear = rows.linearise(which, state)
@@ -65,7 +69,7 @@ def test_the_reduced_slope_is_that_of_the_sum_of_squares(name: str) -> None:
 @pytest.mark.parametrize("name", USES)
 def test_sums_of_squares_and_poses_are_as_stated(scenes: MethodScenes, name: str) -> None:
     rows = rows_of(scenes, name)
-    ends = solved(rows, (scenes.center[:, None], scenes.rotation[:, None]))
+    ends = find_minima(rows, (scenes.center[:, None], scenes.rotation[:, None]))
     count, degrees = len(scenes.center), rows.degrees
 
     assert ends.converged.all()
@@ -80,10 +84,10 @@ def test_sums_of_squares_and_poses_are_as_stated(scenes: MethodScenes, name: str
 def test_pixels_meet_the_ground_with_right_derivatives(scenes: MethodScenes) -> None:
     lens, pixel = scenes.rows.calibration, scenes.rows.pixel_px[:4, :2]
     center, rotation = scenes.center[:4], scenes.rotation[:4]
-    _, _, by_pixel = ground_points(lens, pixel, center, rotation)
+    _, _, by_pixel = intersect_ground_rays(lens, pixel, center, rotation)
 
     def moved(shift: np.ndarray) -> np.ndarray:
-        return ground_points(lens, pixel + shift, center, rotation)[0]
+        return intersect_ground_rays(lens, pixel + shift, center, rotation)[0]
 
     assert_derivative(by_pixel, central_differences(moved, np.zeros(2), 1e-3), 1e-5)
 
@@ -127,7 +131,7 @@ def surveyed(scenes: MethodScenes, k: int) -> Refined:
 def test_it_is_the_surveys_own_pose(scenes: MethodScenes) -> None:
     """To 1e-3 of a sigma, the survey's ground being known to a micrometre."""
     rows = replace(scenes.rows, start_place=True, length=True)
-    ends = solved(rows, point_starts(scenes))
+    ends = find_minima(rows, find_point_starts(scenes))
     for k in range(3):
         state = surveyed(scenes, k).adjustment.state
         sigma = np.sqrt(np.diag(np.linalg.inv(ends.normal[k, 0])))
@@ -136,7 +140,7 @@ def test_it_is_the_surveys_own_pose(scenes: MethodScenes) -> None:
 
 def test_a_start_below_the_ground_is_no_pose(scenes: MethodScenes) -> None:
     rows = rows_of(scenes, "points")
-    point, _ = first_points(rows, scenes.center, scenes.rotation)
+    point, _ = intersect_ground_picks(rows, scenes.center, scenes.rotation)
     ends = minimise_each(rows, (scenes.center * [1, 1, -1], scenes.rotation.copy(), point))
 
     assert np.isinf(ends.cost).all()

@@ -8,9 +8,9 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.length_poses import LengthPoses
 from uavgram.estimation.first_poses.prior_gate import (
-    allowed,
     compare_with_seed,
-    seed_on_plane,
+    find_allowed,
+    move_seed_to_plane,
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Ground
@@ -61,7 +61,7 @@ def test_true_poses_lie_in_the_gate_as_often_as_it_states(*, own: bool) -> None:
         CENTER, SEED, prior(), ground(0.4, 0.01), poses(plane, joint)
     ).squared_distance
     assert squared.mean() == pytest.approx(3, abs=3.3 * np.sqrt(6 / 4000))
-    assert np.mean(~allowed(squared)) < 0.004
+    assert np.mean(~find_allowed(squared)) < 0.004
     if own:  # without the candidates' own covariances they would lie too far out
         bare = compare_with_seed(
             CENTER, SEED, prior(), ground(0.4, 0.01), poses(plane)
@@ -75,13 +75,13 @@ def test_a_pose_far_from_the_log_is_not_allowed() -> None:
     squared = compare_with_seed(
         CENTER, SEED, prior(), ground(), poses(plane[None])
     ).squared_distance
-    assert not allowed(squared).any()
+    assert not find_allowed(squared).any()
 
 
 def test_a_seed_takes_height_and_level_of_a_plane_and_keeps_its_heading() -> None:
     turned = SEED @ Rotation.from_rotvec([0.2, -0.1, 0.0]).as_matrix()
     plane = -turned[2] / 40.0
-    center, rotation = seed_on_plane(CENTER, SEED, ground(), plane)
+    center, rotation = move_seed_to_plane(CENTER, SEED, ground(), plane)
     np.testing.assert_allclose(center, [3.0, 4.0, 41.5])
     np.testing.assert_allclose(-rotation[2] / (center[2] - 1.5), plane, atol=1e-15)
     np.testing.assert_allclose(rotation @ rotation.T, np.eye(3), atol=1e-14)

@@ -11,10 +11,10 @@ from scenes import make_scene
 
 from uavgram.estimation.first_poses.length_poses import (
     LengthFrames,
-    lengths_between,
+    predict_ground_lengths,
     resect_from_lengths,
 )
-from uavgram.estimation.first_poses.network import length_poses, seen_lines
+from uavgram.estimation.first_poses.network import estimate_length_poses, find_seen_lines
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground import shapes
 from uavgram.geometry.motion.rotation import hat
@@ -108,7 +108,7 @@ def test_lengths_of_other_pixels_equal_those_of_the_joint_adjustment() -> None:
     assert len(free) >= 3
     a, b = np.array(free[:2]), np.array(free[1:3])
     picks = np.array([at[k] for k in free])
-    value, covariance = lengths_between(
+    value, covariance = predict_ground_lengths(
         survey.calibration,
         poses,
         survey.pixel_px[picks][None],
@@ -183,7 +183,7 @@ def test_truth_lies_inside_the_stated_covariance() -> None:
 
 def test_lines_are_seen_where_both_ends_are_picked() -> None:
     survey = make_scene(6, frames=5, labels=14, along=25.0, telemetry=False, gauge="plane").survey
-    seen = seen_lines(survey)
+    seen = find_seen_lines(survey)
     expected = {
         (f, line)
         for f in range(5)
@@ -201,19 +201,19 @@ def test_lines_are_seen_where_both_ends_are_picked() -> None:
 
 def test_lines_between_heights_or_areas_start_no_plane() -> None:
     survey = make_scene(4, ends=UNCONNECTED, heights={0: 1.0}, **NO_LOG).survey
-    assert 0 not in seen_lines(survey).line
+    assert 0 not in find_seen_lines(survey).line
     area = np.zeros(12, dtype=int)
     area[7] = 1
     survey = replace(survey, grounds=survey.grounds * 2, area=area)
-    assert set(seen_lines(survey).line.tolist()) == {2, 3, 4, 5}
+    assert set(find_seen_lines(survey).line.tolist()) == {2, 3, 4, 5}
 
 
 def test_frames_with_different_lines_are_posed_together() -> None:
     scene = make_scene(
         6, frames=5, labels=14, along=25.0, lines=9, telemetry=False, gauge="plane", noise=0.0
     )
-    poses = length_poses(scene.survey)
-    counts = np.bincount(seen_lines(scene.survey).frame, minlength=5)
+    poses = estimate_length_poses(scene.survey)
+    counts = np.bincount(find_seen_lines(scene.survey).frame, minlength=5)
     assert set(poses) == set(np.flatnonzero(counts >= 3).tolist())
     for frame, found in poses.items():
         up, height = scene.truth.rotation[frame, 2], scene.truth.center[frame, 2]
@@ -228,18 +228,18 @@ def test_a_plane_that_the_lengths_leave_open_is_not_called_found() -> None:
     start = np.array([up / height, [0.01, 0.0, 0.05]])
     frames = frames_of([survey, survey])
     assert not resect_from_lengths(survey.calibration, frames, start).converged.any()
-    assert length_poses(survey) == {}
+    assert estimate_length_poses(survey) == {}
 
 
 def test_lengths_that_no_pose_explains_give_none() -> None:
     survey = make_scene(4, **NO_LOG).survey
-    assert length_poses(replace(survey, length_m=-survey.length_m)) == {}
+    assert estimate_length_poses(replace(survey, length_m=-survey.length_m)) == {}
 
 
 def test_candidates_that_end_in_one_maximum_count_once() -> None:
     for seed in range(4):
         survey = make_scene(seed, ends=((0, 1), (1, 2), (2, 0)), labels=6, **NO_LOG).survey
-        for poses in length_poses(survey).values():
+        for poses in estimate_length_poses(survey).values():
             found = poses.plane[poses.converged]
             apart = np.linalg.norm(found[:, None] - found, axis=2)
             apart[np.diag_indices(len(found))] = np.inf
@@ -248,17 +248,17 @@ def test_candidates_that_end_in_one_maximum_count_once() -> None:
 
 def test_what_is_remembered_is_of_the_same_numbers() -> None:
     survey = make_scene(5, ends=UNCONNECTED, **NO_LOG).survey
-    found = length_poses(survey)[0]
+    found = estimate_length_poses(survey)[0]
 
-    assert length_poses(replace(survey, gauge="world"))[0] is found
+    assert estimate_length_poses(replace(survey, gauge="world"))[0] is found
     assert not found.plane.flags.writeable
     tapes = {"length_sigma_m": survey.length_sigma_m, "length_m": survey.length_m}
     tapes |= {"pixel_px": survey.pixel_px, "pick_sigma_px": survey.pick_sigma_px}
     for name, value in tapes.items():
-        other = length_poses(replace(survey, **{name: value * 1.01}))[0]  # type: ignore[arg-type]
+        other = estimate_length_poses(replace(survey, **{name: value * 1.01}))[0]  # type: ignore[arg-type]
         assert other.cost[0] != found.cost[0], name
     lens = replace(survey.calibration, parameters=survey.calibration.parameters * 1.001)
-    assert length_poses(replace(survey, calibration=lens))[0].cost[0] != found.cost[0]
+    assert estimate_length_poses(replace(survey, calibration=lens))[0].cost[0] != found.cost[0]
     lens = replace(survey.calibration, covariance=survey.calibration.covariance * 4.0)
-    other = length_poses(replace(survey, calibration=lens))[0]
+    other = estimate_length_poses(replace(survey, calibration=lens))[0]
     assert (other.covariance[0] != found.covariance[0]).any()

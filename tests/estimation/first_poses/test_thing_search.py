@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from lanes import Lane, lane
 
-from uavgram.estimation.first_poses.known_frames import frame_things
-from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_known
+from uavgram.estimation.first_poses.known_frames import find_frame_things
+from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_known_planes
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats
 
@@ -47,7 +47,7 @@ def rays(scene: Lane) -> tuple[Floats, Floats]:
 
 
 def searched(scene: Lane) -> KnownPlanes:
-    return search_known(*rays(scene), frame_things(scene.survey)[0].things)
+    return search_known_planes(*rays(scene), find_frame_things(scene.survey)[0].things)
 
 
 def misses(scene: Lane, found: KnownPlanes) -> Floats:

@@ -7,7 +7,7 @@ import pytest
 from off_ground import with_third_coordinates
 from scenes import NO_TIMES, make_scene
 
-from uavgram.estimation.measuring.error_budget import error_budget, shares
+from uavgram.estimation.measuring.error_budget import compute_error_budget, compute_shares
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.options import SolveOptions
@@ -38,7 +38,7 @@ def case(request: pytest.FixtureRequest) -> tuple[Adjustment, MeasuredValues]:
 
 def test_the_parts_add_up_to_the_variance(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
-    parts = error_budget(adjustment.minimum.blocks, measured)
+    parts = compute_error_budget(adjustment.minimum.blocks, measured)
     total = np.sum(list(parts.values()), axis=0)
 
     known = np.isfinite(measured.sigma)
@@ -51,7 +51,7 @@ def test_each_part_is_that_of_the_dense_partition(case: tuple[Adjustment, Measur
     adjustment, measured = case
     size = adjustment.problem.layout.size
     inverse = adjustment.minimum.factor.joint(np.arange(size))
-    parts = error_budget(adjustment.minimum.blocks, measured)
+    parts = compute_error_budget(adjustment.minimum.blocks, measured)
     for name, block in adjustment.minimum.blocks.items():
         n, r, _ = block.jacobian.shape
         rows = np.zeros((n, r, size))
@@ -72,7 +72,7 @@ def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(
     case: tuple[Adjustment, MeasuredValues],
 ) -> None:
     adjustment, measured = case
-    budget = shares(error_budget(adjustment.minimum.blocks, measured))
+    budget = compute_shares(compute_error_budget(adjustment.minimum.blocks, measured))
     at = measured.name.index("skid")
 
     known = np.isfinite(measured.sigma)
@@ -86,7 +86,7 @@ def test_friction_shows_as_its_own_source_and_shares_add_up_to_one(
 
 def test_sources_without_any_part_are_left_out(case: tuple[Adjustment, MeasuredValues]) -> None:
     adjustment, measured = case
-    budget = shares(error_budget(adjustment.minimum.blocks, measured))
+    budget = compute_shares(compute_error_budget(adjustment.minimum.blocks, measured))
 
     assert ("flight log" in budget.source) == (adjustment.survey.gauge == "world")
     assert "control points" not in budget.source
@@ -98,8 +98,8 @@ def test_what_is_rough_below_a_point_counts_as_ground() -> None:
     adjustment = refine(scene.survey, SolveOptions())[0].adjustment
     height = MeasurementRequest(name="height", kind="height", points=("P2",))
     measured = propagate(adjustment, (height,), NO_TIMES)
-    parts = error_budget(adjustment.minimum.blocks, measured)
+    parts = compute_error_budget(adjustment.minimum.blocks, measured)
     assert parts["roughness"] > adjustment.survey.ground.roughness_sigma_m**2
     assert parts["other"] == pytest.approx([0.0], abs=1e-9)
     assert sum(part[0] for part in parts.values()) == pytest.approx(measured.sigma[0] ** 2)
-    assert "friction and times" not in shares(parts).source
+    assert "friction and times" not in compute_shares(parts).source

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
-from uavgram.estimation.measuring.scale import line_faults, next_line
+from uavgram.estimation.measuring.scale import describe_line_faults, find_next_line
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
@@ -35,16 +35,16 @@ def lines(*rows: tuple[float, ...]) -> tuple[Floats, Floats]:
     ],
 )
 def test_degenerate_sets_are_named(rows: list[tuple[float, ...]], words: str) -> None:
-    assert any(words in fault for fault in line_faults(*lines(*rows), SCENE))
+    assert any(words in fault for fault in describe_line_faults(*lines(*rows), SCENE))
 
 
 def test_a_spread_set_has_no_faults_and_a_turn_changes_nothing() -> None:
     start, end = lines((-15, -10, 5, -9), (9, -10, 15, 11), (-10, 10, 12, 3), (-3, 5, -19, -4))
-    assert line_faults(start, end, SCENE) == ()
+    assert describe_line_faults(start, end, SCENE) == ()
     for angle in np.linspace(0, 3, 7):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         parallel = lines((-15, -10, 5, -9), (0, 0, 15, 1), (-10, 10, 12, 11))
-        found = line_faults(parallel[0] @ turn.T, parallel[1] @ turn.T, SCENE @ turn.T)
+        found = describe_line_faults(parallel[0] @ turn.T, parallel[1] @ turn.T, SCENE @ turn.T)
         assert "all lines run in nearly one direction" in found
 
 
@@ -63,7 +63,7 @@ def relative_sigma(adjustment: Adjustment) -> float:
 
 def test_no_line_has_no_faults() -> None:
     """As where all lengths of a survey were left out."""
-    assert line_faults(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((4, 2))) == ()
+    assert describe_line_faults(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros((4, 2))) == ()
 
 
 def test_what_the_next_line_brings_is_what_it_brings() -> None:
@@ -71,7 +71,7 @@ def test_what_the_next_line_brings_is_what_it_brings() -> None:
     ends = ((0, 6), (1, 7), (2, 8), (3, 9))
     survey = make_scene(5, ends=ends, labels=10, noise=0.0, **NO_LOG).survey
     adjustment = refine(survey, SolveOptions())[0].adjustment
-    advice = next_line(adjustment)
+    advice = find_next_line(adjustment)
     assert advice is not None
     sigma_m = advice.sigma_m
     assert advice.relative_sigma == pytest.approx(relative_sigma(adjustment), rel=1e-9)

@@ -10,12 +10,16 @@ from off_ground import with_third_coordinates
 from scenes import NO_TIMES, Scene, make_scene
 from scipy.stats import chi2
 
-from uavgram.estimation.measuring.error_budget import RELIEF_M, by_heights, shifts
-from uavgram.estimation.measuring.propagation import MeasuredValues, propagate, values_at
-from uavgram.estimation.measuring.second_order import curvature
+from uavgram.estimation.measuring.error_budget import (
+    ASSUMED_RELIEF_M,
+    compute_height_derivatives,
+    compute_shifts,
+)
+from uavgram.estimation.measuring.propagation import MeasuredValues, compute_values, propagate
+from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.departures import heights_above_ground
-from uavgram.estimation.survey.unknowns import move
+from uavgram.estimation.survey.departures import compute_heights
+from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
@@ -97,8 +101,11 @@ def test_gradients_by_the_unknowns_equal_central_differences(*, rough: bool) -> 
     for _ in range(6):
         step = rng.normal(size=layout.size) * 1e-5
         ends = [
-            values_at(
-                adjustment.problem, move(layout, adjustment.state, sign * step), REQUESTS, NO_TIMES
+            compute_values(
+                adjustment.problem,
+                apply_increment(layout, adjustment.state, sign * step),
+                REQUESTS,
+                NO_TIMES,
             )
             for sign in (1, -1)
         ]
@@ -161,7 +168,7 @@ def test_values_are_as_uncertain_as_they_say() -> None:
 
 def test_a_height_is_that_of_the_table_of_points() -> None:
     adjustment = adjusted(scene_of(5, rough=True).survey)
-    height, sigma = heights_above_ground(adjustment)
+    height, sigma = compute_heights(adjustment)
     found = measured(adjustment)
     np.testing.assert_allclose(found.value[:2], height[[0, 4]])
     np.testing.assert_allclose(found.sigma[:2], sigma[[0, 4]])
@@ -184,19 +191,21 @@ def test_sampling_gives_the_sigmas_of_first_and_second_order() -> None:
     assert messages == ()
     # Relative standard deviation of a sampled sigma: sqrt(1 / 2n), and up to four of them.
     np.testing.assert_allclose(sampled.sigma, found.sigma, rtol=4 / np.sqrt(2 * 60))
-    second = curvature(adjustment, found, NO_TIMES)
+    second = compute_curvature(adjustment, found, NO_TIMES)
     np.testing.assert_allclose(second.sigma, found.sigma, rtol=0.02)
 
 
 def test_relief_below_a_free_point_moves_its_height_and_not_its_place() -> None:
     adjustment = adjusted(scene_of(11, noise=0.0).survey)
     found = measured(adjustment)
-    by_relief = by_heights(adjustment, found, np.arange(len(adjustment.survey.label)))
+    by_relief = compute_height_derivatives(
+        adjustment, found, np.arange(len(adjustment.survey.label))
+    )
     np.testing.assert_allclose(by_relief[0, 0], -1.0, atol=1e-6)
     distance, rise = 13, 2
     np.testing.assert_allclose(by_relief[0, distance], 0.0, atol=1e-6)
     assert by_relief[1, rise] != 0  # the other end lies on the ground
-    assert shifts(adjustment, found).relief[0] == pytest.approx(RELIEF_M, rel=1e-6)
+    assert compute_shifts(adjustment, found).relief[0] == pytest.approx(ASSUMED_RELIEF_M, rel=1e-6)
 
 
 WHY = {

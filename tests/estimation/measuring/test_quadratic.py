@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.estimation.measuring.second_order import moves, second_order_terms
+from uavgram.estimation.measuring.second_order import compute_second_order_terms, make_moves
 
 
 def test_moments_of_quadratic_forms() -> None:
@@ -19,7 +19,7 @@ def test_moments_of_quadratic_forms() -> None:
         return np.asarray(flat + 0.5 * np.einsum("si,mij,sj->sm", error, bent, error))
 
     directions = np.linalg.qr(rng.standard_normal((5, 5)))[0]
-    found = second_order_terms(values(moves(directions)), np.full(3, 7.0))
+    found = compute_second_order_terms(values(make_moves(directions)), np.full(3, 7.0))
     assert found.bias == pytest.approx(0.5 * np.trace(bent, axis1=1, axis2=2))
     assert found.variance == pytest.approx(0.5 * np.sum(bent**2, axis=(1, 2)))
     drawn = values(rng.standard_normal((200_000, 5)))
@@ -31,5 +31,5 @@ def test_moments_of_quadratic_forms() -> None:
 def test_without_a_solution_there_is_no_term() -> None:
     values = np.zeros((6, 2))
     values[3, 1] = np.nan
-    found = second_order_terms(values, np.zeros(2))
+    found = compute_second_order_terms(values, np.zeros(2))
     assert np.isnan(found.variance).tolist() == [False, True]

@@ -11,7 +11,7 @@ from rolling_scenes import read_in_rows
 from scenes import Scene
 from taped_scenes import read_on_tapes
 
-from uavgram.estimation.measuring.scale import scale_sigmas
+from uavgram.estimation.measuring.scale import compute_scale_sigmas
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.options import SolveOptions
 from uavgram.stages.measure import describe_scale_basis
@@ -40,7 +40,7 @@ def test_the_rest_knows_the_scale_as_well_as_a_tape_that_nobody_knows(
     # 1 / sigma^2 of the scale = what the rest knows, once the readings' own noise is taken away
     sigma = float(np.sqrt(unknown.shared(at, 1)[0, 0]))
 
-    found = scale_sigmas(adjusted(of_known))
+    found = compute_scale_sigmas(adjusted(of_known))
     assert found.others == pytest.approx(sigma, rel=0.02)
     total = np.sum((scene.survey.length_m / scene.survey.length_sigma_m) ** 2)
     own = np.sqrt(1.0 / total + (0.002**2 / len(tapes) if tapes else 0.0))
@@ -54,7 +54,7 @@ def test_nothing_else_bears_on_it_without_a_log(scene_factory: Make, roughness_m
     scene = read_on_tapes(made, {"": 0.0}, sigma=0.001)
     adjustment = adjusted(scene)
 
-    assert np.isinf(scale_sigmas(adjustment).others)
+    assert np.isinf(compute_scale_sigmas(adjustment).others)
     (said,) = describe_scale_basis(adjustment)
     assert said.text.startswith("The scale rests on your lengths (± 0.1")
     assert "nothing else confirms it" in said.text

@@ -10,7 +10,12 @@ import pytest
 from scenes import NO_TIMES, Scene
 from taped_scenes import read_on_tapes
 
-from uavgram.estimation.measuring.error_budget import RELIEF_M, TAPE_SHARE, by_heights, shifts
+from uavgram.estimation.measuring.error_budget import (
+    ASSUMED_RELIEF_M,
+    ASSUMED_TAPE_ERROR,
+    compute_height_derivatives,
+    compute_shifts,
+)
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.options import SolveOptions
@@ -48,12 +53,12 @@ def test_shifts_are_those_of_adjustments_anew(
     scene = read_on_tapes(scene, {"": 0.0}, sigma=0.001, along=("slope", "horizontal"))
     survey = scene.survey
     adjustment, values = measured(survey)
-    found = shifts(adjustment, values)
+    found = compute_shifts(adjustment, values)
     assert np.isnan(found.relief[3])
     assert np.isnan(found.tape[3])
 
-    one_sided = by_heights(adjustment, values, np.arange(len(survey.label)))
-    step = 0.5 * RELIEF_M  # iterations end a hundredth of a sigma from the minimum
+    one_sided = compute_height_derivatives(adjustment, values, np.arange(len(survey.label)))
+    step = 0.5 * ASSUMED_RELIEF_M  # iterations end a hundredth of a sigma from the minimum
     total = np.zeros(3)
     for k in range(3):
         above = np.array(survey.height_above_m)
@@ -64,9 +69,9 @@ def test_shifts_are_those_of_adjustments_anew(
         change = (up.value - down.value)[:3] / (2 * step)
         np.testing.assert_allclose(one_sided[k, :3], change, rtol=0.02, atol=2e-3)
         total += np.abs(change) * [k < len(request.points) for request in REQUESTS[:3]]
-    np.testing.assert_allclose(found.relief[:3], RELIEF_M * total, rtol=0.02, atol=1e-3)
+    np.testing.assert_allclose(found.relief[:3], ASSUMED_RELIEF_M * total, rtol=0.02, atol=1e-3)
 
-    longer = 1.0 + TAPE_SHARE
+    longer = 1.0 + ASSUMED_TAPE_ERROR
     _, more = measured(replace(survey, length_m=longer * survey.length_m))
     _, less = measured(replace(survey, length_m=survey.length_m / longer))
     change = (more.value - less.value)[:3] / 2.0
@@ -81,14 +86,14 @@ def test_in_a_single_photo_a_point_moves_along_its_ray(scene_factory: Make) -> N
     along = world[1, :2] - world[0, :2]
     along = along / np.linalg.norm(along)
 
-    expected = RELIEF_M * (abs(along @ ray[0]) + abs(along @ ray[1]))
-    assert shifts(adjustment, values).relief[0] == pytest.approx(expected, rel=0.1)
+    expected = ASSUMED_RELIEF_M * (abs(along @ ray[0]) + abs(along @ ray[1]))
+    assert compute_shifts(adjustment, values).relief[0] == pytest.approx(expected, rel=0.1)
 
 
 @pytest.mark.parametrize("lines", [0, 6])
 def test_nothing_measured_has_no_shifts(scene_factory: Make, lines: int) -> None:
     adjustment, _ = measured(scene_factory(8, frames=3, lines=lines).survey)
-    found = shifts(adjustment, propagate(adjustment, (), NO_TIMES))
+    found = compute_shifts(adjustment, propagate(adjustment, (), NO_TIMES))
 
     assert found.relief.shape == found.tape.shape == (0,)
 
@@ -97,4 +102,4 @@ def test_without_lengths_no_tape_shifts_anything(scene_factory: Make) -> None:
     scene = scene_factory(8, frames=3, lines=0)
     adjustment, values = measured(scene.survey)
 
-    assert np.isnan(shifts(adjustment, values).tape).all()
+    assert np.isnan(compute_shifts(adjustment, values).tape).all()

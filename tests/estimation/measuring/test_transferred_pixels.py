@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from place_only_scenes import place_only
 
-from uavgram.estimation.measuring.transferred_pixels import Clicked, transferred
+from uavgram.estimation.measuring.transferred_pixels import PickedPixels, transfer_pixels
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.unknowns import State, move
+from uavgram.estimation.survey.unknowns import State, apply_increment
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.model.arrays import Floats
@@ -26,10 +26,10 @@ def adjustment() -> Adjustment:
 
 
 @pytest.fixture(scope="module")
-def clicked(adjustment: Adjustment) -> Clicked:
+def clicked(adjustment: Adjustment) -> PickedPixels:
     survey = adjustment.survey
     beside = survey.pixel_px + np.array([0.9, -0.6])  # not where the label was adjusted to
-    return Clicked(survey.pick_frame, survey.pick_label, beside)
+    return PickedPixels(survey.pick_frame, survey.pick_label, beside)
 
 
 def on_ground(
@@ -47,9 +47,9 @@ def on_ground(
 
 
 def test_place_and_affine_are_those_of_the_ground_under_the_pixel(
-    adjustment: Adjustment, clicked: Clicked
+    adjustment: Adjustment, clicked: PickedPixels
 ) -> None:
-    found = transferred(adjustment, None, clicked)
+    found = transfer_pixels(adjustment, None, clicked)
     names = adjustment.survey.frame_id
 
     assert len(found.click) > 20
@@ -66,9 +66,9 @@ def test_place_and_affine_are_those_of_the_ground_under_the_pixel(
 
 
 def test_covariance_is_that_of_all_unknowns_but_the_place_of_the_point(
-    adjustment: Adjustment, clicked: Clicked
+    adjustment: Adjustment, clicked: PickedPixels
 ) -> None:
-    found = transferred(adjustment, None, clicked)
+    found = transfer_pixels(adjustment, None, clicked)
     layout, state = adjustment.problem.layout, adjustment.state
     joint = adjustment.minimum.factor.joint(np.arange(layout.size))
     sigma = np.sqrt(np.diag(joint))
@@ -84,7 +84,7 @@ def test_covariance_is_that_of_all_unknowns_but_the_place_of_the_point(
             ends = [
                 on_ground(
                     adjustment,
-                    move(layout, state, way * step),
+                    apply_increment(layout, state, way * step),
                     here,
                     there,
                     clicked.label[click],
@@ -99,10 +99,10 @@ def test_covariance_is_that_of_all_unknowns_but_the_place_of_the_point(
 
 
 def test_what_both_photos_have_in_common_does_not_make_it_uncertain(
-    adjustment: Adjustment, clicked: Clicked
+    adjustment: Adjustment, clicked: PickedPixels
 ) -> None:
     """Places of all photos are off by metres together, the transfer by a part of that."""
-    found = transferred(adjustment, None, clicked)
+    found = transfer_pixels(adjustment, None, clicked)
     radius = np.sqrt(np.trace(found.covariance_px2, axis1=1, axis2=2))
     scale = adjustment.survey.calibration.parameters[0] / adjustment.state.center[:, 2].mean()
     spread = np.sqrt(np.einsum("fii->fi", adjustment.frame_covariance())[:, 0].min()) * scale

@@ -11,11 +11,11 @@ from scenes import make_scene
 from scipy.spatial.transform import Rotation
 from whole_surveys import with_all
 
-from uavgram.estimation.reliability.data_snooping import LEAST_REDUNDANCY, suspicions
-from uavgram.estimation.reliability.redundancy import critical_value
-from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.reliability.data_snooping import MIN_SUSPECT_REDUNDANCY, find_suspicions
+from uavgram.estimation.reliability.redundancy import compute_critical_value
+from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.names import ObservationNames
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
@@ -35,7 +35,7 @@ ALONE: dict[str, Any] = {
 def suspected(survey: Survey) -> tuple[Adjustment, list[Suspicion]]:
     """The adjustment of every observation, gross errors among them, and what it suspects."""
     adjustment = with_all(survey).adjustment
-    return adjustment, list(suspicions(adjustment, observed(adjustment), ALPHA))
+    return adjustment, list(find_suspicions(adjustment, compute_test_statistics(adjustment), ALPHA))
 
 
 def changed(survey: Survey, name: str, index: int, by: Floats | float) -> Survey:
@@ -49,24 +49,24 @@ def test_in_one_frame_a_length_and_the_picks_of_its_ends_are_one_group() -> None
     survey = make_scene(3, sources=("pixels", "lengths"), **ALONE).survey
     survey = replace(survey, line_name=("a", "b", "c", "d", "e", "f"))
     adjustment, (found, *_) = suspected(changed(survey, "length_m", 1, 0.5))
-    assert found.accused == Member("lengths", 1, 0)
+    assert found.suspect == Member("lengths", 1, 0)
     assert {(m.kind, m.row) for m in found.group} == {("pixels", 1), ("pixels", 7)}
-    names = Names(adjustment)
+    names = ObservationNames(adjustment)
     assert names.group(found) == "length 'b' ('P1' to 'P7') or the picks of 'P1' and 'P7' in 'f0'"
-    assert names.look(found) == "no test separates them: look at all three"
+    assert names.advice(found) == "no test separates them: look at all three"
 
 
 def test_a_wrong_pick_of_an_end_is_in_the_group_that_is_named() -> None:
     survey = make_scene(3, sources=("pixels", "lengths"), **ALONE).survey
     along = survey.pixel_px[8] - survey.pixel_px[2]
     _, (found, *_) = suspected(changed(survey, "pixel_px", 8, 40.0 * along / np.linalg.norm(along)))
-    assert ("pixels", 8) in {(m.kind, m.row) for m in (found.accused, *found.group)}
+    assert ("pixels", 8) in {(m.kind, m.row) for m in (found.suspect, *found.group)}
 
 
 def test_in_several_frames_a_length_stands_alone() -> None:
     survey = make_scene(6, frames=6, lines=8).survey
     _, (found, *_) = suspected(changed(survey, "length_m", 2, 0.5))
-    assert found.accused == Member("lengths", 2, 0)
+    assert found.suspect == Member("lengths", 2, 0)
     assert found.group == ()
 
 
@@ -74,9 +74,9 @@ def test_with_one_redundancy_all_lengths_that_anything_checks_are_one_group() ->
     options = {**ALONE, "labels": 8, "ends": ((0, 4), (1, 5), (2, 6), (3, 7))}
     survey = make_scene(5, sources=("pixels", "lengths"), **options).survey
     adjustment, (found, *_) = suspected(changed(survey, "length_m", 3, 1.0))
-    lengths = {m.row for m in (found.accused, *found.group) if m.kind == "lengths"}
-    redundancy = observed(adjustment)["lengths"].redundancy[:, 0]
-    assert lengths == set(np.flatnonzero(redundancy > LEAST_REDUNDANCY).tolist())
+    lengths = {m.row for m in (found.suspect, *found.group) if m.kind == "lengths"}
+    redundancy = compute_test_statistics(adjustment)["lengths"].redundancy[:, 0]
+    assert lengths == set(np.flatnonzero(redundancy > MIN_SUSPECT_REDUNDANCY).tolist())
     assert {2, 3} <= lengths < {0, 1, 2, 3}
 
 
@@ -85,8 +85,8 @@ def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:
     survey = make_scene(6, frames=3, lines=8).survey
     wrong = changed(changed(survey, "length_m", 2, 0.3), "length_m", 5, -0.2)
     adjustment, found = suspected(wrong)
-    w = np.abs(observed(adjustment)["lengths"].w[:, 0])
-    assert [s.accused for s in found[:2]] == [Member("lengths", 2, 0), Member("lengths", 5, 0)]
+    w = np.abs(compute_test_statistics(adjustment)["lengths"].w[:, 0])
+    assert [s.suspect for s in found[:2]] == [Member("lengths", 2, 0), Member("lengths", 5, 0)]
     without = replace(
         wrong,
         line_start=np.delete(wrong.line_start, 2),
@@ -95,7 +95,7 @@ def test_once_one_is_suspected_the_rest_is_tested_without_it() -> None:
         length_sigma_m=np.delete(wrong.length_sigma_m, 2),
     )
     again = with_all(without).adjustment
-    assert found[1].w == pytest.approx(observed(again)["lengths"].w[4, 0], rel=0.02)
+    assert found[1].w == pytest.approx(compute_test_statistics(again)["lengths"].w[4, 0], rel=0.02)
     assert w[2] == pytest.approx(abs(found[0].w))
 
 
@@ -111,9 +111,9 @@ def test_a_gimbal_six_sigma_off_in_one_frame_is_flagged_not_absorbed() -> None:
         attitude[8:12] = pitched.as_quat()
         wrong = replace(survey, track=replace(track, world_from_body_xyzw=attitude))
         adjustment, found = suspected(wrong)
-        group = observed(adjustment)["telemetry"]
-        above += bool(np.abs(group.w[2, 3:]).max() > critical_value(ALPHA))
-        flagged += bool(found) and (found[0].accused.kind, found[0].accused.row) == ("telemetry", 2)
+        group = compute_test_statistics(adjustment)["telemetry"]
+        above += bool(np.abs(group.w[2, 3:]).max() > compute_critical_value(ALPHA))
+        flagged += bool(found) and (found[0].suspect.kind, found[0].suspect.row) == ("telemetry", 2)
     assert flagged >= 8
     assert above >= 9
 

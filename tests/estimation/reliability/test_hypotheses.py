@@ -7,8 +7,12 @@ import pytest
 from scenes import make_scene
 from scipy.stats import chi2
 
-from uavgram.estimation.reliability.hypotheses import Moved, explained, log_probability
-from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.reliability.hypotheses import (
+    ObservationChange,
+    compare_hypotheses,
+    compute_log_probability,
+)
+from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats
 from uavgram.stages.refine.minima import Participants, find_best_minima
@@ -45,8 +49,8 @@ def test_all_lengths_and_picks_moved_together_are_what_least_squares_says(
     blocks = adjustment.minimum.blocks
     sizes = {kind: blocks[kind].residual.shape for kind in ("lengths", "pixels")}
     extra = {kind: rng.normal(size=(*shape, 2)) for kind, shape in sizes.items()}
-    moved = [Moved(kind, np.arange(len(own)), own) for kind, own in extra.items()]
-    (found,) = explained(adjustment, [moved])
+    moved = [ObservationChange(kind, np.arange(len(own)), own) for kind, own in extra.items()]
+    (found,) = compare_hypotheses(adjustment, [moved])
     jacobian, residual = dense(adjustment, extra)
     step = np.linalg.lstsq(jacobian, -residual)[0]
     inverse = np.linalg.inv(jacobian.T @ jacobian)[-2:, -2:]
@@ -62,10 +66,13 @@ def test_a_pick_that_may_be_anywhere_explains_what_it_falls_without_it(
     adjustment: Adjustment,
 ) -> None:
     block = adjustment.minimum.blocks["pixels"]
-    each = [[Moved("pixels", np.array([k]), np.eye(2)[None])] for k in range(len(block.residual))]
-    gain = np.array([one.gain for one in explained(adjustment, each)])
-    fall = falls_without(block, adjustment.covariance)
-    checked = np.array([one.unknowns for one in explained(adjustment, each)]) == 2
+    each = [
+        [ObservationChange("pixels", np.array([k]), np.eye(2)[None])]
+        for k in range(len(block.residual))
+    ]
+    gain = np.array([one.gain for one in compare_hypotheses(adjustment, each)])
+    fall = compute_reductions(block, adjustment.covariance)
+    checked = np.array([one.unknowns for one in compare_hypotheses(adjustment, each)]) == 2
     assert checked.sum() > 10
     assert gain[checked] == pytest.approx(fall[checked], rel=1e-6, abs=1e-9)
 
@@ -73,11 +80,11 @@ def test_a_pick_that_may_be_anywhere_explains_what_it_falls_without_it(
 def test_what_nothing_checks_is_not_found(adjustment: Adjustment) -> None:
     column = int(adjustment.minimum.blocks["pixels"].columns[0, 0])
     moved = [
-        Moved(kind, np.arange(len(block.residual)), along[..., None])
+        ObservationChange(kind, np.arange(len(block.residual)), along[..., None])
         for kind, block in adjustment.minimum.blocks.items()
         for along in [np.where(block.columns[:, None] == column, block.jacobian, 0.0).sum(axis=2)]
     ]
-    (found,) = explained(adjustment, [moved])
+    (found,) = compare_hypotheses(adjustment, [moved])
     assert (found.unknowns, found.gain) == (0, 0.0)  # an unknown that the survey has already
     assert np.isinf(found.covariance).all()
 
@@ -86,12 +93,12 @@ def test_what_nothing_checks_is_not_found(adjustment: Adjustment) -> None:
 @pytest.mark.parametrize("gain", [0.5, 12.0, 400.0, 1300.0])
 def test_the_probability_is_that_of_chi_square(unknowns: int, gain: float) -> None:
     expected = float(chi2.logsf(gain, unknowns))
-    assert log_probability(gain, unknowns) == pytest.approx(expected, rel=1e-6)
+    assert compute_log_probability(gain, unknowns) == pytest.approx(expected, rel=1e-6)
     several = min(0.0, expected + float(np.log(30)))
-    assert log_probability(gain, unknowns, 30) == pytest.approx(several, rel=1e-6)
+    assert compute_log_probability(gain, unknowns, 30) == pytest.approx(several, rel=1e-6)
 
 
 def test_far_out_in_the_tail_it_keeps_falling() -> None:
-    far = [log_probability(gain, 2) for gain in (1400.0, 5000.0, 1e6)]
+    far = [compute_log_probability(gain, 2) for gain in (1400.0, 5000.0, 1e6)]
     assert far == [-700.0, -2500.0, -5e5]  # exactly exp(-gain / 2) for two unknowns
-    assert log_probability(0.0, 2) == 0.0
+    assert compute_log_probability(0.0, 2) == 0.0

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scenes import make_scene
 
-from uavgram.estimation.reliability.data_snooping import suspicions
-from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.reliability.data_snooping import find_suspicions
+from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.stages.refine.minima import Participants, find_best_minima
 
@@ -24,10 +24,10 @@ def test_lengths_that_nothing_checks_are_not_blamed_for_relief(seed: int) -> Non
     none = np.zeros(len(survey.line_start), dtype=np.bool_)
     taking = Participants(survey, np.ones(len(pixel), dtype=np.bool_), none, {})
     adjustment = find_best_minima(taking).adjustment
-    groups = observed(adjustment)
-    found = list(suspicions(adjustment, groups, 0.001))
+    groups = compute_test_statistics(adjustment)
+    found = list(find_suspicions(adjustment, groups, 0.001))
     assert found
     for suspicion in found:
-        for one in (suspicion.accused, *suspicion.group, *suspicion.rivals):
+        for one in (suspicion.suspect, *suspicion.group, *suspicion.rivals):
             if one.kind in READINGS:
                 assert groups[one.kind].redundancy[one.row].max() > 0.02

@@ -10,10 +10,10 @@ import scenes
 from scenes import NO_TIMES, Scene, make_scene
 from scipy.stats import norm
 
-from uavgram.estimation.measuring.propagation import propagate, values_at
-from uavgram.estimation.reliability.external import external_reliability
-from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, power
-from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.measuring.propagation import compute_values, propagate
+from uavgram.estimation.reliability.external import compute_external_reliability
+from uavgram.estimation.reliability.redundancy import compute_minimal_detectable_bias, compute_power
+from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.moved import refit
@@ -48,7 +48,7 @@ def dense_rows(block: Block, size: int) -> Floats:
 def test_w_of_correlated_observations_equals_the_formula_in_their_own_units() -> None:
     adjustment = adjusted(make_scene(8, frames=5, control=3))
     problem, minimum = adjustment.problem, adjustment.minimum
-    group, white = observed(adjustment)["telemetry"], problem.telemetry_whitening
+    group, white = compute_test_statistics(adjustment)["telemetry"], problem.telemetry_whitening
     block, found = group.block, group.w
     size = problem.layout.size
     inverse = minimum.factor.joint(np.arange(size))
@@ -66,7 +66,7 @@ def test_w_of_correlated_observations_equals_the_formula_in_their_own_units() ->
 
 def test_calibration_is_one_correlated_observation_in_its_own_parameters() -> None:
     adjustment = adjusted(make_scene(8, frames=5, control=3))
-    group = observed(adjustment)["calibration"]
+    group = compute_test_statistics(adjustment)["calibration"]
     layout, basis = adjustment.problem.layout, adjustment.problem.intrinsic_basis
     columns = layout.first_intrinsic + np.arange(layout.intrinsics)
     posterior = basis @ adjustment.minimum.factor.joint(columns) @ basis.T
@@ -76,7 +76,9 @@ def test_calibration_is_one_correlated_observation_in_its_own_parameters() -> No
     variance = np.diag(weight @ (prior - posterior) @ weight)
     np.testing.assert_allclose(group.w[0], weight @ residual / np.sqrt(variance), rtol=1e-5)
     # Tests of priors share the significance of ten: delta0 = z(1 - 10 alpha / 2 n) + z(0.8).
-    tests = sum(g.w.size for kind, g in observed(adjustment).items() if kind not in READINGS)
+    tests = sum(
+        g.w.size for kind, g in compute_test_statistics(adjustment).items() if kind not in READINGS
+    )
     assert tests > 10
     delta0 = norm.isf(10 * ALPHA / (2 * tests)) + norm.isf(0.2)
     bias = delta0 / np.sqrt(variance)
@@ -92,7 +94,7 @@ def test_a_parameter_known_exactly_cannot_err() -> None:
     for known in (covariance, np.zeros((9, 9))):
         calibration = replace(survey.calibration, covariance=known)
         adjustment = refine(replace(survey, calibration=calibration), SolveOptions())[0].adjustment
-        group = observed(adjustment)["calibration"]
+        group = compute_test_statistics(adjustment)["calibration"]
         assert group.w[0, 8] == group.redundancy[0, 8] == compute_prior_residuals(group)[0, 8] == 0
         assert np.isnan(group.bias(ALPHA)[0, 8])
 
@@ -103,9 +105,9 @@ def test_a_parameter_known_exactly_cannot_err() -> None:
 def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: str) -> None:
     scene = make_scene(8, frames=5, control=2, noise=0.1)
     adjustment = adjusted(scene)
-    groups = observed(adjustment)
+    groups = compute_test_statistics(adjustment)
     measured = propagate(adjustment, REQUESTS, NO_TIMES)
-    worst, _ = external_reliability(groups, measured, ALPHA)
+    worst, _ = compute_external_reliability(groups, measured, ALPHA)
     group, found = groups[kind], worst[kind]
     row, axis = np.unravel_index(found.sigmas.argmax(), found.sigmas.shape)
     # A tenth of the bias, as an observed error of its own, and everything adjusted anew.
@@ -116,7 +118,7 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: s
     for sign in (1.0, -1.0):
         state = refit(adjustment, {kind: sign * error})
         assert state is not None
-        moved.append(values_at(adjustment.problem, state, REQUESTS, NO_TIMES))
+        moved.append(compute_values(adjustment.problem, state, REQUESTS, NO_TIMES))
     change = (moved[0] - moved[1]) / 2 / 0.1
     assert np.abs(change / measured.sigma).argmax() == found.measurement[row, axis]
     on = found.measurement[row, axis]
@@ -125,8 +127,11 @@ def test_an_undetected_error_moves_a_measurement_as_far_as_it_is_said_to(kind: s
 
 def test_the_weakest_link_of_a_measurement_moves_it_most_of_all() -> None:
     adjustment = adjusted(make_scene(8, frames=5, control=2))
-    groups, measured = observed(adjustment), propagate(adjustment, REQUESTS, NO_TIMES)
-    _, weakest = external_reliability(groups, measured, ALPHA)
+    groups, measured = (
+        compute_test_statistics(adjustment),
+        propagate(adjustment, REQUESTS, NO_TIMES),
+    )
+    _, weakest = compute_external_reliability(groups, measured, ALPHA)
     for i, link in enumerate(weakest):
         largest = 0.0
         for group in groups.values():
@@ -145,15 +150,17 @@ def test_what_nothing_checks_is_named() -> None:
     ))  # fmt: skip
     adjustment = adjusted(scene)
     measured = propagate(adjustment, REQUESTS[:1], NO_TIMES)
-    _, (weakest,) = external_reliability(observed(adjustment), measured, ALPHA)
+    _, (weakest,) = compute_external_reliability(
+        compute_test_statistics(adjustment), measured, ALPHA
+    )
     assert ("pixels", 0) in {(m.kind, m.row) for m in weakest.unchecked}
 
 
 def test_power_is_80_percent_at_the_detectable_bias_and_the_significance_at_none() -> None:
     redundancy, sigma = np.array([0.1, 0.7]), np.array([0.02, 3.0])
-    bias = minimal_detectable_bias(redundancy, sigma, ALPHA)
-    np.testing.assert_allclose(power(bias, redundancy, sigma, ALPHA), 0.80, atol=1e-9)
-    np.testing.assert_allclose(power(0 * bias, redundancy, sigma, ALPHA), ALPHA)
-    assert power(bias[0] / 2, redundancy[0], sigma[0], ALPHA) == pytest.approx(
+    bias = compute_minimal_detectable_bias(redundancy, sigma, ALPHA)
+    np.testing.assert_allclose(compute_power(bias, redundancy, sigma, ALPHA), 0.80, atol=1e-9)
+    np.testing.assert_allclose(compute_power(0 * bias, redundancy, sigma, ALPHA), ALPHA)
+    assert compute_power(bias[0] / 2, redundancy[0], sigma[0], ALPHA) == pytest.approx(
         norm.sf(norm.isf(ALPHA / 2) - (norm.isf(ALPHA / 2) + norm.ppf(0.8)) / 2), rel=1e-4
     )

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from uavgram.estimation.reliability.variance_components import (
-    Component,
-    Linearised,
-    of_one_group,
-    probability_at_boundary,
+    LinearisedObservations,
+    VarianceComponent,
+    compute_boundary_probability,
+    estimate_single,
 )
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.solver.sparse.structure import Structure
@@ -22,7 +22,7 @@ class OneWay(NamedTuple):
     """Measurements of a mean in groups, each with an offset of its own, as a linear model."""
 
     value: Floats
-    linear: Linearised
+    linear: LinearisedObservations
 
     @property
     def mean_squares(self) -> tuple[float, float]:
@@ -42,10 +42,10 @@ def one_way(seed: int, noise: float, offset: float) -> OneWay:
     measured = Block(-value.reshape(-1, 1), columns, np.ones((len(group), 1, 2)))
     offsets = Block(np.zeros((GROUPS, 1)), np.arange(GROUPS)[:, None], np.ones((GROUPS, 1, 1)))
     blocks = {"pixels": measured, "roughness": offsets}
-    return OneWay(value, Linearised(blocks, GROUPS + 1, Structure.plain(GROUPS + 1)))
+    return OneWay(value, LinearisedObservations(blocks, GROUPS + 1, Structure.plain(GROUPS + 1)))
 
 
-BOTH = (Component("pixels"), Component("roughness"))
+BOTH = (VarianceComponent("pixels"), VarianceComponent("roughness"))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -83,8 +83,8 @@ def test_the_likelihood_is_the_marginal_one_of_the_dense_model() -> None:
 
 
 def test_a_prior_counts_as_so_many_observations() -> None:
-    free = of_one_group(80.0, 20.0, Component("pixels"))
-    held = of_one_group(80.0, 20.0, Component("pixels", weight=20.0))
+    free = estimate_single(80.0, 20.0, VarianceComponent("pixels"))
+    held = estimate_single(80.0, 20.0, VarianceComponent("pixels", weight=20.0))
 
     assert free.factor[0] == pytest.approx(2.0)
     assert held.factor[0] == pytest.approx(np.sqrt(2.5))
@@ -92,10 +92,10 @@ def test_a_prior_counts_as_so_many_observations() -> None:
 
 
 def test_a_factor_never_falls_below_its_bound() -> None:
-    held = Component("pixels", weight=20.0, smallest=1.0)
-    assert of_one_group(1.0, 60.0, held).factor[0] == 1.0
+    held = VarianceComponent("pixels", weight=20.0, smallest=1.0)
+    assert estimate_single(1.0, 60.0, held).factor[0] == 1.0
     layout = one_way(2, noise=0.3, offset=1.6)
-    found = layout.linear.estimate((held, Component("roughness")), np.ones(2))
+    found = layout.linear.estimate((held, VarianceComponent("roughness")), np.ones(2))
     assert found.factor[0] == pytest.approx(1.0)
 
 
@@ -106,9 +106,11 @@ def test_rows_make_components_of_their_own() -> None:
     residual = np.array(blocks["pixels"].residual)
     residual[worse] = -3.0 + 4.0 * (residual[worse] + 3.0)
     blocks["pixels"] = Block(residual, blocks["pixels"].columns, blocks["pixels"].jacobian)
-    linear = Linearised(blocks, GROUPS + 1, layout.linear.structure)
+    linear = LinearisedObservations(blocks, GROUPS + 1, layout.linear.structure)
     rest = np.setdiff1d(np.arange(GROUPS * EACH), worse)
-    found = linear.estimate((Component("pixels", worse), Component("pixels", rest)), np.ones(2))
+    found = linear.estimate(
+        (VarianceComponent("pixels", worse), VarianceComponent("pixels", rest)), np.ones(2)
+    )
 
     assert found.factor[0] / found.factor[1] == pytest.approx(4.0, rel=0.5)
 
@@ -117,6 +119,6 @@ def test_a_variance_at_its_boundary_has_half_the_chance() -> None:
     # Critical values of 5 % of the mixtures of chi-squares: 2.706 and 4.231 (Stoel et al. 2006,
     # "Likelihood ratio testing in variance components models with constraints", Psychological
     # Methods 11).
-    assert probability_at_boundary(2.706 / 2, 1) == pytest.approx(0.05, abs=1e-4)
-    assert probability_at_boundary(4.231 / 2, 2) == pytest.approx(0.05, abs=1e-4)
-    assert probability_at_boundary(0.0, 1) == 1.0
+    assert compute_boundary_probability(2.706 / 2, 1) == pytest.approx(0.05, abs=1e-4)
+    assert compute_boundary_probability(4.231 / 2, 2) == pytest.approx(0.05, abs=1e-4)
+    assert compute_boundary_probability(0.0, 1) == 1.0

@@ -5,7 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.estimation.reliability.stated_values import displaced, likely_fault, likely_mistake
+from uavgram.estimation.reliability.stated_values import (
+    describe_displacement,
+    explain_coordinates,
+    explain_ratio,
+)
 
 
 @pytest.mark.parametrize(
@@ -23,24 +27,26 @@ from uavgram.estimation.reliability.stated_values import displaced, likely_fault
     ],
 )
 def test_a_ratio_of_units_is_named_if_it_is_near_enough(ratio: float, words: str) -> None:
-    assert likely_mistake(ratio, 0.0) == words
-    assert likely_mistake(1.009 * ratio, 0.001) == words
-    assert likely_mistake(1.05 * ratio, 0.02) == words
-    assert likely_mistake(1.05 * ratio, 0.01) == ""
-    assert likely_mistake(1.3 * ratio, 1.0) == ""
+    assert explain_ratio(ratio, 0.0) == words
+    assert explain_ratio(1.009 * ratio, 0.001) == words
+    assert explain_ratio(1.05 * ratio, 0.02) == words
+    assert explain_ratio(1.05 * ratio, 0.01) == ""
+    assert explain_ratio(1.3 * ratio, 1.0) == ""
 
 
 def test_another_ratio_has_no_name() -> None:
-    assert likely_mistake(2.3, 0.01) == ""
-    assert likely_mistake(1.0, 0.01) == ""
+    assert explain_ratio(2.3, 0.01) == ""
+    assert explain_ratio(1.0, 0.01) == ""
 
 
 def test_where_coordinates_lie_is_told_by_distance_sigma_and_side() -> None:
     sigma = np.array([0.02, 0.03, 0.05])
-    text = displaced(np.array([-26.1, 3.0, 0.0]), sigma)
+    text = describe_displacement(np.array([-26.1, 3.0, 0.0]), sigma)
     assert text == "26.27 m from where it was found (sigma 0.02 m), mostly to the west"
-    assert displaced(np.array([0.0, 0.0, 4.0]), sigma).endswith("(sigma 0.05 m), mostly above")
-    assert displaced(np.array([5.0, 5.0, 5.0]), sigma).endswith("to no one side")
-    assert displaced(np.array([0.0, 2e6, 0.0]), sigma).startswith("2000 km from")
-    assert likely_fault(np.array([0.0, 2e6, 0.0]), np.zeros(3))
-    assert not likely_fault(np.array([0.0, 200.0, 0.0]), np.zeros(3))
+    assert describe_displacement(np.array([0.0, 0.0, 4.0]), sigma).endswith(
+        "(sigma 0.05 m), mostly above"
+    )
+    assert describe_displacement(np.array([5.0, 5.0, 5.0]), sigma).endswith("to no one side")
+    assert describe_displacement(np.array([0.0, 2e6, 0.0]), sigma).startswith("2000 km from")
+    assert explain_coordinates(np.array([0.0, 2e6, 0.0]), np.zeros(3))
+    assert not explain_coordinates(np.array([0.0, 200.0, 0.0]), np.zeros(3))

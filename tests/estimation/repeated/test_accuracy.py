@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 from scipy.stats import binom, binomtest, chi2, ttest_1samp
 
-from uavgram.estimation.repeated.accuracy import accuracy_of, running_ratio, shares
+from uavgram.estimation.repeated.accuracy import (
+    compute_accuracy,
+    compute_running_ratio,
+    compute_share_intervals,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.simulation import Repetitions
 
@@ -31,7 +35,7 @@ def repetitions(error: Floats, sigma: float = 1.0, *, lost: tuple[int, ...] = ()
 
 def test_ranges_are_those_of_scipy() -> None:
     error = np.random.default_rng(1).normal(0.3, 2.0, (40, 3))
-    found = accuracy_of(repetitions(error))
+    found = compute_accuracy(repetitions(error))
     for k in range(3):
         interval = ttest_1samp(error[:, k], 0.0).confidence_interval(0.95)
         assert found.bias_range[k] == pytest.approx([interval.low, interval.high])
@@ -47,7 +51,7 @@ def test_ranges_are_those_of_scipy() -> None:
 
 
 def test_none_and_all_have_ranges_too() -> None:
-    share, ends = shares(np.array([0, 12]), np.array([12, 12]))
+    share, ends = compute_share_intervals(np.array([0, 12]), np.array([12, 12]))
     told = [binomtest(k, 12).proportion_ci(0.95, method="exact") for k in (0, 12)]
     assert share.tolist() == [0.0, 1.0]
     assert ends == pytest.approx(np.array([[one.low, one.high] for one in told]))
@@ -55,7 +59,7 @@ def test_none_and_all_have_ranges_too() -> None:
 
 def test_ranges_hold_the_truth_as_often_as_they_say() -> None:
     error = np.random.default_rng(2).normal(0.0, 1.0, (20, 4000))
-    found = accuracy_of(repetitions(error))
+    found = compute_accuracy(repetitions(error))
     for ends, true in ((found.bias_range, 0.0), (found.spread_range, 1.0), (found.z_range, 1.0)):
         held = int(((ends[:, 0] <= true) & (true <= ends[:, 1])).sum())
         assert binom.ppf(1e-4, 4000, 0.95) <= held <= binom.ppf(1 - 1e-4, 4000, 0.95)
@@ -65,15 +69,15 @@ def test_what_did_not_come_to_rest_is_not_counted() -> None:
     error = np.random.default_rng(3).normal(0.0, 1.0, (30, 2))
     wild = error.copy()
     wild[[4, 9]] = 1e6
-    found = accuracy_of(repetitions(wild, lost=(4, 9)))
-    kept = accuracy_of(repetitions(np.delete(error, [4, 9], axis=0)))
+    found = compute_accuracy(repetitions(wild, lost=(4, 9)))
+    kept = compute_accuracy(repetitions(np.delete(error, [4, 9], axis=0)))
     assert found.count.tolist() == [28, 28]
     assert found.spread == pytest.approx(kept.spread)
     assert repetitions(wild, lost=(4, 9)).unsettled == 2
 
 
 def test_without_any_value_there_is_nothing_to_say() -> None:
-    found = accuracy_of(repetitions(np.full((5, 1), np.nan)))
+    found = compute_accuracy(repetitions(np.full((5, 1), np.nan)))
     assert found.count.tolist() == [0]
     assert np.isnan([found.bias[0], found.spread[0], found.z[0], *found.coverage[0]]).all()
-    assert np.isnan(running_ratio(repetitions(np.full((5, 1), np.nan)), 5))
+    assert np.isnan(compute_running_ratio(repetitions(np.full((5, 1), np.nan)), 5))

@@ -19,7 +19,7 @@ from uavgram.pipeline.measure.compute import assembled_survey
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.stages.refine import refine
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
-from uavgram.synthetic.inputs import inputs_of
+from uavgram.synthetic.inputs import make_inputs
 from uavgram.synthetic.scenario import CameraSpec, FlightPlan, Scenario
 from uavgram.synthetic.survey import simulate
 
@@ -78,7 +78,7 @@ def known_but_the_pose(survey: Survey, *, shared: bool) -> Survey:
 
 def adjusted(repetition: int, *, shared: bool) -> tuple[Survey, Adjustment]:
     drawn = scenario(CAMERA_SIGMA if shared else (1e-9,) * 9)
-    inputs = inputs_of(simulate(drawn, repetition=repetition))
+    inputs = make_inputs(simulate(drawn, repetition=repetition))
     survey = assembled_survey(inputs, pose_frames(inputs)).survey
     survey = known_but_the_pose(survey, shared=shared)
     options = dataclasses.replace(inputs.project.solve, noise="stated", significance=1e-12)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.repeated.turns import turned
+from uavgram.estimation.repeated.turns import rotate
 from uavgram.estimation.solver.batched import backward, cholesky, forward
 
 
@@ -35,7 +35,7 @@ def test_turns_and_their_derivatives_are_those_of_scipy(angle: float) -> None:
     axis = rng.standard_normal((3, 20))
     vector = angle * axis / np.linalg.norm(axis, axis=0)
     base = Rotation.random(20, random_state=4)
-    rotation, by_vector = turned(base.as_matrix().transpose(1, 2, 0), vector)
+    rotation, by_vector = rotate(base.as_matrix().transpose(1, 2, 0), vector)
     told = (base * Rotation.from_rotvec(vector.T)).as_matrix()
     assert np.allclose(rotation.transpose(2, 0, 1), told, atol=1e-14)
     step = 1e-6

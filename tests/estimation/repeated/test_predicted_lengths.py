@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from uavgram.estimation.repeated.moved_errors import observed
-from uavgram.estimation.repeated.predicted_lengths import predict_lengths, slopes_of
+from uavgram.estimation.repeated.moved_errors import add_errors
+from uavgram.estimation.repeated.predicted_lengths import compute_slopes, predict_lengths
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.synthetic.study.photos import (
-    Photo,
-    Place,
+    StudyCell,
+    StudyPhoto,
     StudyScene,
-    exact_draw,
-    photo_cell,
-    photo_of,
+    make_exact_draw,
+    make_photo,
+    simulate_cell,
 )
 
 EVERYTHING = StudyScene(focal_share=0.01, centre_px=30.0, tape_scale=2e-3, tilt_deg=30.0)
@@ -25,8 +25,8 @@ NO_LOG_SIGMA = np.array([100.0, 100.0, 1000.0, 10.0, 10.0, 10.0])
 """Of the pose [m, rad]: so weak that it moves no length."""
 
 
-def lengths(photo: Photo, moved: np.ndarray, shifts: np.ndarray) -> np.ndarray:
-    draws = observed(photo.design, exact_draw(photo), moved, shifts)
+def lengths(photo: StudyPhoto, moved: np.ndarray, shifts: np.ndarray) -> np.ndarray:
+    draws = add_errors(photo.design, make_exact_draw(photo), moved, shifts)
     found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
     assert found.converged.all()
     ends = found.place_m[:, np.concatenate([photo.design.line, photo.pairs])]
@@ -35,13 +35,13 @@ def lengths(photo: Photo, moved: np.ndarray, shifts: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("has_log", [True, False])
 def test_slopes_are_what_each_error_does(*, has_log: bool) -> None:
-    photo = photo_of(EVERYTHING)
+    photo = make_photo(EVERYTHING)
     if not has_log:
         information = np.diag(NO_LOG_SIGMA**-2)
         photo = replace(
             photo, design=replace(photo.design, information=information, ground_root=None)
         )
-    slopes = slopes_of(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
+    slopes = compute_slopes(photo.design, make_exact_draw(photo), photo.place_m, photo.pairs)
     size = slopes.by_error.shape[1]
     known = len(photo.design.line) + 2 * len(photo.place_m)
     errors = np.arange(size)
@@ -61,10 +61,10 @@ def test_slopes_are_what_each_error_does(*, has_log: bool) -> None:
 def test_few_lengths_are_predicted_to_second_order() -> None:
     """Errors there are larger than first-order sigmas by more than 5 %."""
     scene = StudyScene(lines=2)
-    photo = photo_of(scene)
-    found = predict_lengths(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
+    photo = make_photo(scene)
+    found = predict_lengths(photo.design, make_exact_draw(photo), photo.place_m, photo.pairs)
     ratio = np.sqrt(np.mean(found.error_m**2 / found.variance))
     assert ratio > 1.06
-    cell = photo_cell(Place(curve="", at=0.0, label="", scene=scene), 1500)
+    cell = simulate_cell(StudyCell(curve="", at=0.0, label="", scene=scene), 1500)
     assert cell.ratio == pytest.approx(1.0, abs=0.04)
     assert cell.lost < 0.03 * cell.repetitions

@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-from uavgram.estimation.repeated.single_photo import adjust_photos, ground_places
+from uavgram.estimation.repeated.single_photo import adjust_photos, intersect_ground
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
 
@@ -100,6 +100,6 @@ def test_what_does_not_come_to_rest_is_marked_and_nothing_else_suffers() -> None
 def test_pixels_meet_the_ground_where_the_points_stand() -> None:
     scene = photo_scene(1, slope=True)
     pose = scene.center[None], scene.rotation[None]
-    place = ground_places(scene.design, scene.draws, pose)
+    place = intersect_ground(scene.design, scene.draws, pose)
     # A pixel is HEIGHT_M / 2250 m: the draw's noise, five sigmas of it on tilted ground.
     assert np.abs(place[0] - scene.ends_m).max() < 8 * 0.8 * HEIGHT_M / 2250

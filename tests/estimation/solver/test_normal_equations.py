@@ -48,8 +48,8 @@ def dense_jacobian(blocks: dict[str, Block], size: int) -> Floats:
 @pytest.fixture(params=["dense", "sparse", "points first"])
 def branch(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
     if request.param != "dense":
-        monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
-        monkeypatch.setattr(nested_dissection, "LEAF", 2)
+        monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", 0)
+        monkeypatch.setattr(nested_dissection, "LEAF_SIZE", 2)
     result: str = request.param
     return result
 
@@ -173,7 +173,7 @@ def test_a_row_may_name_an_unknown_twice(branch: str) -> None:
 def test_a_plan_serves_only_the_columns_it_was_made_for(
     dense_entries: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", dense_entries)
+    monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", dense_entries)
     rng = np.random.default_rng(1)
     one, other = (
         Block(np.zeros((9, 2)), rng.permuted(np.tile(np.arange(5), (9, 1)), axis=1)[:, :3], j)
@@ -193,7 +193,7 @@ def test_a_plan_serves_only_the_columns_it_was_made_for(
 def test_what_was_analysed_serves_the_next_adjustment_of_the_same_columns(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+    monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", 0)
     rng = np.random.default_rng(1)
     columns = rng.permuted(np.tile(np.arange(5), (9, 1)), axis=1)[:, :3]
     blocks = [
@@ -214,7 +214,7 @@ def test_what_was_analysed_serves_the_next_adjustment_of_the_same_columns(
 def test_covariances_of_unknowns_without_a_common_observation_are_not_guessed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+    monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", 0)
     chain = Block(np.zeros((4, 1)), np.array([[0, 1], [1, 2], [2, 3], [0, 1]]), np.ones((4, 1, 2)))
     chain.jacobian[3, 0, 1] = -1.0
     covariance = NormalEquations([chain], 4).factor().covariance()
@@ -236,8 +236,8 @@ class Dirty:
 def test_a_deep_tree_of_fronts_gives_the_dense_inverse(
     monkeypatch: pytest.MonkeyPatch, block_size: int, border: int
 ) -> None:
-    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
-    monkeypatch.setattr(nested_dissection, "LEAF", 2)
+    monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", 0)
+    monkeypatch.setattr(nested_dissection, "LEAF_SIZE", 2)
     monkeypatch.setattr(cholesky, "np", Dirty())
     rng = np.random.default_rng(block_size)
     side = 9

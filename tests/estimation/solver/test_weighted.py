@@ -6,7 +6,7 @@ import pytest
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.solver.sparse.structure import Structure
-from uavgram.estimation.solver.weighted import Weighted
+from uavgram.estimation.solver.weighted import WeightedProblem
 from uavgram.model.arrays import Floats
 
 SIZE = 6
@@ -31,10 +31,10 @@ def written_out(block: Block) -> tuple[Floats, Floats]:
 def test_minimum_determinant_and_leverage_are_those_of_the_whole_problem(
     monkeypatch: pytest.MonkeyPatch, entries: int, others: int
 ) -> None:
-    monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", entries)
+    monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", entries)
     rng = np.random.default_rng(3)
     groups, rest = [rows(rng, 9, 2), rows(rng, 7, 1)], [rows(rng, others, 3)] if others else []
-    weighted = Weighted(groups, rest, SIZE, Structure.plain(SIZE))
+    weighted = WeightedProblem(groups, rest, SIZE, Structure.plain(SIZE))
     for weight in (np.array([1.0, 1.0]), np.array([0.04, 30.0])):
         every = [written_out(block) for block in (*groups, *rest)]
         root = np.repeat(np.sqrt([*weight, 1.0][: len(every)]), [len(r) for r, _ in every])

@@ -15,7 +15,7 @@ from scenes import make_scene
 from uavgram.estimation.solver.normal_equations import NormalEquations
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.known import KnownThing
@@ -74,7 +74,7 @@ def _to_the_end(adjustment: Adjustment) -> tuple[State, NormalEquations]:
         blocks = problem.evaluate(state)
         assert blocks is not None
         normal = NormalEquations(list(blocks.values()), layout.size)
-        state = advance(layout, state, -normal.factor().solve(normal.gradient))
+        state = advance_state(layout, state, -normal.factor().solve(normal.gradient))
     return state, normal
 
 

@@ -9,7 +9,11 @@ import pytest
 from scenes import make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.ground_planes import GroundPlanes, area_centroids, first_planes
+from uavgram.estimation.survey.ground_planes import (
+    GroundPlanes,
+    compute_area_centroids,
+    make_first_planes,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
@@ -47,14 +51,14 @@ def test_a_plane_that_is_the_gauge_is_no_unknown(survey: Survey) -> None:
 
 
 def test_first_planes_lie_as_far_apart_as_stated(survey: Survey) -> None:
-    np.testing.assert_allclose(first_planes(survey.grounds, 7.0), [7.0, 0, 0, 7.4, 0, 0])
+    np.testing.assert_allclose(make_first_planes(survey.grounds, 7.0), [7.0, 0, 0, 7.4, 0, 0])
 
 
 def test_an_area_that_lost_its_points_has_the_middle_of_the_scene(survey: Survey) -> None:
     alone = replace(survey, area=np.zeros(5, dtype=int))
     point = np.arange(10.0).reshape(5, 2)
-    np.testing.assert_array_equal(area_centroids(alone, point), [[4.0, 5.0]] * 2)
-    np.testing.assert_array_equal(area_centroids(survey, point), [[4.0, 5.0], [4.0, 5.0]])
+    np.testing.assert_array_equal(compute_area_centroids(alone, point), [[4.0, 5.0]] * 2)
+    np.testing.assert_array_equal(compute_area_centroids(survey, point), [[4.0, 5.0], [4.0, 5.0]])
 
 
 def points_of(roughness: float) -> tuple[Adjustment, Floats]:

@@ -14,7 +14,7 @@ from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.neighbours import _part
 from uavgram.estimation.survey.selection import select_picks
-from uavgram.estimation.survey.unknowns import between, move
+from uavgram.estimation.survey.unknowns import apply_increment, compute_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
@@ -42,15 +42,15 @@ def test_every_jacobian_equals_central_differences(roughness: float) -> None:
     size = 0.003 * np.random.default_rng(1).normal(size=layout.size)
     start = beginning(problem, scene.truth)
     start = replace(start, picked=start.point[survey.identified])
-    state = move(layout, start, size)
+    state = apply_increment(layout, start, size)
     blocks = problem.evaluate(state)
 
     assert blocks is not None
     assert layout.picked == len(survey.label) - 2
-    assert between(layout, start, state) == pytest.approx(size)
+    assert compute_increment(layout, start, state) == pytest.approx(size)
     names = ("pixels", "matches", "identification", "linked")
     ends = [
-        [problem.evaluate(move(layout, state, s * step)) for s in (1, -1)]
+        [problem.evaluate(apply_increment(layout, state, s * step)) for s in (1, -1)]
         for step in 1e-5 * np.eye(layout.size)
     ]
     for name in names:
@@ -73,7 +73,7 @@ def test_it_is_a_covariance_that_all_picks_of_a_label_share(
 ) -> None:
     """Against generalised least squares: offsets are in the covariance of picks, and no unknown."""
     if sparse:
-        monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+        monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", 0)
     made = make_scene(11, roughness=0.05, **alone)  # type: ignore[arg-type]
     survey = identified(picked_beside(made, SIGMA_M, 5).survey, targets=3)
     adjustment = refine(survey, STATED)[0].adjustment

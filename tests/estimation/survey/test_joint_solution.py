@@ -14,7 +14,7 @@ from scipy_likelihood import Oracle, central
 from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import Layout, State, advance, move
+from uavgram.estimation.survey.unknowns import Layout, State, advance_state, apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
@@ -104,7 +104,7 @@ def test_turning_steps_reach_the_same_minimum_in_half_the_number(
     steps = []
     for seed in range(30, 34):
         scene = make_scene(seed, labels=8, spread=7.0, **options)
-        straight, turning = settled(scene, move), settled(scene, advance)
+        straight, turning = settled(scene, apply_increment), settled(scene, advance_state)
         assert turning.converged
         assert turning.cost == pytest.approx(straight.cost, abs=1e-6)
         steps.append((straight.iterations, turning.iterations))
@@ -120,7 +120,7 @@ def test_a_turning_step_is_a_straight_one_to_first_order() -> None:
     step = np.random.default_rng(0).normal(size=layout.size)
     apart = []
     for size in (1e-3, 1e-4):
-        a, b = (way(layout, scene.truth, size * step) for way in (move, advance))
+        a, b = (way(layout, scene.truth, size * step) for way in (apply_increment, advance_state))
         parts = ("point", "center", "rotation", "intrinsic", "plane", "telemetry")
         apart.append(max(np.abs(getattr(a, p) - getattr(b, p)).max() for p in parts))
 
@@ -138,7 +138,7 @@ def test_sights_of_all_frames_have_the_covariance_of_each(
     monkeypatch: pytest.MonkeyPatch, options: dict[str, Any], *, sparse: bool
 ) -> None:
     if sparse:
-        monkeypatch.setattr(normal_equations, "DENSE_ENTRIES", 0)
+        monkeypatch.setattr(normal_equations, "MAX_DENSE_ENTRIES", 0)
     adjustment = refine(make_scene(3, frames=5, **options).survey, SolveOptions())[0].adjustment
     layout, lens = adjustment.problem.layout, adjustment.problem.intrinsic_basis
     plane = 0 if layout.free_gauge else 3

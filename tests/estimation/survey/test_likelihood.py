@@ -11,8 +11,8 @@ from scenes import make_scene
 from taped_scenes import read_on_tapes
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.likelihood import SurveyProblem, covariance_root
-from uavgram.estimation.survey.unknowns import between, move
+from uavgram.estimation.survey.likelihood import SurveyProblem, compute_covariance_root
+from uavgram.estimation.survey.unknowns import apply_increment, compute_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import Along
 
@@ -49,7 +49,7 @@ def test_every_jacobian_equals_central_differences(case: str) -> None:
     layout = problem.layout
     rng = np.random.default_rng(1)
     truth = replace(scene.truth, relief=np.zeros(layout.relief))
-    state = move(layout, truth, 0.01 * rng.normal(size=layout.size))
+    state = apply_increment(layout, truth, 0.01 * rng.normal(size=layout.size))
     blocks = problem.evaluate(state)
 
     assert blocks is not None
@@ -61,8 +61,8 @@ def test_every_jacobian_equals_central_differences(case: str) -> None:
         for h, names in ((1e-5, blocks.keys() - {"gauge"}), (1e-6, blocks.keys() & {"gauge"})):
             step = np.zeros(layout.size)
             step[column] = h
-            ahead = problem.evaluate(move(layout, state, step)) if names else {}
-            behind = problem.evaluate(move(layout, state, -step)) if names else {}
+            ahead = problem.evaluate(apply_increment(layout, state, step)) if names else {}
+            behind = problem.evaluate(apply_increment(layout, state, -step)) if names else {}
             assert ahead is not None
             assert behind is not None
             for name in names:
@@ -104,7 +104,7 @@ def test_a_point_behind_its_camera_makes_the_state_impossible() -> None:
 def test_the_root_of_a_singular_covariance_leaves_out_what_is_known_exactly() -> None:
     covariance = np.diag([4.0, 0.0, 9e-8])
     covariance[0, 2] = covariance[2, 0] = 1e-4
-    root = covariance_root(covariance)
+    root = compute_covariance_root(covariance)
 
     assert root.shape == (3, 2)
     np.testing.assert_allclose(root @ root.T, covariance, rtol=1e-12, atol=1e-20)
@@ -114,6 +114,8 @@ def test_between_undoes_a_move() -> None:
     scene = make_scene(3, control=3, gauge="world")
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     step = 0.3 * np.random.default_rng(1).normal(size=problem.layout.size)
-    moved = move(problem.layout, scene.truth, step)
+    moved = apply_increment(problem.layout, scene.truth, step)
 
-    np.testing.assert_allclose(between(problem.layout, scene.truth, moved), step, atol=1e-12)
+    np.testing.assert_allclose(
+        compute_increment(problem.layout, scene.truth, moved), step, atol=1e-12
+    )

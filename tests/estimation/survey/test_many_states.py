@@ -13,9 +13,9 @@ from rolling_scenes import read_in_rows
 from scenes import Scene, make_scene
 from taped_scenes import read_on_tapes
 
-from uavgram.estimation.solver.normal_equations import gradient_of
+from uavgram.estimation.solver.normal_equations import compute_gradient
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import State, move, stacked
+from uavgram.estimation.survey.unknowns import State, apply_increment, stack
 
 
 def problem_of(scene: Scene) -> tuple[SurveyProblem, State]:
@@ -49,12 +49,12 @@ def test_residuals_and_derivatives_are_those_of_each_state(name: str) -> None:
     problem, truth = problem_of(scene_of(name))
     layout = problem.layout
     steps = 0.003 * np.random.default_rng(1).normal(size=(3, layout.size))
-    together = problem.evaluate(move(layout, truth, steps))
+    together = problem.evaluate(apply_increment(layout, truth, steps))
     assert together is not None
-    gradient = gradient_of(together.values(), layout.size)
+    gradient = compute_gradient(together.values(), layout.size)
 
     for row, step in enumerate(steps):
-        alone = problem.evaluate(move(layout, truth, step))
+        alone = problem.evaluate(apply_increment(layout, truth, step))
         assert alone is not None
         assert alone.keys() == together.keys()
         for group, block in alone.items():
@@ -65,7 +65,7 @@ def test_residuals_and_derivatives_are_those_of_each_state(name: str) -> None:
             np.testing.assert_allclose(jacobian, block.jacobian, atol=near, err_msg=group)
             near = 1e-10 * (1.0 + np.abs(block.residual).max())
             np.testing.assert_allclose(own.residual[row], block.residual, atol=near, err_msg=group)
-        expected = gradient_of(alone.values(), layout.size)
+        expected = compute_gradient(alone.values(), layout.size)
         np.testing.assert_allclose(gradient[row], expected, atol=1e-10 * np.abs(expected).max())
 
 
@@ -73,5 +73,5 @@ def test_one_impossible_state_makes_all_of_them_impossible() -> None:
     problem, truth = problem_of(make_scene(5, noise=0.0))
     flipped = replace(truth, rotation=truth.rotation @ np.diag([1.0, -1.0, -1.0]))
 
-    assert problem.evaluate(stacked([truth, truth])) is not None
-    assert problem.evaluate(stacked([truth, flipped])) is None
+    assert problem.evaluate(stack([truth, truth])) is not None
+    assert problem.evaluate(stack([truth, flipped])) is None

@@ -11,12 +11,12 @@ import pytest
 from uavgram.estimation.survey.unknowns import (
     Layout,
     State,
-    advance,
-    between,
-    move,
-    some,
-    stacked,
-    unstacked,
+    advance_state,
+    apply_increment,
+    compute_increment,
+    select_states,
+    stack,
+    unstack,
 )
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats
@@ -34,7 +34,7 @@ LAYOUTS = {
 
 
 @pytest.mark.parametrize("name", LAYOUTS)
-@pytest.mark.parametrize("way", [move, advance])
+@pytest.mark.parametrize("way", [apply_increment, advance_state])
 def test_each_state_is_that_of_its_own_step(
     name: str, way: Callable[[Layout, State, Floats], State]
 ) -> None:
@@ -54,7 +54,7 @@ def test_each_state_is_that_of_its_own_step(
     )
     steps = 0.1 * rng.normal(size=(6, layout.size))
 
-    together = list(unstacked(way(layout, state, steps)))
+    together = list(unstack(way(layout, state, steps)))
 
     assert len(together) == len(steps)
     for found, step in zip(together, steps, strict=True):
@@ -77,14 +77,16 @@ def test_states_that_stand_together_move_each_by_its_own_step() -> None:
         for _ in range(3)
     ]  # fmt: skip
     steps = 0.1 * rng.normal(size=(3, layout.size))
-    ends = advance(layout, stacked(begin), steps)
+    ends = advance_state(layout, stack(begin), steps)
 
-    for own, end, step in zip(begin, unstacked(ends), steps, strict=True):
-        apart = between(layout, advance(layout, own, step), end)
+    for own, end, step in zip(begin, unstack(ends), steps, strict=True):
+        apart = compute_increment(layout, advance_state(layout, own, step), end)
         np.testing.assert_allclose(apart, 0.0, atol=1e-12)
-    back = between(layout, stacked(begin), ends)
+    back = compute_increment(layout, stack(begin), ends)
     for row, own in enumerate(begin):
-        np.testing.assert_allclose(back[row], between(layout, own, some(ends, row)), atol=1e-12)
+        np.testing.assert_allclose(
+            back[row], compute_increment(layout, own, select_states(ends, row)), atol=1e-12
+        )
 
 
 def test_no_steps_lead_nowhere() -> None:
@@ -93,4 +95,4 @@ def test_no_steps_lead_nowhere() -> None:
         np.ones((5, 2)) * np.arange(5)[:, None], np.zeros((4, 3)), np.tile(np.eye(3), (4, 1, 1)),
         np.zeros(3), np.zeros(3), np.zeros(2), np.zeros(12), np.zeros(1),
     )  # fmt: skip
-    assert not list(unstacked(advance(layout, state, np.zeros((0, layout.size)))))
+    assert not list(unstack(advance_state(layout, state, np.zeros((0, layout.size)))))

@@ -9,14 +9,14 @@ from rolling_scenes import read_in_rows
 from scenes import NO_TIMES, make_scene
 from taped_scenes import read_on_tapes
 
-from uavgram.estimation.measuring.propagation import propagate, values_at
-from uavgram.estimation.measuring.second_order import REACH, curvature
-from uavgram.estimation.solver.normal_equations import Block, gradient_of
+from uavgram.estimation.measuring.propagation import compute_values, propagate
+from uavgram.estimation.measuring.second_order import MOVE_SIGMAS, compute_curvature
+from uavgram.estimation.solver.normal_equations import Block, compute_gradient
 from uavgram.estimation.survey import moved as of_moved
 from uavgram.estimation.survey import neighbours as of_near
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import Asked, moved, refit, with_errors
-from uavgram.estimation.survey.neighbours import groups, neighbourhood
+from uavgram.estimation.survey.moved import Functionals, add_errors, readjust_moved, refit
+from uavgram.estimation.survey.neighbours import find_neighbourhood, split_into_groups
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import SolveOptions
@@ -47,30 +47,32 @@ def moved_by(block: Block, step: Floats) -> Floats:
     return moved
 
 
-@pytest.mark.parametrize("straight", [0.0, of_moved.STRAIGHT], ids=["mixed", "one step"])
+@pytest.mark.parametrize(
+    "straight", [0.0, of_moved.MAX_NONLINEARITY_AT_END], ids=["mixed", "one step"]
+)
 def test_values_of_moved_observations_are_those_of_the_survey_adjusted_anew(
     adjustment: Adjustment, straight: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(of_moved, "STRAIGHT", straight)
+    monkeypatch.setattr(of_moved, "MAX_NONLINEARITY_AT_END", straight)
     requests = distances(adjustment.survey, 4)
     measured = propagate(adjustment, requests, NO_TIMES)
-    near = neighbourhood(adjustment, np.arange(4))
-    steps = REACH * (measured.solved / measured.sigma).T
-    asked = Asked(
+    near = find_neighbourhood(adjustment, np.arange(4))
+    steps = MOVE_SIGMAS * (measured.solved / measured.sigma).T
+    asked = Functionals(
         gradient=measured.gradient.toarray().T / measured.sigma[:, None],
         solved=measured.solved.T / measured.sigma[:, None],
         of=np.eye(len(requests), dtype=np.bool_),
     )
-    found = moved(near, adjustment.minimum.factor, steps, asked)
+    found = readjust_moved(near, adjustment.minimum.factor, steps, asked)
     for row, request in enumerate(requests):
         state = found.states[row]
         assert state is not None
-        value = values_at(near.problem, state, (request,), NO_TIMES)[0]
+        value = compute_values(near.problem, state, (request,), NO_TIMES)[0]
         blocks = adjustment.minimum.blocks
         errors = {name: moved_by(block, steps[row]) for name, block in blocks.items()}
         alone = refit(adjustment, errors, 1e-12)
         assert alone is not None
-        truth = values_at(adjustment.problem, alone, (request,), NO_TIMES)[0]
+        truth = compute_values(adjustment.problem, alone, (request,), NO_TIMES)[0]
         sigma = measured.sigma[row]
         assert value + found.rest[row, row] * sigma == pytest.approx(truth, abs=0.01 * sigma)
 
@@ -79,18 +81,18 @@ def test_what_the_last_step_leaves_is_told(
     adjustment: Adjustment, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """After a step of twelve sigmas alone: by how much the next one would move each value."""
-    monkeypatch.setattr(of_moved, "STRAIGHT", np.inf)
+    monkeypatch.setattr(of_moved, "MAX_NONLINEARITY_AT_END", np.inf)
     requests = distances(adjustment.survey, 4)
     measured = propagate(adjustment, requests, NO_TIMES)
     sigma, size = measured.sigma, adjustment.problem.layout.size
     steps = 12.0 * (measured.solved / sigma).T
-    asked = Asked(
+    asked = Functionals(
         gradient=np.zeros((len(requests), size)),
         solved=measured.solved.T / sigma[:, None],
         of=np.eye(len(requests), dtype=np.bool_),
     )
-    near = neighbourhood(adjustment, np.arange(4))
-    found = moved(near, adjustment.minimum.factor, steps, asked)
+    near = find_neighbourhood(adjustment, np.arange(4))
+    found = readjust_moved(near, adjustment.minimum.factor, steps, asked)
     for row, state in enumerate(found.states):
         assert state is not None
         blocks = adjustment.problem.evaluate(state)
@@ -98,7 +100,7 @@ def test_what_the_last_step_leaves_is_told(
         errors = {
             name: moved_by(block, steps[row]) for name, block in adjustment.minimum.blocks.items()
         }
-        gradient = gradient_of(with_errors(blocks, errors).values(), size)
+        gradient = compute_gradient(add_errors(blocks, errors).values(), size)
         further = -adjustment.minimum.factor.solve(gradient)
         by_it = measured.gradient[:, [row]].toarray()[:, 0] @ further / sigma[row]
         assert abs(by_it) > 0.01
@@ -128,9 +130,9 @@ def dense(block: Block, columns: Ints, size: int) -> Floats:
 
 def test_a_part_of_a_survey_says_what_the_whole_says_of_it(monkeypatch: pytest.MonkeyPatch) -> None:
     adjustment = adjusted(with_all_sorts())
-    monkeypatch.setattr(of_near, "FEW", 0)
-    monkeypatch.setattr(of_near, "RINGS", 1)
-    near = neighbourhood(adjustment, np.array([0]))
+    monkeypatch.setattr(of_near, "MAX_PHOTOS_FOR_WHOLE", 0)
+    monkeypatch.setattr(of_near, "RING_COUNT", 1)
+    near = find_neighbourhood(adjustment, np.array([0]))
     part, whole = near.problem.evaluate(near.state), adjustment.minimum.blocks
     assert part is not None
     assert len(part["pixels"].residual) < len(whole["pixels"].residual)
@@ -151,17 +153,17 @@ def test_second_order_near_by_is_that_of_the_whole_survey(monkeypatch: pytest.Mo
     adjustment = adjusted(survey)
     requests = distances(survey, 6)
     measured = propagate(adjustment, requests, NO_TIMES)
-    whole = curvature(adjustment, measured, NO_TIMES)
-    monkeypatch.setattr(of_near, "FEW", 0)
-    assert len(neighbourhood(adjustment, np.arange(2)).problem.survey.frame_id) < 10
-    part = curvature(adjustment, measured, NO_TIMES)
+    whole = compute_curvature(adjustment, measured, NO_TIMES)
+    monkeypatch.setattr(of_near, "MAX_PHOTOS_FOR_WHOLE", 0)
+    assert len(find_neighbourhood(adjustment, np.arange(2)).problem.survey.frame_id) < 10
+    part = compute_curvature(adjustment, measured, NO_TIMES)
     np.testing.assert_allclose(part.sigma, whole.sigma, rtol=0.01)
     np.testing.assert_allclose(part.bias, whole.bias, atol=0.01 * measured.sigma.max())
 
 
 def test_groups_hold_everything_once_and_lie_together() -> None:
     place = np.random.default_rng(3).uniform(0, 100, (200, 2))
-    found = groups(place, 16)
+    found = split_into_groups(place, 16)
     assert sorted(np.concatenate(found).tolist()) == list(range(200))
     assert max(map(len, found)) <= 16
     assert np.mean([np.ptp(place[rows], axis=0).max() for rows in found]) < 50

@@ -10,7 +10,11 @@ from off_ground import with_third_coordinates
 from scenes import make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.neighbours import NEIGHBOURS, drawn_variances, neighbours
+from uavgram.estimation.survey.neighbours import (
+    NEIGHBOUR_COUNT,
+    estimate_variances,
+    find_neighbours,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
@@ -44,9 +48,9 @@ def test_it_is_the_median_of_the_nearest_distances_sigmas() -> None:
     )
     sigma = np.sqrt(np.einsum("abi,ij,abj->ab", by, joint, by))
 
-    found = neighbours(adjustment)
+    found = find_neighbours(adjustment)
     for k in range(9):
-        nearest = np.argsort(distances(place)[k])[1 : NEIGHBOURS + 1]
+        nearest = np.argsort(distances(place)[k])[1 : NEIGHBOUR_COUNT + 1]
         np.testing.assert_array_equal(found.row[k], nearest)
         np.testing.assert_allclose(found.distance_sigma_m[k], sigma[k, nearest], rtol=1e-5)
         assert found.sigma_m[k] == np.median(found.distance_sigma_m[k])
@@ -72,7 +76,7 @@ def test_a_far_point_that_one_photo_shows_changes_no_other_points_rating() -> No
 
     assert np.max(gauge[1] / gauge[0]) > 1.2  # of the datum of all points
     np.testing.assert_allclose(
-        neighbours(after).sigma_m[:12], neighbours(before).sigma_m, rtol=0.01
+        find_neighbours(after).sigma_m[:12], find_neighbours(before).sigma_m, rtol=0.01
     )
 
 
@@ -84,7 +88,9 @@ def test_it_is_the_same_whichever_photo_is_the_origin() -> None:
     one, other = adjusted(survey), adjusted(turned)
 
     assert not np.allclose(one.points()[1], other.points()[1], rtol=0.1)
-    np.testing.assert_allclose(neighbours(one).sigma_m, neighbours(other).sigma_m, rtol=1e-3)
+    np.testing.assert_allclose(
+        find_neighbours(one).sigma_m, find_neighbours(other).sigma_m, rtol=1e-3
+    )
 
 
 def test_draws_tell_the_same_to_their_own_error() -> None:
@@ -92,14 +98,14 @@ def test_draws_tell_the_same_to_their_own_error() -> None:
     gradient, columns = adjustment.points_with_jacobian(np.arange(12))[1:]
     exact = adjustment.points()[1][:, 0, 0]
     minimum = adjustment.minimum
-    drawn = drawn_variances(minimum.factor, minimum.blocks.values(), columns, gradient[:, 0])
+    drawn = estimate_variances(minimum.factor, minimum.blocks.values(), columns, gradient[:, 0])
 
     np.testing.assert_allclose(np.sqrt(drawn / exact), 1.0, atol=5 * 0.0625)
 
 
 @pytest.mark.parametrize("labels", [2, 3])
 def test_few_points_are_rated_by_those_there_are(labels: int) -> None:
-    few = neighbours(adjusted(make_scene(1, labels=labels, control=2, lines=1).survey))
+    few = find_neighbours(adjusted(make_scene(1, labels=labels, control=2, lines=1).survey))
 
     assert few.row.shape == (labels, labels - 1)
     assert (few.sigma_m > 0).all()

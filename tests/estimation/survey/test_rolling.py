@@ -9,11 +9,11 @@ import pytest
 from rolling_scenes import NOMINAL, read_in_rows, true_motion
 from scenes import Scene, make_scene
 
-from uavgram.estimation.measuring.predicted_pixels import pixels_at
+from uavgram.estimation.measuring.predicted_pixels import predict_pixels
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.rolling import with_readout
-from uavgram.estimation.survey.unknowns import move
+from uavgram.estimation.survey.rolling import add_readout
+from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.geometry.motion.camera_motion import camera_motion
 from uavgram.model.arrays import Floats
@@ -58,7 +58,7 @@ def test_every_jacobian_equals_central_differences() -> None:
     problem = problem_of(scene)
     layout = problem.layout
     change = 0.01 * np.random.default_rng(1).normal(size=layout.size)
-    state = move(layout, scene.truth, change)
+    state = apply_increment(layout, scene.truth, change)
     blocks = problem.evaluate(state)
 
     assert blocks is not None
@@ -69,7 +69,9 @@ def test_every_jacobian_equals_central_differences() -> None:
         for column in range(layout.size):
             step = np.zeros(layout.size)
             step[column] = 1e-5
-            ahead, behind = (problem.evaluate(move(layout, state, s * step)) for s in (1, -1))
+            ahead, behind = (
+                problem.evaluate(apply_increment(layout, state, s * step)) for s in (1, -1)
+            )
             assert ahead is not None
             assert behind is not None
             numeric[:, :, column] = (ahead[name].residual - behind[name].residual) / 2e-5
@@ -98,7 +100,7 @@ def test_the_adjustment_finds_it_and_predicts_the_pixels(exact: Scene) -> None:
     residual = adjustment.minimum.blocks["pixels"].residual * survey.pick_sigma_px[:, None]
     predicted = adjustment.pixels(survey.pick_frame, survey.pick_label)
     np.testing.assert_allclose(predicted, survey.pixel_px + residual, atol=0.01)
-    again, covariance = pixels_at(adjustment, survey.pick_frame, survey.pick_label)
+    again, covariance = predict_pixels(adjustment, survey.pick_frame, survey.pick_label)
     np.testing.assert_allclose(again, predicted, atol=0.01)
     assert (np.linalg.eigvalsh(covariance) > 0).all()
 
@@ -122,12 +124,12 @@ def test_it_is_left_out_where_it_says_nothing(exact: Scene) -> None:
     def rolling(value_s: float, sigma_s: float) -> object:
         known = Readout(value_s=value_s, sigma_s=sigma_s)
         calibration = replace(exact.survey.calibration, readout=known)
-        return with_readout(replace(exact.survey, calibration=calibration), NOMINAL).rolling
+        return add_readout(replace(exact.survey, calibration=calibration), NOMINAL).rolling
 
     assert rolling(0.0, 0.0) is None  # a shutter that exposes all rows at once
     assert rolling(0.0, 1e-5) is None  # nobody would feel it
     assert rolling(0.03, 0.0) is not None  # known, and felt
-    assert with_readout(replace(exact.survey, track=None, telemetry=None), NOMINAL).rolling is None
+    assert add_readout(replace(exact.survey, track=None, telemetry=None), NOMINAL).rolling is None
 
 
 def test_a_readout_that_no_camera_has_is_left_out_and_said(exact: Scene) -> None:

@@ -12,7 +12,7 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import between, move
+from uavgram.estimation.survey.unknowns import apply_increment, compute_increment
 from uavgram.model.arrays import Floats
 
 
@@ -40,7 +40,7 @@ def test_every_jacobian_equals_central_differences(roughness: float, *, rolling:
     problem = SurveyProblem(found, scene.pivot, np.ones(6, dtype=bool))
     layout = problem.layout
     size = 0.003 * np.random.default_rng(1).normal(size=layout.size)
-    state = move(layout, beginning(problem, scene.truth), size)
+    state = apply_increment(layout, beginning(problem, scene.truth), size)
     blocks = problem.evaluate(state)
 
     assert blocks is not None
@@ -50,7 +50,9 @@ def test_every_jacobian_equals_central_differences(roughness: float, *, rolling:
     assert names <= set(blocks)
     numeric: dict[str, list[Floats]] = {name: [] for name in names}
     for step in 1e-5 * np.eye(layout.size):
-        ahead, behind = (problem.evaluate(move(layout, state, s * step)) for s in (1, -1))
+        ahead, behind = (
+            problem.evaluate(apply_increment(layout, state, s * step)) for s in (1, -1)
+        )
         assert ahead is not None
         assert behind is not None
         for name in names:
@@ -71,7 +73,9 @@ def test_between_undoes_a_move_of_tied_points_and_turning() -> None:
     start = beginning(problem, scene.truth)
     step = 0.01 * np.random.default_rng(2).normal(size=problem.layout.size)
 
-    assert between(problem.layout, start, move(problem.layout, start, step)) == pytest.approx(step)
+    assert compute_increment(
+        problem.layout, start, apply_increment(problem.layout, start, step)
+    ) == pytest.approx(step)
 
 
 def test_a_match_repeats_the_error_of_the_pick_that_it_was_found_from() -> None:

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from uavgram.errors import InputError
-from uavgram.estimation.measuring.transferred_pixels import Transferred
+from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matches import REASON_TEXTS, Matches, RefusalReason
 from uavgram.imaging.photos.grey_photos import GreyPhotos
@@ -89,7 +89,7 @@ class World:
             np.zeros((n, 0), np.int64),
             np.zeros((n, 2, 6)),
         )
-        found = Transferred(pick, image, np.full((n, 2), 50.0), both, both, *nothing)
+        found = TransferredPixels(pick, image, np.full((n, 2), 50.0), both, both, *nothing)
         label = tuple(picks.label[i] for i in pick)
         radius, row = np.full(n, self.radius_px), np.arange(n)
         Agreeing.wrong = self.wrong

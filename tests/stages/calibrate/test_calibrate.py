@@ -15,9 +15,9 @@ import pytest
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration import outliers
 from uavgram.estimation.calibration.adjustment import UndeterminedError
-from uavgram.estimation.calibration.outliers import Snooped
+from uavgram.estimation.calibration.outliers import CleanedFit
 from uavgram.estimation.calibration.problem import Corners, Lens, State
-from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
+from uavgram.estimation.calibration.projection_uncertainty import compute_length_sigmas
 from uavgram.model.camera.board import (
     BoardObservations,
     CalibrationOptions,
@@ -103,10 +103,10 @@ def wide_scene(seed: int) -> BoardObservations:
 def test_a_model_whose_coefficients_trade_places_is_no_choice_and_the_choice_says_so() -> None:
     observations = wide_scene(1)
     rational = calibrate(observations, CalibrationOptions(coefficients=8))
-    assert length_uncertainty(rational.calibration, tilt_rad=0.0).medians[0] > 1  # 170 %
+    assert compute_length_sigmas(rational.calibration, tilt_rad=0.0).medians[0] > 1  # 170 %
     result = calibrate(observations, CalibrationOptions(coefficients=0))
     assert result.options.coefficients < 8
-    assert length_uncertainty(result.calibration, tilt_rad=0.0).medians[0] < 0.01
+    assert compute_length_sigmas(result.calibration, tilt_rad=0.0).medians[0] < 0.01
     text = next(m.text for m in result.messages if m.code == "lens-model")
     assert "8 coefficients were no choice: the photos do not determine its coefficients" in text
     assert [bool(score.dropped) for score in result.models] == [False, False, True]
@@ -125,14 +125,14 @@ def test_candidates_that_the_photos_leave_undetermined_drop_out(
     """Whether 8 are regular is decided by rounding on some machines: any step may find it out."""
     scene = scenes.make_scene(2, scenes.BROWN3, photos=6)
 
-    def snoop(lens: Lens, *arguments: *tuple[Corners, State, CalibrationOptions]) -> Snooped:
+    def snoop(lens: Lens, *arguments: *tuple[Corners, State, CalibrationOptions]) -> CleanedFit:
         count = np.count_nonzero(np.abs(lens.basis).sum(axis=1)) - 4
         if count in lost:
             raise UndeterminedError(f"the photos do not determine k{count}")
-        return outliers.snoop(lens, *arguments)
+        return outliers.remove_outliers(lens, *arguments)
 
-    monkeypatch.setattr(choice, "snoop", snoop)
-    monkeypatch.setattr(choice, "simplest_good", lambda held: len(held) - 1)
+    monkeypatch.setattr(choice, "remove_outliers", snoop)
+    monkeypatch.setattr(choice, "choose_simplest", lambda held: len(held) - 1)
     result = calibrate(scene.observations, CalibrationOptions(coefficients=0))
     assert {score.coefficients for score in result.models if score.dropped} == lost
     text = next(m.text for m in result.messages if m.code == "lens-model")

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.outliers import Snooped, adjust_scaled
-from uavgram.estimation.calibration.problem import State, lens_of, pad
-from uavgram.estimation.calibration.reliability import photo_effect, photo_tests
-from uavgram.estimation.calibration.two_cameras import best_split
+from uavgram.estimation.calibration.outliers import CleanedFit, adjust_scaled
+from uavgram.estimation.calibration.problem import State, make_lens, pad
+from uavgram.estimation.calibration.reliability import compute_photo_tests, estimate_photo_effect
+from uavgram.estimation.calibration.two_cameras import find_best_split
 from uavgram.estimation.calibration.validation import HeldOut
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
@@ -27,10 +27,10 @@ def judged(observations: BoardObservations, start: State) -> AssessedCalibration
     """Adjusted from the truth, as one camera on a flat board."""
     options = CalibrationOptions()
     corners = pad(observations, options.bow)
-    fit, scale = adjust_scaled(lens_of(options), corners, start, options)
+    fit, scale = adjust_scaled(make_lens(options), corners, start, options)
     none = np.zeros(len(observations.photos))
-    snooped = Snooped(fit, scale, np.zeros(corners.weight.shape, bool), none > 0, none)
-    effect = photo_effect(fit, photo_tests(fit, "residuals"), 1.0)
+    snooped = CleanedFit(fit, scale, np.zeros(corners.weight.shape, bool), none > 0, none)
+    effect = estimate_photo_effect(fit, compute_photo_tests(fit, "residuals"), 1.0)
     held = HeldOut(none, none)
     return AssessedCalibration(observations, options, corners, snooped, fit, held, effect)
 
@@ -66,7 +66,7 @@ SHIFT = (0.0, 0.0, 15.0, -10.0, 0, 0, 0, 0, 0)
 
 @pytest.mark.parametrize("change", [ZOOM, SHIFT])
 def test_each_photo_is_put_with_its_own_camera(change: tuple[float, ...]) -> None:
-    split = best_split(two(1, change, 7, 9).fit)
+    split = find_best_split(two(1, change, 7, 9).fit)
 
     assert split is not None
     assert split.group.tolist() == [0] * 7 + [1] * 9
@@ -127,7 +127,7 @@ def test_a_bent_board_is_no_second_camera_however_it_was_held() -> None:
     found = held_in_two_ways(7, np.random.default_rng(7).normal(0, 0.1, 2))
 
     assert found.effect.probability < 0.01
-    split = best_split(found.fit)
+    split = find_best_split(found.fit)
     assert split is not None
     assert split.distance > 0.8  # as a flat board it would seem one
     assert refuse_two_cameras(found) == ()
@@ -152,10 +152,10 @@ def test_a_rolling_shutter_is_no_second_camera(seed: int) -> None:
 
 def test_photos_that_agree_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
     found = joined(scenes.make_scene(7, photos=10))
-    monkeypatch.setattr(two_cameras, "best_split", None)
+    monkeypatch.setattr(two_cameras, "find_best_split", None)
 
     assert refuse_two_cameras(found) == ()
 
 
 def test_too_few_photos_are_not_split() -> None:
-    assert best_split(joined(scenes.make_scene(8, photos=5)).fit) is None
+    assert find_best_split(joined(scenes.make_scene(8, photos=5)).fit) is None

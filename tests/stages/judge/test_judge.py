@@ -577,7 +577,9 @@ def test_tests_of_an_adjustment_not_at_rest_accuse_nobody(
 ) -> None:
     survey = changed(scene_factory(6, frames=2, lines=1).survey, "length_m", 0, 1.5)
     assert judge_suspects(examined(solve(survey)))  # at rest
-    monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
+    monkeypatch.setattr(
+        "uavgram.estimation.solver.levenberg_marquardt.MAX_UNDAMPED_REDUCTION", -1.0
+    )
     refined = solve(survey)
     withheld = lines_of(survey, np.zeros(1, dtype=bool))
     for lines, index, status in ((lines_of(survey), 0, "used"), (withheld, -1, "checked")):
@@ -683,8 +685,8 @@ def test_of_priors_that_nothing_parts_the_one_that_shows_is_named(
         seeds=replace(seeds, center_world_m=seeds.center_world_m + up),
     )
     found = examined(solve(wrong, noise="stated"))
-    (one,) = [each for each in found.suspicions if each.accused.kind == "position_bias"]
-    assert (one.accused.row, one.accused.axis) == (2, 0)
+    (one,) = [each for each in found.suspicions if each.suspect.kind == "position_bias"]
+    assert (one.suspect.row, one.suspect.axis) == (2, 0)
     others = {(each.kind, each.row) for each in (*one.group, *one.rivals)}
     assert not others & {("position_bias", 0), ("position_bias", 1), ("lever_arm", 2)}
     assert "position bias up" in " ".join(m.text for m in judge_suspects(found))

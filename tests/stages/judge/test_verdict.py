@@ -10,7 +10,7 @@ import pytest
 from scenes import NO_TIMES, make_scene
 
 from uavgram.estimation.measuring.propagation import propagate
-from uavgram.estimation.reliability.external import LARGEST_SIGMAS, UNSEEN_SIGMAS
+from uavgram.estimation.reliability.external import MAX_ERROR_SIGMAS, UNDETECTED_SIGMAS
 from uavgram.model.arrays import Ints
 from uavgram.model.catalogue.catalogue import CATALOGUE
 from uavgram.model.catalogue.entry import Effect
@@ -236,7 +236,7 @@ def test_a_wrong_length_puts_what_it_moves_in_doubt_without_any_common_label() -
         if not out:
             examined = run_tests(refined, values[out], 0.001)
     moved = np.abs(values[True].value - values[False].value) / values[False].sigma
-    assert examined.suspicions[0].accused.kind == "lengths"
+    assert examined.suspicions[0].suspect.kind == "lengths"
     assert moved.max() > 1.5  # so that the case says something
     assert is_moved(examined)[moved > 1.2].all()
 
@@ -294,7 +294,7 @@ def test_a_point_in_one_photo_is_not_checked_however_small_its_sigma() -> None:
     assert judged.verdict(message)[1] == ("not-checked", "ok")
     worst = judged.examined.weakest[0].unseen[0]
     assert worst.member.kind == "pixels"
-    assert worst.sigmas == pytest.approx(LARGEST_SIGMAS, rel=0.1)
+    assert worst.sigmas == pytest.approx(MAX_ERROR_SIGMAS, rel=0.1)
 
 
 def test_it_is_not_checked_however_large_the_sigma_of_the_value_is() -> None:
@@ -303,7 +303,7 @@ def test_it_is_not_checked_however_large_the_sigma_of_the_value_is() -> None:
     judged = _of_survey(replace(survey, length_sigma_m=np.full(len(survey.length_m), 20.0)))
     (worst,) = judged.examined.weakest[0].unseen[:1]
     per_sigma = worst.change / worst.sigmas / judged.examined.measured.sigma[0]
-    assert 41.0 * per_sigma < 5.0 < UNSEEN_SIGMAS < 1000.0 * per_sigma
+    assert 41.0 * per_sigma < 5.0 < UNDETECTED_SIGMAS < 1000.0 * per_sigma
     assert is_unchecked(judged.examined)[0]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.measuring.transferred_pixels import Transferred
+from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
 from uavgram.stages.match import (
     CONTRADICTED,
     REGION_SQUARED,
@@ -21,9 +21,9 @@ from uavgram.stages.match import (
 A, B = ("a.jpg", "P"), ("b.jpg", "P")
 
 
-def places(sigma_px: list[float], stretch: list[float]) -> Transferred:
+def places(sigma_px: list[float], stretch: list[float]) -> TransferredPixels:
     n = len(sigma_px)
-    return Transferred(
+    return TransferredPixels(
         click=np.arange(n),
         frame_id=("",) * n,
         pixel_px=np.zeros((n, 2)),

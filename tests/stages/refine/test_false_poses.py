@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scenes import Scene
 
-from uavgram.estimation.first_poses.homography import other_pose
+from uavgram.estimation.first_poses.homography import find_second_pose
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.model.survey.survey import Survey
@@ -38,7 +38,7 @@ def begun_falsely(survey: Survey, false: tuple[int, ...]) -> FirstValues:
     center, rotation = true.center.copy(), true.rotation.copy()
     for frame in false:
         seen = true.point_m[survey.pick_label[survey.pick_frame == frame]]
-        center[frame], rotation[frame] = other_pose((center[frame], rotation[frame]), seen)
+        center[frame], rotation[frame] = find_second_pose((center[frame], rotation[frame]), seen)
     return true._replace(center=center, rotation=rotation)
 
 

@@ -8,7 +8,7 @@ from off_ground import with_third_coordinates
 from scenes import make_scene
 
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
-from uavgram.estimation.survey.departures import heights_above_ground
+from uavgram.estimation.survey.departures import compute_heights
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
@@ -32,7 +32,7 @@ def test_exact_data_give_the_true_heights(setting: str) -> None:
     scene = make_scene(11, noise=0.0, heights=HEIGHTS, **SETTINGS[setting])  # type: ignore[arg-type]
     adjustment = adjusted(with_third_coordinates(scene, free=HEIGHTS).survey)
 
-    height, sigma = heights_above_ground(adjustment)
+    height, sigma = compute_heights(adjustment)
     for label, true in HEIGHTS.items():
         assert height[label] == pytest.approx(true, abs=1e-5)
         assert 0.001 < sigma[label] < 0.5
@@ -45,7 +45,7 @@ def test_heights_are_as_uncertain_as_stated() -> None:
     z = []
     for seed in range(40):
         scene = with_third_coordinates(make_scene(seed, heights=HEIGHTS), free=HEIGHTS)
-        height, sigma = heights_above_ground(adjusted(scene.survey))
+        height, sigma = compute_heights(adjusted(scene.survey))
         z += [(height[k] - true) / sigma[k] for k, true in HEIGHTS.items()]
 
     # 120 values that hang together by threes: within 3 sigma of 40 independent ones.
@@ -58,9 +58,9 @@ def test_a_stated_height_with_a_sigma_is_an_observation() -> None:
     loose = with_third_coordinates(scene, stated={0: 100.0})
     tight = with_third_coordinates(scene, stated={0: 1e-6})
     free = with_third_coordinates(scene, free=(0,))
-    exact = heights_above_ground(adjusted(scene.survey))[0][0]
+    exact = compute_heights(adjusted(scene.survey))[0][0]
 
-    found = [heights_above_ground(adjusted(one.survey)) for one in (loose, tight, free)]
+    found = [compute_heights(adjusted(one.survey)) for one in (loose, tight, free)]
     assert found[0][0][0] == pytest.approx(found[2][0][0], abs=1e-4)
     assert found[0][1][0] == pytest.approx(found[2][1][0], rel=1e-3)
     assert found[1][0][0] == pytest.approx(exact, abs=1e-6)
@@ -95,7 +95,7 @@ def test_a_length_to_the_ground_holds_a_point_that_one_photo_shows() -> None:
     scene = make_scene(11, frames=1, heights={0: 1.5}, ends=((0, 1), (0, 2), (3, 4)), noise=0.0)
     survey = with_third_coordinates(scene, free=(0,)).survey
 
-    height, sigma = heights_above_ground(adjusted(survey))
+    height, sigma = compute_heights(adjusted(survey))
     assert sigma[0] < 2.0  # by its ray alone it would be anywhere
     assert height[0] == pytest.approx(1.5, abs=3 * sigma[0])
 
@@ -105,6 +105,6 @@ def test_a_short_length_does_not_hold_a_point_on_the_wrong_side() -> None:
     scene = make_scene(3033, heights=HEIGHTS, ends=((6, 8), (6, 4), (3, 4), (1, 6), (3, 8), (3, 2)))
     adjustment = adjusted(with_third_coordinates(scene, free=HEIGHTS).survey)
 
-    height, sigma = heights_above_ground(adjustment)
+    height, sigma = compute_heights(adjustment)
     assert height[4] == pytest.approx(0.6, abs=4 * sigma[4])
     assert adjustment.variance_factor < 2.0

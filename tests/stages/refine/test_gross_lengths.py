@@ -251,7 +251,9 @@ def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_a_warnin
 def test_a_run_that_does_not_come_to_rest_names_no_reading(
     scene_factory: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavgram.estimation.solver.levenberg_marquardt.AT_REST", -1.0)
+    monkeypatch.setattr(
+        "uavgram.estimation.solver.levenberg_marquardt.MAX_UNDAMPED_REDUCTION", -1.0
+    )
     survey = logged(scene_factory(2, frames=2, ends=PAIRS))
     pixel = np.array(survey.pixel_px)
     pixel[7, 0] += 5.0  # more, and it leaves as a gross error

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from place_only_scenes import PlaceOnly, place_only
 
-from uavgram.estimation.reliability.data_snooping import suspicions
-from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.reliability.data_snooping import find_suspicions
+from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.model.options import GroundOptions, SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import refine
@@ -43,7 +43,7 @@ def test_a_gross_pick_is_named_alone(frames: int, off_px: float) -> None:
     assert int(far) == pytest.approx(off_px, abs=10)
     assert np.abs(adjustment.minimum.blocks["roughness"].residual).max() < 4.0
     assert np.abs(scene.pose_errors(adjustment)).max() < 3.5
-    assert len(list(suspicions(adjustment, observed(adjustment), 1e-4))) == 0
+    assert len(list(find_suspicions(adjustment, compute_test_statistics(adjustment), 1e-4))) == 0
 
 
 @pytest.mark.parametrize("off_px", [8.0, 15.0])
@@ -54,7 +54,7 @@ def test_a_moderate_pick_is_left_out_or_reported_first(off_px: float) -> None:
         assert list(refined.pick_reason) == [pick]
         return
     adjustment = refined.adjustment
-    accused = next(suspicions(adjustment, observed(adjustment), 0.001)).accused
+    accused = next(find_suspicions(adjustment, compute_test_statistics(adjustment), 0.001)).suspect
     assert (accused.kind, refined.pick_index[accused.row]) == ("pixels", pick)
 
 

@@ -14,7 +14,7 @@ from tied_surveys import TiedSurvey, tied_survey
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.ground import ThirdCoordinate
 from uavgram.estimation.survey.selection import select_picks
-from uavgram.estimation.survey.unknowns import move
+from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import GroundConstraints
@@ -162,7 +162,7 @@ def test_derivatives_of_heights_beside_labels() -> None:
     problem = SurveyProblem(survey, scene.pivot, np.ones(len(survey.line_start), dtype=bool))
     size = problem.layout.size
     step = 0.01 * np.random.default_rng(2).normal(size=size)
-    state = move(problem.layout, beginning(problem, scene.truth), step)
+    state = apply_increment(problem.layout, beginning(problem, scene.truth), step)
     blocks = problem.evaluate(state)
     assert blocks is not None
     block = blocks["beside"]
@@ -172,7 +172,10 @@ def test_derivatives_of_heights_beside_labels() -> None:
     for column in np.unique(block.columns):
         step = np.zeros(size)
         step[column] = 1e-5
-        both = [problem.evaluate(move(problem.layout, state, side * step)) for side in (1, -1)]
+        both = [
+            problem.evaluate(apply_increment(problem.layout, state, side * step))
+            for side in (1, -1)
+        ]
         ahead, behind = (each["beside"].residual[:, 0] for each in both if each is not None)
         numeric[:, column] = (ahead - behind) / 2e-5
     np.testing.assert_allclose(analytic, numeric, atol=1e-5 * np.abs(analytic).max())

@@ -17,7 +17,7 @@ from tied_flights import Conditions, tied_flight
 from tied_surveys import TiedSurvey, tied_survey
 
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.estimation.survey.departures import heights_above_ground
+from uavgram.estimation.survey.departures import compute_heights
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.result import Result
@@ -64,7 +64,7 @@ def names(labels: dict[int, float]) -> frozenset[str]:
 def errors(refined: Refined, true: dict[int, float]) -> np.ndarray:
     """Of the heights of labels, in their sigmas."""
     row = refined.adjustment.label_rows(f"P{k}" for k in true)
-    height, sigma = heights_above_ground(refined.adjustment)
+    height, sigma = compute_heights(refined.adjustment)
     return np.asarray((height[row] - list(true.values())) / sigma[row])
 
 
@@ -228,7 +228,7 @@ def test_a_point_in_two_photos_may_be_a_wrong_pick_and_the_message_says_so() -> 
 def test_the_message_carries_each_label_with_height_and_sigma() -> None:
     refined, messages = with_cars_refined(0, "report")
     (told,) = order_messages(*messages)
-    height, sigma = heights_above_ground(refined.adjustment)
+    height, sigma = compute_heights(refined.adjustment)
     row = refined.adjustment.label_rows(told.labels)
 
     assert told.level == "warning"

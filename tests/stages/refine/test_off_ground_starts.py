@@ -11,7 +11,7 @@ from off_ground import with_third_coordinates
 from scenes import Scene, make_scene
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.network import seen_lines
+from uavgram.estimation.first_poses.network import find_seen_lines
 from uavgram.estimation.survey.selection import select_picks
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
@@ -96,7 +96,7 @@ def test_lengths_to_points_off_the_ground_begin_no_pose() -> None:
         with_third_coordinates(replace(scene, survey=survey), free=CARS).survey,
         with_third_coordinates(replace(scene, survey=survey), stated={1: 1.0, 11: 1.0}).survey,
     ):
-        assert set(seen_lines(each).line.tolist()) == set(range(len(ENDS)))
+        assert set(find_seen_lines(each).line.tolist()) == set(range(len(ENDS)))
     assert stands_right(
         with_third_coordinates(replace(scene, survey=survey), free=CARS).survey, scene
     )

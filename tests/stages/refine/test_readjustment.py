@@ -8,7 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred, transferred
+from uavgram.estimation.measuring.transferred_pixels import (
+    PickedPixels,
+    TransferredPixels,
+    transfer_pixels,
+)
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.observations import Picks
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
@@ -56,9 +60,9 @@ def more(survey: LiveSurvey, base: Adjusted, row: int) -> MorePicks:
     return MorePicks((picks.label[row],), np.array([frame]), picks.pixel_px[[row]], SIGMA_PX)
 
 
-def carried(adjustment: Adjustment, new: MorePicks, survey: LiveSurvey) -> Transferred:
-    click = Clicked(new.frame, adjustment.label_rows(new.label), new.pixel_px)
-    return transferred(adjustment, survey.flight(), click)
+def carried(adjustment: Adjustment, new: MorePicks, survey: LiveSurvey) -> TransferredPixels:
+    click = PickedPixels(new.frame, adjustment.label_rows(new.label), new.pixel_px)
+    return transfer_pixels(adjustment, survey.flight(), click)
 
 
 def test_a_new_label_is_expected_where_the_full_adjustment_expects_it(

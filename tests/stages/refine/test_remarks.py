@@ -8,7 +8,7 @@ import numpy as np
 from rolling_scenes import read_in_rows
 from scenes import make_scene
 
-from uavgram.estimation.survey.rolling import with_readout
+from uavgram.estimation.survey.rolling import add_readout
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.remarks import report_learnt
@@ -20,7 +20,7 @@ def test_a_shutter_is_told_with_its_time() -> None:
     for readout_s, codes in ((0.05, ["shutter-found"]), (0.0, [])):
         scene = read_in_rows(make_scene(2, frames=10, labels=24, lines=8), readout_s)
         assert scene.survey.telemetry is not None
-        survey = with_readout(scene.survey, np.zeros(12))
+        survey = add_readout(scene.survey, np.zeros(12))
         refined, messages = refine(survey, SolveOptions())
         told = [message for message in messages if message.code in LEARNT]
         assert [message.code for message in told] == codes

@@ -13,7 +13,7 @@ from tied_surveys import PICK_PX, tied_survey
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import move
+from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.tags import Readout
 from uavgram.model.flight.pose import CandidatePoses
@@ -91,7 +91,7 @@ def test_derivatives_where_velocities_turn_with_the_camera() -> None:
     layout = problem.layout
     begun = replace(beginning(problem, scene.truth), readout=np.array([0.05]))
     rng = np.random.default_rng(2)
-    state = move(layout, begun, 0.01 * rng.normal(size=layout.size))
+    state = apply_increment(layout, begun, 0.01 * rng.normal(size=layout.size))
     blocks = problem.evaluate(state)
     assert blocks is not None
     block, h = blocks["ties"], 1e-5
@@ -100,7 +100,9 @@ def test_derivatives_where_velocities_turn_with_the_camera() -> None:
     for column in block.columns[row]:
         step = np.zeros(layout.size)
         step[column] = h
-        ahead, behind = (problem.evaluate(move(layout, state, side * step)) for side in (1, -1))
+        ahead, behind = (
+            problem.evaluate(apply_increment(layout, state, side * step)) for side in (1, -1)
+        )
         assert ahead is not None
         assert behind is not None
         numeric.append((ahead["ties"].residual[row] - behind["ties"].residual[row]) / (2 * h))

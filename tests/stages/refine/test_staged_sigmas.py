@@ -75,7 +75,7 @@ def test_without_soft_picks_first_it_would_not(
 ) -> None:
     """From poses as the homographies give them, and once: better ones lie near enough."""
     monkeypatch.setattr(staged_sigmas, "SIGMA_FACTORS", ())
-    monkeypatch.setattr(known_frames, "polished", lambda *_: None)
+    monkeypatch.setattr(known_frames, "refine_pose", lambda *_: None)
     monkeypatch.setattr(minima, "MAX_RETRIES", 0)
     lost = adjusted(strip(TOO_WIDE))
 

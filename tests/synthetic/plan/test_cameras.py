@@ -11,14 +11,14 @@ from plan_scenes import camera
 from scipy.spatial.transform import Rotation
 
 from uavgram.model.arrays import Floats
-from uavgram.synthetic.plan.cameras import Cameras, footprints, seen
+from uavgram.synthetic.plan.cameras import PlannedCameras, compute_footprints, find_visible
 from uavgram.synthetic.plan.scene import Deviation, PlanScene
 from uavgram.synthetic.sight import EDGE_PX
 
 AREA = np.array([[-20.0, -15], [20, -15], [20, 15], [-20, 15]])
 LENS = np.array([2250.0, 2250, 1490, 1120, -0.05, 0.02, 2e-4, -1e-4, 0])
 CAMERA = replace(camera(), parameters=LENS)
-LOOKING = Cameras(
+LOOKING = PlannedCameras(
     np.array([[0.0, -10, 40], [5, 2, 35]]),
     np.array([0.0, 130]),
     np.array([-70.0, -88]),
@@ -26,7 +26,9 @@ LOOKING = Cameras(
 )
 
 
-def by_opencv(cameras: Cameras, frame: int, point: Floats, turn: Floats | None = None) -> Floats:
+def by_opencv(
+    cameras: PlannedCameras, frame: int, point: Floats, turn: Floats | None = None
+) -> Floats:
     """Pixels by OpenCV: the camera looks north and down, then is turned about up."""
     pitch, heading = np.deg2rad([cameras.pitch_deg[frame], cameras.heading_deg[frame]])
     forward = np.array([0, np.cos(pitch), np.sin(pitch)])
@@ -44,7 +46,7 @@ def by_opencv(cameras: Cameras, frame: int, point: Floats, turn: Floats | None =
 
 def test_pixels_are_those_of_opencv() -> None:
     point = np.random.default_rng(0).uniform([-15, -12, -1], [15, 12, 1], (30, 3))
-    found = seen(CAMERA, LOOKING, point, None)
+    found = find_visible(CAMERA, LOOKING, point, None)
     for frame in range(2):
         np.testing.assert_allclose(
             found.pixel_px[frame], by_opencv(LOOKING, frame, point), atol=1e-6
@@ -56,7 +58,7 @@ def test_what_is_certain_stays_in_the_photo_in_95_of_100_flights() -> None:
     rng = np.random.default_rng(1)
     deviation = Deviation(position_m=2.0, attitude_deg=1.8)
     row = np.column_stack([np.linspace(0, 40, 4001), np.zeros(4001), np.zeros(4001)])
-    certain = seen(CAMERA, LOOKING, row, deviation).certain[0]
+    certain = find_visible(CAMERA, LOOKING, row, deviation).certain[0]
     edge = row[certain][[-1]]
     flown, out = 3000, 0
     for _ in range(flown):
@@ -68,7 +70,7 @@ def test_what_is_certain_stays_in_the_photo_in_95_of_100_flights() -> None:
 
 def test_footprints_end_where_photos_do() -> None:
     scene = PlanScene(calibration=CAMERA, area_m=AREA, slope=np.array([0.02, -0.03]))
-    whole, certain = footprints(scene, LOOKING)
+    whole, certain = compute_footprints(scene, LOOKING)
     right, bottom = CAMERA.width_px - 1, CAMERA.height_px - 1
     for frame in range(2):
         np.testing.assert_allclose(
@@ -80,5 +82,5 @@ def test_footprints_end_where_photos_do() -> None:
         for outline in (whole[frame], certain[frame]):
             x, y = outline[:, :2].T
             assert x @ np.roll(y, -1) - y @ np.roll(x, -1) > 0  # counterclockwise from above
-        inside = seen(CAMERA, LOOKING, certain[frame], None).certain[frame]
+        inside = find_visible(CAMERA, LOOKING, certain[frame], None).certain[frame]
         assert inside.all()

@@ -10,20 +10,20 @@ from plan_scenes import camera
 
 from uavgram.errors import GeometryError
 from uavgram.model.planned import FlightPattern, PlanRequest
-from uavgram.synthetic.plan.cameras import seen
-from uavgram.synthetic.plan.flights import USABLE, covering, flight
+from uavgram.synthetic.plan.cameras import find_visible
+from uavgram.synthetic.plan.flights import USABLE_BATTERY_SHARE, find_covering_flights, make_flight
 from uavgram.synthetic.plan.scene import PlanScene
-from uavgram.synthetic.plan.wanted import Wanted
+from uavgram.synthetic.plan.wanted import WantedValues
 
 AREA = np.array([[-20.0, -15], [20, -15], [20, 15], [-20, 15]])
 SCENE = PlanScene(calibration=camera(), area_m=AREA)
-NOTHING = Wanted((), (), np.zeros((0, 2)))
+NOTHING = WantedValues((), (), np.zeros((0, 2)))
 
 
 @pytest.mark.parametrize("pattern", ["single", "strip", "grid", "orbit"])
 @pytest.mark.parametrize("pitch", [-90.0, -70.0])
 def test_each_photo_looks_at_the_area(pattern: FlightPattern, pitch: float) -> None:
-    one = flight(SCENE, PlanRequest(area=()), (pattern, 60.0, pitch), 4)
+    one = make_flight(SCENE, PlanRequest(area=()), (pattern, 60.0, pitch), 4)
     assert one is not None
     rotation = one.cameras.world_from_camera
     down = rotation[:, :, 2] / -rotation[:, 2:, 2]
@@ -36,7 +36,7 @@ def test_a_strip_looks_along_the_long_side_of_a_photo_as_the_area_lies() -> None
     turn = np.deg2rad(35.0)
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
     scene = replace(SCENE, area_m=AREA @ axes)
-    one = flight(scene, PlanRequest(area=()), ("strip", 40.0, -90.0), 3)
+    one = make_flight(scene, PlanRequest(area=()), ("strip", 40.0, -90.0), 3)
     assert one is not None
     way = one.cameras.center_m[-1] - one.cameras.center_m[0]
     image_right = one.cameras.world_from_camera[0, :, 0]
@@ -46,12 +46,12 @@ def test_a_strip_looks_along_the_long_side_of_a_photo_as_the_area_lies() -> None
 
 def test_flights_that_cover_show_every_corner_within_the_battery() -> None:
     request = PlanRequest(area=(), patterns=("single", "strip", "grid", "orbit"))
-    found = covering(SCENE, request, NOTHING)
+    found = find_covering_flights(SCENE, request, NOTHING)
     assert {one.pattern for one in found} == {"single", "strip", "grid", "orbit"}
     for one in found:
-        shown = seen(SCENE.calibration, one.cameras, SCENE.on_ground(AREA), SCENE.deviation)
+        shown = find_visible(SCENE.calibration, one.cameras, SCENE.on_ground(AREA), SCENE.deviation)
         assert shown.certain.any(axis=0).all()
-        assert one.duration_s <= USABLE * 60 * request.battery_min
+        assert one.duration_s <= USABLE_BATTERY_SHARE * 60 * request.battery_min
         assert one.height_m <= request.max_height_m
 
 
@@ -71,14 +71,14 @@ LARGE = 40.0 * AREA
 def test_why_no_flight_will_do(area: np.ndarray, changes: dict[str, object], said: str) -> None:
     request = replace(PlanRequest(area=()), **changes)  # type: ignore[arg-type]
     with pytest.raises(GeometryError, match=said):
-        covering(replace(SCENE, area_m=area), request, NOTHING)
+        find_covering_flights(replace(SCENE, area_m=area), request, NOTHING)
 
 
 def test_the_drone_keeps_out_of_no_go_polygons() -> None:
     scene = replace(SCENE, no_go_m=(0.2 * AREA,))
     with pytest.raises(GeometryError, match=r"out of bounds .*no_go"):
-        covering(scene, PlanRequest(area=(), pitches_deg=(-90.0,)), NOTHING)
-    for one in covering(scene, PlanRequest(area=()), NOTHING):  # from the side
+        find_covering_flights(scene, PlanRequest(area=(), pitches_deg=(-90.0,)), NOTHING)
+    for one in find_covering_flights(scene, PlanRequest(area=()), NOTHING):  # from the side
         x, y = one.cameras.center_m[:, :2].T
         assert (np.abs(x) > 4.0).all() or (np.abs(y) > 3.0).all()
 
@@ -87,4 +87,4 @@ def test_steep_ground_is_told_before_a_drone_flies_into_it() -> None:
     scene = replace(SCENE, slope=np.array([0.0, -1.2]))
     request = PlanRequest(area=(), patterns=("strip",), pitches_deg=(-45.0,))
     with pytest.raises(GeometryError, match="steep"):
-        covering(scene, request, NOTHING)
+        find_covering_flights(scene, request, NOTHING)

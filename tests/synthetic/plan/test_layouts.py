@@ -8,25 +8,27 @@ import numpy as np
 import pytest
 from plan_scenes import PlanCase, plan_case
 
-from uavgram.synthetic.plan.accuracy import ends_of
+from uavgram.synthetic.plan.accuracy import list_ends
 from uavgram.synthetic.plan.layouts import (
     Candidates,
-    Chosen,
-    best_layout,
-    covariance_of,
-    criterion_of,
-    exchanged,
-    greedy,
-    surviving,
-    with_one_more,
-    without_each,
+    ChosenLines,
+    add_greedily,
+    compute_criterion,
+    compute_criterion_with_one_more,
+    compute_criterion_without_each,
+    exchange_lines,
+    find_best_layout,
+    find_robust_layout,
+    invert,
 )
-from uavgram.synthetic.plan.possible import Possible, possible
-from uavgram.synthetic.plan.survey import predicted
+from uavgram.synthetic.plan.possible import PossibleReferences, compute_possible
+from uavgram.synthetic.plan.survey import predict_values
 
 
-def options(case: PlanCase) -> Possible:
-    return possible(case.scene, case.cameras, case.wanted, (3.0, case.longest_m), most_spots=60)
+def options(case: PlanCase) -> PossibleReferences:
+    return compute_possible(
+        case.scene, case.cameras, case.wanted, (3.0, case.longest_m), most_spots=60
+    )
 
 
 def few(candidates: Candidates, count: int) -> Candidates:
@@ -45,9 +47,9 @@ def test_exchange_comes_close_to_the_best_of_all_combinations(pattern: str, seed
         for lines in combinations(range(24), 3)
         if len(np.unique(candidates.ends[list(lines)])) == 6
     ]
-    best = min(criterion_of(found.aim, candidates, lines) for lines in allowed)
-    layout = best_layout(found.aim, candidates, 3)
-    assert layout.criterion == pytest.approx(criterion_of(found.aim, candidates, layout.lines))
+    best = min(compute_criterion(found.aim, candidates, lines) for lines in allowed)
+    layout = find_best_layout(found.aim, candidates, 3)
+    assert layout.criterion == pytest.approx(compute_criterion(found.aim, candidates, layout.lines))
     assert best <= layout.criterion * (1 + 1e-9)
     assert layout.criterion < 1.03 * best
 
@@ -55,11 +57,11 @@ def test_exchange_comes_close_to_the_best_of_all_combinations(pattern: str, seed
 @pytest.mark.parametrize("pattern", ["single", "strip"])
 def test_one_more_line_is_reckoned_as_if_it_were_there(pattern: str) -> None:
     found = options(plan_case(pattern, 6))  # type: ignore[arg-type]
-    there = greedy(found.aim, found.candidates, 3)[-1].lines
+    there = add_greedily(found.aim, found.candidates, 3)[-1].lines
     among = np.flatnonzero(found.candidates.apart_from(there))[::37]
-    covariance = covariance_of(found.aim.information + found.candidates.information(there))
-    quick = with_one_more(found.aim, found.candidates, covariance, among)
-    slow = np.array([criterion_of(found.aim, found.candidates, (*there, i)) for i in among])
+    covariance = invert(found.aim.information + found.candidates.information(there))
+    quick = compute_criterion_with_one_more(found.aim, found.candidates, covariance, among)
+    slow = np.array([compute_criterion(found.aim, found.candidates, (*there, i)) for i in among])
     assert int(np.argmin(quick)) == int(np.argmin(slow))
     assert quick.min() == pytest.approx(slow.min(), rel=1e-7)
     assert (quick >= slow * (1 - 1e-7)).all()  # what was not looked at closely is an upper bound
@@ -72,10 +74,10 @@ def test_the_criterion_is_the_mean_sigma_of_the_real_likelihood(
 ) -> None:
     case = plan_case(pattern, 7, roughness_m=roughness_m, lines=5)  # type: ignore[arg-type]
     found = options(case)
-    layout = greedy(found.aim, found.candidates, 5)[-1]
-    ends = ends_of(found, layout.lines)
-    real = predicted(case.scene, case.cameras, case.wanted, ends)
-    assert criterion_of(found.aim, found.candidates, layout.lines) == pytest.approx(
+    layout = add_greedily(found.aim, found.candidates, 5)[-1]
+    ends = list_ends(found, layout.lines)
+    real = predict_values(case.scene, case.cameras, case.wanted, ends)
+    assert compute_criterion(found.aim, found.candidates, layout.lines) == pytest.approx(
         real.sigma.mean(), rel=1e-6
     )
 
@@ -87,28 +89,31 @@ def test_planned_lines_are_far_better_than_random_ones() -> None:
         rng = np.random.default_rng(0)
         count = len(found.candidates.ends)
         others = [
-            criterion_of(found.aim, found.candidates, rng.choice(count, 4, replace=False).tolist())
+            compute_criterion(
+                found.aim, found.candidates, rng.choice(count, 4, replace=False).tolist()
+            )
             for _ in range(60)
         ]
-        layout = best_layout(found.aim, found.candidates, 4)
+        layout = find_best_layout(found.aim, found.candidates, 4)
         assert layout.criterion < share * np.median(others)
 
 
 def test_a_sturdy_layout_bears_the_loss_of_any_line_better() -> None:
     found = options(plan_case("single", 9, lines=4))
-    layout = best_layout(found.aim, found.candidates, 4)
-    sturdy = surviving(found.aim, found.candidates, layout)
+    layout = find_best_layout(found.aim, found.candidates, 4)
+    sturdy = find_robust_layout(found.aim, found.candidates, layout)
     lost, sturdy_lost = (
-        without_each(found.aim, found.candidates, one.lines).max() for one in (layout, sturdy)
+        compute_criterion_without_each(found.aim, found.candidates, one.lines).max()
+        for one in (layout, sturdy)
     )
     assert sturdy_lost < 0.95 * lost
     assert sturdy.criterion < 1.15 * layout.criterion
     three = [one for one in layout.lines if one != layout.lines[0]]
-    first = without_each(found.aim, found.candidates, layout.lines)[0]
-    assert first == pytest.approx(criterion_of(found.aim, found.candidates, three))
+    first = compute_criterion_without_each(found.aim, found.candidates, layout.lines)[0]
+    assert first == pytest.approx(compute_criterion(found.aim, found.candidates, three))
 
 
 def test_exchange_never_makes_it_worse() -> None:
     found = options(plan_case("strip", 10, lines=3))
-    start = Chosen((0, 5, 9), criterion_of(found.aim, found.candidates, (0, 5, 9)))
-    assert exchanged(found.aim, found.candidates, start).criterion < start.criterion
+    start = ChosenLines((0, 5, 9), compute_criterion(found.aim, found.candidates, (0, 5, 9)))
+    assert exchange_lines(found.aim, found.candidates, start).criterion < start.criterion

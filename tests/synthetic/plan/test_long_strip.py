@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from uavgram.model.planned import FlightPlanned
-from uavgram.synthetic.plan.make import is_nowhere, plan_of
-from uavgram.synthetic.plan.scene import scene_of
+from uavgram.synthetic.plan.make import has_no_site, make_plan
+from uavgram.synthetic.plan.scene import read_scene
 from uavgram.synthetic.scenario_file import load_scenario
 from uavgram.views.planned.words import corners_on_earth
 
@@ -34,7 +34,7 @@ def strip(tmp_path_factory: pytest.TempPathFactory) -> FlightPlanned:
     path = tmp_path_factory.mktemp("strip") / "strip.yaml"
     path.write_text(STRIP, encoding="utf-8")
     scenario = load_scenario(path)
-    return plan_of(scenario, scene_of(scenario, path))
+    return make_plan(scenario, read_scene(scenario, path))
 
 
 def test_one_more_photo_is_told_with_lines_that_suit_it(strip: FlightPlanned) -> None:
@@ -53,5 +53,5 @@ def test_metres_from_a_place_that_nobody_named_are_not_to_be_flown(
     assert corners_on_earth(strip) == ()
     path = tmp_path / "strip.yaml"
     path.write_text(HERE + STRIP, encoding="utf-8")
-    assert not is_nowhere(scene_of(load_scenario(path), path))
+    assert not has_no_site(read_scene(load_scenario(path), path))
     assert len(corners_on_earth(replace(strip, messages=()))) == 4

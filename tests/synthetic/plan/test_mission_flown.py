@@ -17,7 +17,7 @@ from uavgram.stages.products.mission import flight_mission
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.run import plan
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.simulate import predicted_sigmas
+from uavgram.synthetic.simulate import predict_sigmas
 
 SCENARIO = """
 site: {ground_slope_deg: [4.0, -3.0]}
@@ -55,7 +55,7 @@ def test_a_mission_flown_by_the_simulator_is_as_exact_as_predicted(
         as_planned.flight, poses=read, wobble_m=0.0, tilt_wobble_deg=0.0, gimbal_wobble_deg=0.0
     )
 
-    name, _, sigma = predicted_sigmas(ScenarioWorld(replace(as_planned, flight=flight)))
+    name, _, sigma = predict_sigmas(ScenarioWorld(replace(as_planned, flight=flight)))
     assert name == planned.measurements.name
     assert planned.chosen_by == "mean"  # two lengths, and nothing stated of either
     np.testing.assert_allclose(sigma, planned.measurements.sigma, rtol=0.03)

@@ -11,9 +11,9 @@ import pytest
 from uavgram.model.planned import NextLines
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.inputs import ScenarioWorld
-from uavgram.synthetic.plan.next_lines import next_lines_of
+from uavgram.synthetic.plan.next_lines import find_next_lines_of_inputs
 from uavgram.synthetic.scenario import Scenario
-from uavgram.synthetic.simulate import predicted_sigmas
+from uavgram.synthetic.simulate import predict_sigmas
 
 HERE = Path("project.yaml")
 
@@ -29,11 +29,11 @@ def scenario() -> Scenario:
 
 @pytest.fixture(scope="module")
 def found() -> NextLines:
-    return next_lines_of(ScenarioWorld(scenario()).exact().inputs, HERE)
+    return find_next_lines_of_inputs(ScenarioWorld(scenario()).exact().inputs, HERE)
 
 
 def mean_of(one: Scenario) -> float:
-    return float(np.mean(predicted_sigmas(ScenarioWorld(one))[2]))
+    return float(np.mean(predict_sigmas(ScenarioWorld(one))[2]))
 
 
 def test_the_mean_is_that_of_the_run(found: NextLines) -> None:

@@ -14,12 +14,12 @@ from scipy.stats import chi2
 from uavgram.io.results.plan_json import read_plan, write_plan
 from uavgram.model.planned import FlightPlanned
 from uavgram.synthetic.inputs import ScenarioWorld
-from uavgram.synthetic.plan.make import plan_of
-from uavgram.synthetic.plan.run import flown
-from uavgram.synthetic.plan.scene import Asked, scene_of
-from uavgram.synthetic.plan.survey import predicted
-from uavgram.synthetic.scenario_file import load_scenario, scenario_text
-from uavgram.synthetic.simulate import predicted_sigmas
+from uavgram.synthetic.plan.make import make_plan
+from uavgram.synthetic.plan.run import make_flown_scenario
+from uavgram.synthetic.plan.scene import Asked, read_scene
+from uavgram.synthetic.plan.survey import predict_values
+from uavgram.synthetic.scenario_file import format_scenario, load_scenario
+from uavgram.synthetic.simulate import predict_sigmas
 
 SCENARIO = """
 name: yard
@@ -47,8 +47,8 @@ def asked(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Asked, Flight
     path = tmp_path_factory.mktemp("plan") / "yard.yaml"
     path.write_text(SCENARIO)
     scenario = load_scenario(path)
-    found = scene_of(scenario, path)
-    return path, found, plan_of(scenario, found)
+    found = read_scene(scenario, path)
+    return path, found, make_plan(scenario, found)
 
 
 def test_a_plan_keeps_to_what_was_asked(asked: tuple[Path, Asked, FlightPlanned]) -> None:
@@ -86,9 +86,9 @@ def test_the_pipeline_predicts_the_same_of_the_flown_plan(
 ) -> None:
     """The whole run on the simulated survey without noise, by way of a log and its clock."""
     path, found, planned = asked
-    as_flown = flown(load_scenario(path), found, planned)
+    as_flown = make_flown_scenario(load_scenario(path), found, planned)
     calm = replace(as_flown.flight, wobble_m=0.0, tilt_wobble_deg=0.0, gimbal_wobble_deg=0.0)
-    name, _, sigma = predicted_sigmas(ScenarioWorld(replace(as_flown, flight=calm)))
+    name, _, sigma = predict_sigmas(ScenarioWorld(replace(as_flown, flight=calm)))
     assert name == planned.measurements.name
     np.testing.assert_allclose(sigma, planned.measurements.sigma, rtol=0.03)
 
@@ -97,9 +97,9 @@ def test_a_flown_plan_is_a_scenario_file(
     asked: tuple[Path, Asked, FlightPlanned], tmp_path: Path
 ) -> None:
     path, found, planned = asked
-    as_flown = flown(load_scenario(path), found, planned)
+    as_flown = make_flown_scenario(load_scenario(path), found, planned)
     copy = tmp_path / "flown.yaml"
-    copy.write_text(scenario_text(as_flown, "as planned"))
+    copy.write_text(format_scenario(as_flown, "as planned"))
     assert load_scenario(copy) == as_flown
 
 
@@ -124,7 +124,7 @@ def test_errors_are_as_large_as_predicted(pattern: str, count: int) -> None:
     share = np.array([[[0.1, 0.1], [0.4, 0.1]], [[0.6, 0.9], [0.9, 0.8]], [[0.1, 0.9], [0.2, 0.5]]])
     ends = low + share * (high - low)
     flown_case = case.scene, case.cameras, case.wanted
-    sigma = predicted(*flown_case, ends).sigma
+    sigma = predict_values(*flown_case, ends).sigma
     found = errors(flown_case, ends, count, np.random.default_rng(5))
     assert len(found) == count
     # Distances of one survey go together: one of them is judged in each bound.

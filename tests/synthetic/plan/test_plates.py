@@ -13,15 +13,15 @@ from uavgram.io.results.plan_json import read_plan, write_plan
 from uavgram.model.naming import Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.synthetic.inputs import ScenarioWorld
-from uavgram.synthetic.plan.accuracy import ends_of
-from uavgram.synthetic.plan.cameras import Seen, large_enough
-from uavgram.synthetic.plan.layouts import best_layout
-from uavgram.synthetic.plan.possible import possible
+from uavgram.synthetic.plan.accuracy import list_ends
+from uavgram.synthetic.plan.cameras import VisiblePoints, remove_small_plates
+from uavgram.synthetic.plan.layouts import find_best_layout
+from uavgram.synthetic.plan.possible import compute_possible
 from uavgram.synthetic.plan.run import plan
-from uavgram.synthetic.plan.survey import predicted
+from uavgram.synthetic.plan.survey import predict_values
 from uavgram.synthetic.scenario import PlateSpec, Scenario
-from uavgram.synthetic.scenario_file import load_scenario, scenario_text
-from uavgram.synthetic.simulate import predicted_sigmas
+from uavgram.synthetic.scenario_file import format_scenario, load_scenario
+from uavgram.synthetic.simulate import predict_sigmas
 from uavgram.views.field_sheet.page import field_sheet
 from uavgram.views.planned_text import plan_lines
 
@@ -61,9 +61,9 @@ def test_the_criterion_is_the_mean_sigma_of_the_real_likelihood(
 ) -> None:
     case = plan_case(pattern, 7, roughness_m=roughness_m, lines=3)  # type: ignore[arg-type]
     scene = replace(case.scene, plates=PlateSpec(side_m=0.6, corner_px=corner_px))
-    found = possible(scene, case.cameras, case.wanted, None, most_spots=40)
-    layout = best_layout(found.aim, found.candidates, 3)
-    real = predicted(scene, case.cameras, case.wanted, ends_of(found, layout.lines))
+    found = compute_possible(scene, case.cameras, case.wanted, None, most_spots=40)
+    layout = find_best_layout(found.aim, found.candidates, 3)
+    real = predict_values(scene, case.cameras, case.wanted, list_ends(found, layout.lines))
     assert layout.criterion == pytest.approx(real.sigma.mean(), rel=1e-5)
 
 
@@ -89,7 +89,7 @@ def test_plates_count_from_sixteen_pixels_on() -> None:
         square = 500.0 + half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         pixel = np.concatenate([np.zeros((1, 2)), square, square])[None]
         sure = np.ones((1, 9), dtype=np.bool_)
-        found = large_enough(Seen(pixel, sure), 1)
+        found = remove_small_plates(VisiblePoints(pixel, sure), 1)
         assert found.certain.tolist() == [[True] + 8 * [is_found]]
 
 
@@ -98,7 +98,7 @@ def test_the_pipeline_predicts_the_same_of_the_flown_plan(
 ) -> None:
     planned, as_flown = yard
     calm = replace(as_flown.flight, wobble_m=0.0, tilt_wobble_deg=0.0, gimbal_wobble_deg=0.0)
-    name, _, sigma = predicted_sigmas(ScenarioWorld(replace(as_flown, flight=calm)))
+    name, _, sigma = predict_sigmas(ScenarioWorld(replace(as_flown, flight=calm)))
     assert name == planned.measurements.name
     np.testing.assert_allclose(sigma, planned.measurements.sigma, rtol=0.03)
 
@@ -110,7 +110,7 @@ def test_a_plan_of_plates_is_written_and_told(
     write_plan(planned, tmp_path / "plan.json")
     again = read_plan(tmp_path / "plan.json")
     np.testing.assert_array_equal(again.plates.corner_world_m, planned.plates.corner_world_m)
-    (tmp_path / "flown.yaml").write_text(scenario_text(as_flown, "as planned"))
+    (tmp_path / "flown.yaml").write_text(format_scenario(as_flown, "as planned"))
     assert load_scenario(tmp_path / "flown.yaml") == as_flown
     in_feet = field_sheet(planned, Units(length="ft", speed="mph"))
     assert "Lay 3 plates of 2.30 ft" in in_feet

@@ -8,7 +8,7 @@ import pytest
 from planned_sample import sample_plan
 
 from uavgram.model.planned import PlannedLines, PlannedPlates
-from uavgram.synthetic.plan.make import remarks
+from uavgram.synthetic.plan.make import list_remarks
 
 PLAN = sample_plan()
 
@@ -23,6 +23,6 @@ def laid(count: int) -> PlannedLines:
     [(0, 1, False), (1, 1, True), (2, 1, True), (3, 1, False), (2, 3, False)],
 )
 def test_few_lines_in_a_single_photo_are_warned_of(lines: int, photos: int, told: bool) -> None:  # noqa: FBT001
-    found = remarks((laid(lines), PlannedPlates()), PLAN.measurements, 0.5, photos)
+    found = list_remarks((laid(lines), PlannedPlates()), PLAN.measurements, 0.5, photos)
     codes = {message.code for message in found}
     assert ("plan-few-lines" in codes) == told

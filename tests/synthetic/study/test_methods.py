@@ -8,15 +8,18 @@ import numpy as np
 import pytest
 
 from uavgram.model.simulation import MethodRow
-from uavgram.synthetic.study.method_scenes import Setting, method_scenes
-from uavgram.synthetic.study.methods import METHODS, compared
+from uavgram.synthetic.study.method_scenes import Setting, draw_scenes
+from uavgram.synthetic.study.methods import METHODS, compare_methods
 
 SCENES = 40
 
 
 @pytest.fixture(scope="module")
 def usual() -> dict[str, MethodRow]:
-    return {row.method: row for row in compared(Setting(name="usual", features=(6, 7)), SCENES, 2)}
+    return {
+        row.method: row
+        for row in compare_methods(Setting(name="usual", features=(6, 7)), SCENES, 2)
+    }
 
 
 def test_every_method_has_its_row(usual: dict[str, MethodRow]) -> None:
@@ -46,13 +49,13 @@ def test_what_knows_more_is_better(usual: dict[str, MethodRow]) -> None:
 
 def test_distortion_left_out_breaks_the_sigmas_of_all_but_the_log() -> None:
     setting = Setting(name="distorted", features=(7, 7), bulge=-0.1)
-    rows = {row.method: row for row in compared(setting, 20, 3)}
+    rows = {row.method: row for row in compare_methods(setting, 20, 3)}
 
     assert all(rows[name].z > 1.5 for name in ("points", "lines of known position", "lengths"))
 
 
 def test_scenes_are_drawn_again_from_their_seed_alone() -> None:
-    first, again, other = (method_scenes(Setting(name="a"), 5, 3, seed) for seed in (1, 1, 2))
+    first, again, other = (draw_scenes(Setting(name="a"), 5, 3, seed) for seed in (1, 1, 2))
 
     np.testing.assert_array_equal(first.rows.pixel_px, again.rows.pixel_px)
     assert np.abs(first.rows.place_m - other.rows.place_m).max() > 0.1
@@ -64,12 +67,14 @@ def test_scenes_are_drawn_again_from_their_seed_alone() -> None:
 def test_a_setting_without_room_is_refused() -> None:
     long = replace(Setting(name="too long"), length_m=(60.0, 70.0))
     with pytest.raises(ValueError, match="a photo shows 0 of the 4 lines"):
-        method_scenes(long, 4, 1, 0)
+        draw_scenes(long, 4, 1, 0)
 
 
 def test_who_gives_no_pose_says_so() -> None:
     """IPPE takes four points: of three lines there is none, and no silent failure."""
-    rows = {row.method: row for row in compared(Setting(name="three", features=(3, 3)), 4, 1)}
+    rows = {
+        row.method: row for row in compare_methods(Setting(name="three", features=(3, 3)), 4, 1)
+    }
 
     for name in ("points", "points, IPPE alone"):
         assert rows[name].failed == 1.0

@@ -13,25 +13,25 @@ from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.errors import ErrorSpec, StatedSpec
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.scenario import CameraSpec, FlightPlan, Scenario, Site, Station
-from uavgram.synthetic.simulate import predicted_sigmas
+from uavgram.synthetic.simulate import predict_sigmas
 from uavgram.synthetic.study.method_scenes import SIZE_PX
 from uavgram.synthetic.study.photos import (
     LENS,
-    Photo,
-    Place,
+    StudyCell,
+    StudyPhoto,
     StudyScene,
-    exact_draw,
-    photo_cell,
-    photo_of,
+    make_exact_draw,
+    make_photo,
+    simulate_cell,
 )
-from uavgram.synthetic.study.run import GRIDS
+from uavgram.synthetic.study.run import STUDY_GRIDS
 
 NO_LOG_SIGMA = np.array([100.0, 100.0, 1000.0, 10.0, 10.0, 10.0])
 """Of the pose [m, rad]: so weak that it moves no length."""
 
 
-def place(scene: StudyScene) -> Place:
-    return Place(curve="", at=0.0, label="", scene=scene)
+def place(scene: StudyScene) -> StudyCell:
+    return StudyCell(curve="", at=0.0, label="", scene=scene)
 
 
 @pytest.mark.parametrize(
@@ -43,14 +43,14 @@ def place(scene: StudyScene) -> Place:
     ],
 )
 def test_errors_are_as_predicted(scene: StudyScene) -> None:
-    cell = photo_cell(place(scene), 3000)
+    cell = simulate_cell(place(scene), 3000)
     assert cell.lost == 0
     assert cell.ratio == pytest.approx(1.0, abs=0.05)
     assert cell.ratio_range[0] < cell.ratio < cell.ratio_range[1]
     assert sum(cell.shares) == pytest.approx(1.0, abs=1e-9)
 
 
-def single_photo(photo: Photo) -> Scenario:
+def single_photo(photo: StudyPhoto) -> Scenario:
     """The photo as a scenario without a log, with a camera file as a calibration gives it."""
     label = [f"P{i + 1}" for i in range(len(photo.place_m))]
     return Scenario(
@@ -84,14 +84,14 @@ def single_photo(photo: Photo) -> Scenario:
 
 def test_the_prediction_is_that_of_the_program() -> None:
     """Six lengths, no log, a calibrated camera: by its own likelihood, over all unknowns."""
-    photo = photo_of(StudyScene(tilt_deg=0.0))
+    photo = make_photo(StudyScene(tilt_deg=0.0))
     world = ScenarioWorld(single_photo(photo))
     truth = world.exact()
-    _, _, sigma = predicted_sigmas(world)
+    _, _, sigma = predict_sigmas(world)
     root = np.asarray(np.linalg.cholesky(truth.inputs.calibration.covariance), dtype=np.float64)
     information = np.diag(NO_LOG_SIGMA**-2)
     design = replace(photo.design, camera_root=root, information=information, ground_root=None)
-    ours = predict_lengths(design, exact_draw(photo), photo.place_m, photo.pairs)
+    ours = predict_lengths(design, make_exact_draw(photo), photo.place_m, photo.pairs)
     # The simulated photo wobbles: it is nearly, not exactly, straight down from 40 m.
     assert np.sqrt(ours.variance) == pytest.approx(sigma, rel=0.1)
     assert np.sqrt(ours.variance).mean() == pytest.approx(sigma.mean(), rel=0.03)
@@ -99,12 +99,12 @@ def test_the_prediction_is_that_of_the_program() -> None:
 
 def test_the_part_of_the_readings_is_what_the_variance_gains_by_theirs() -> None:
     """The adjustment is optimal: to first order its weights do not matter (envelope theorem)."""
-    photo = photo_of(StudyScene(focal_share=0.01, tape_scale=1e-3))
+    photo = make_photo(StudyScene(focal_share=0.01, tape_scale=1e-3))
 
     def predicted_at(factor: float) -> PredictedLengths:
         sigma = photo.design.length_sigma_m * np.sqrt(factor)
         design = replace(photo.design, length_sigma_m=sigma)
-        return predict_lengths(design, exact_draw(photo), photo.place_m, photo.pairs)
+        return predict_lengths(design, make_exact_draw(photo), photo.place_m, photo.pairs)
 
     step = 1e-4
     gained = (predicted_at(1 + step).variance - predicted_at(1 - step).variance) / (2 * step)
@@ -114,9 +114,9 @@ def test_the_part_of_the_readings_is_what_the_variance_gains_by_theirs() -> None
 
 
 def test_every_scene_of_the_grids_is_in_its_photo() -> None:
-    for grid in GRIDS.values():
+    for grid in STUDY_GRIDS.values():
         for one in grid.places:
-            photo_of(one.scene)
+            make_photo(one.scene)
         curves: dict[str, list[float]] = {}
         for one in grid.places:
             curves.setdefault(one.curve, []).append(one.at)
@@ -125,4 +125,4 @@ def test_every_scene_of_the_grids_is_in_its_photo() -> None:
 
 def test_what_lies_outside_the_photo_is_refused() -> None:
     with pytest.raises(ValueError, match="not everything is in the photo"):
-        photo_of(StudyScene(height_m=10.0))
+        make_photo(StudyScene(height_m=10.0))

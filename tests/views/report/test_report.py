@@ -13,7 +13,7 @@ from full_report import full
 from html_page import Page
 
 from uavgram.errors import OutputError
-from uavgram.estimation.measuring.error_budget import OTHER
+from uavgram.estimation.measuring.error_budget import OTHER_SOURCES
 from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.io.results.results_json import dump_results
 from uavgram.model.message import Message
@@ -265,7 +265,7 @@ def test_the_largest_source_of_each_measurement_is_said() -> None:
 
 def test_every_source_of_the_program_has_a_colour_and_words() -> None:
     sources = {kind.source for kind in KINDS.values()}
-    assert set(COLOURS) == set(WORDS) == sources | {OTHER}
+    assert set(COLOURS) == set(WORDS) == sources | {OTHER_SOURCES}
     assert len(set(COLOURS.values())) == len(COLOURS)
 
 

@@ -131,13 +131,13 @@ def _shown(read: CameraRead) -> list[str]:
 
 def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bool) -> None:
     from uavgram.cli.as_json import difference_object
-    from uavgram.estimation.calibration.difference import camera_difference
+    from uavgram.estimation.calibration.difference import compare_cameras
     from uavgram.pipeline.cameras.read import read_camera
     from uavgram.views.calibration.camera_text import difference_lines
     from uavgram.views.terminal import message_lines
 
     second = read_camera(other)
-    difference = camera_difference(first.calibration, second.calibration, distance=distance)
+    difference = compare_cameras(first.calibration, second.calibration, distance=distance)
     if json:
         say_json(difference_object(first, second, difference))
         return

@@ -59,7 +59,7 @@ def show_survey(
     verbose
         Whether every message is shown.
     """
-    from uavgram.synthetic.demo import demo as run_demo
+    from uavgram.synthetic.demo import run_demo
     from uavgram.views.terminal import light_line, message_lines, truth_table
 
     result, truth, project = run_demo(output, survey, progress(), calibration)

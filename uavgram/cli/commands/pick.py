@@ -79,11 +79,11 @@ def _present() -> Path | None:
 
 def _sample(folder: Path | None) -> Path:
     """Return the project of the sample, which is made if it does not exist yet."""
-    from uavgram.synthetic.accident_scene import TAPED
-    from uavgram.synthetic.demo import SAMPLE, make_sample
+    from uavgram.synthetic.accident_scene import TAPE_FILE
+    from uavgram.synthetic.demo import SAMPLE_NAME, make_sample
 
-    made = make_sample(folder or Path(SAMPLE), progress())
-    say(f"Sample to play with: {made.parent}; its taped lengths: {made.with_name(TAPED)}")
+    made = make_sample(folder or Path(SAMPLE_NAME), progress())
+    say(f"Sample to play with: {made.parent}; its taped lengths: {made.with_name(TAPE_FILE)}")
     return made
 
 

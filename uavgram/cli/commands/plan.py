@@ -69,10 +69,10 @@ def plan(
 
     log_to_stderr(verbose=verbose)
     if from_ is not None and scenario is None:
-        from uavgram.synthetic.plan.next_lines import next_lines
+        from uavgram.synthetic.plan.next_lines import find_next_lines
 
         tell_as(from_)
-        say(*next_line_lines(next_lines(from_)))
+        say(*next_line_lines(find_next_lines(from_)))
         return DONE
     if scenario is None or from_ is not None:
         raise UavgramError(

@@ -14,7 +14,7 @@ from uavgram.errors import UavgramError
 
 if TYPE_CHECKING:
     from uavgram.synthetic.inputs import World
-    from uavgram.synthetic.simulate import Asked
+    from uavgram.synthetic.simulate import SimulationRequest
 
 Repetitions = Annotated[int, Parameter(validator=validators.Number(gte=2, lte=100_000))]
 
@@ -60,11 +60,11 @@ def simulate(
     """
     from uavgram.synthetic.resurvey import read_project_world
     from uavgram.synthetic.scenario_file import read_world
-    from uavgram.synthetic.simulate import Asked
-    from uavgram.synthetic.simulate import as_stated as drawn_as_stated
+    from uavgram.synthetic.simulate import SimulationRequest
+    from uavgram.synthetic.simulate import apply_stated_sigmas as drawn_as_stated
 
     log_to_stderr(verbose=verbose)
-    asked = Asked(repetitions, compare)
+    asked = SimulationRequest(repetitions, compare)
     if from_ is not None:
         if photos:
             raise UavgramError("--photos is for scenarios: a real survey has its photos already")
@@ -86,7 +86,7 @@ def simulate(
     return _show(scenario, world, asked, output)
 
 
-def _show(source: Path, world: World, asked: Asked, output: Path) -> int:
+def _show(source: Path, world: World, asked: SimulationRequest, output: Path) -> int:
     """Repeat the survey, write the results, and show them."""
     from uavgram.synthetic.simulate import simulate_many, write_outputs
     from uavgram.views.simulation.text import simulation_lines

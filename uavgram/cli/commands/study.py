@@ -39,11 +39,11 @@ def study(
     verbose
         Show the progress of the work.
     """
-    from uavgram.synthetic.study.run import JSON_FILE, PAGE_FILE, make_studies, study_names
+    from uavgram.synthetic.study.run import JSON_FILE, PAGE_FILE, list_studies, make_studies
     from uavgram.views.study.words import said
 
     log_to_stderr(verbose=verbose)
-    names = study_names(name)
+    names = list_studies(name)
     for found in make_studies(names, output, repetitions, workers, progress()):
         say("", f"{found.title} ({found.seconds:.0f} s)", *(f"  {text}" for text in said(found)))
     figures = [f"{one}.{kind}" for one in names for kind in ("svg", "png")]

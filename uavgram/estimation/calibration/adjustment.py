@@ -9,30 +9,37 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.problem import POSE, Corners, Lens, Linear, State, linearise
-from uavgram.estimation.solver.batched import Explicit, minimise_each
+from uavgram.estimation.calibration.problem import (
+    POSE_SIZE,
+    Corners,
+    Lens,
+    Linearisation,
+    State,
+    linearise,
+)
+from uavgram.estimation.solver.batched import ExplicitProblem, minimise_each
 from uavgram.estimation.solver.batched import State as Unknowns
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import (
     Block,
     Covariance,
     NormalEquations,
-    cost_of,
-    gradient_of,
+    compute_cost,
+    compute_gradient,
 )
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration import parameter_names
 
-CONVERGED = 1e-14
+MIN_REDUCTION = 1e-14
 """Predicted reduction of the weighted sum of squares at which the rest is rounding."""
 
 MAX_ITERATIONS = 100
 
-SINGULAR = 1e-13
+MIN_EIGENVALUE = 1e-13
 """Eigenvalue of the border's scaled normal matrix below which it is not determined."""
 
-SLACK = 1e-9
+FACTOR_DAMPING = 1e-9
 """Damping that keeps the last factor solvable if photos leave a parameter undetermined: the
 inversion of the border, which is not damped, then names that parameter."""
 
@@ -88,7 +95,7 @@ class Fit:
     lens: Lens
     corners: Corners
     state: State
-    linear: Linear
+    linear: Linearisation
     normals: Normals
     border_covariance: Floats
     cost: float
@@ -121,15 +128,15 @@ class Fit:
     def degrees_of_freedom(self) -> int:
         """Observations and priors minus unknowns."""
         photos = int(np.count_nonzero(self.corners.count))
-        known = _rank(prior_normal(self.lens))
-        return int(2 * self.corners.count.sum()) + known - POSE * photos - self.lens.size
+        known = _rank(compute_prior_normal(self.lens))
+        return int(2 * self.corners.count.sum()) + known - POSE_SIZE * photos - self.lens.size
 
     @property
     def corner_redundancy(self) -> float:
         """Share of the corners in the degrees of freedom: the rest is that of the priors."""
-        known = float(np.trace(prior_normal(self.lens) @ self.border_covariance))
+        known = float(np.trace(compute_prior_normal(self.lens) @ self.border_covariance))
         photos = int(np.count_nonzero(self.corners.count))
-        return float(2 * self.corners.count.sum()) - POSE * photos - self.lens.size + known
+        return float(2 * self.corners.count.sum()) - POSE_SIZE * photos - self.lens.size + known
 
     def parameter_covariance(self, factor: float = 1.0) -> Floats:
         """Compute (P + k, P + k) covariance of camera and bow; zero for fixed parameters.
@@ -139,7 +146,7 @@ class Fit:
         factor
             Factor of the variances of all corners; those of the priors do not change.
         """
-        normal = self.normals.photo_border.sum(axis=0) / factor + prior_normal(self.lens)
+        normal = self.normals.photo_border.sum(axis=0) / factor + compute_prior_normal(self.lens)
         basis = self.lens.full_basis
         return np.asarray(basis @ invert_border(normal, self.lens) @ basis.T)
 
@@ -168,7 +175,7 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
 
     def update(state: State, step: Floats) -> State:
         poses, border = np.split(step, [structure.first_shared])
-        return state.moved(lens, border, poses.reshape(-1, POSE))
+        return state.moved(lens, border, poses.reshape(-1, POSE_SIZE))
 
     blocks = evaluate(start)
     if blocks is None:
@@ -180,18 +187,18 @@ def adjust(lens: Lens, corners: Corners, start: State) -> Fit:
         structure.size,
         structure,
         MAX_ITERATIONS,
-        at_rest=CONVERGED,
-        slack=SLACK,
+        at_rest=MIN_REDUCTION,
+        slack=FACTOR_DAMPING,
         first=blocks,
     )
     state, blocks, cost = end.state, end.blocks, end.cost
     if end.converged:  # a last step, whose effect on the cost is lost in rounding
-        gradient = gradient_of(blocks.values(), structure.size)
+        gradient = compute_gradient(blocks.values(), structure.size)
         state = update(state, -end.factor.solve(gradient))
         blocks = evaluate(state) or blocks
-        cost = cost_of(blocks.values())
-    linear = Linear(blocks["corners"].residual, blocks["corners"].jacobian)
-    normals = normals_of(lens, linear)
+        cost = compute_cost(blocks.values())
+    linear = Linearisation(blocks["corners"].residual, blocks["corners"].jacobian)
+    normals = eliminate_poses(lens, linear)
     border = invert_border(normals.border, lens)
     return Fit(lens, corners, state, linear, normals, border, cost, end.iterations, end.converged)
 
@@ -228,23 +235,25 @@ def fit_poses(lens: Lens, corners: Corners, start: State) -> tuple[State, Floats
         return there.camera_from_board, there.middle_camera_m
 
     ends = minimise_each(
-        Explicit(rows, update), (start.camera_from_board, start.middle_camera_m), MAX_ITERATIONS
+        ExplicitProblem(rows, update),
+        (start.camera_from_board, start.middle_camera_m),
+        MAX_ITERATIONS,
     )
     return state_of(ends.state), ends.cost
 
 
-def normals_of(lens: Lens, linear: Linear) -> Normals:
+def eliminate_poses(lens: Lens, linear: Linearisation) -> Normals:
     """Eliminate the poses of all photos at once."""
     product = np.swapaxes(linear.jacobian, 1, 2) @ linear.jacobian
-    pose, cross = product[:, :POSE, :POSE], product[:, :POSE, POSE:]
+    pose, cross = product[:, :POSE_SIZE, :POSE_SIZE], product[:, :POSE_SIZE, POSE_SIZE:]
     inverse = _invert_poses(pose)
     gain = inverse @ cross
     # Schur complement of each photo: N_bb - N_bp N_pp^-1 N_pb.
-    photo = product[:, POSE:, POSE:] - np.swapaxes(cross, 1, 2) @ gain
-    return Normals(inverse, gain, photo, photo.sum(axis=0) + prior_normal(lens))
+    photo = product[:, POSE_SIZE:, POSE_SIZE:] - np.swapaxes(cross, 1, 2) @ gain
+    return Normals(inverse, gain, photo, photo.sum(axis=0) + compute_prior_normal(lens))
 
 
-def unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
+def scale_to_unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
     """Scale normal matrices (..., q, q) to unit diagonals; also return the (..., q) scales."""
     diagonal = np.einsum("...ii->...i", normal)
     scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
@@ -254,8 +263,8 @@ def unit_diagonal(normal: Floats) -> tuple[Floats, Floats]:
 def _invert_poses(normal: Floats) -> Floats:
     """Invert (M, 6, 6); zero for a photo without corners."""
     empty = ~(np.einsum("mii->mi", normal) > 0).all(axis=1)
-    scaled, scale = unit_diagonal(normal)
-    scaled[empty] = np.eye(POSE)
+    scaled, scale = scale_to_unit_diagonal(normal)
+    scaled[empty] = np.eye(POSE_SIZE)
     inverse = np.linalg.inv(scaled) / (scale[:, :, None] * scale[:, None, :])
     inverse[empty] = 0.0
     return np.asarray(inverse)
@@ -265,9 +274,9 @@ def invert_border(normal: Floats, lens: Lens) -> Floats:
     """Compute the covariance of the border; an error names an undetermined parameter."""
     if not len(normal):
         return normal
-    scaled, scale = unit_diagonal(normal)
+    scaled, scale = scale_to_unit_diagonal(normal)
     values, vectors = np.linalg.eigh(scaled)
-    if values[0] < SINGULAR:
+    if values[0] < MIN_EIGENVALUE:
         unknown = int(np.argmax(np.abs(vectors[:, 0])))
         raise UndeterminedError(
             f"the photos do not determine {_unknown_name(lens, unknown)}: take more photos with "
@@ -285,7 +294,7 @@ def _unknown_name(lens: Lens, unknown: int) -> str:
     return parameter_names(lens.model, len(lens.basis))[row]
 
 
-def prior_normal(lens: Lens) -> Floats:
+def compute_prior_normal(lens: Lens) -> Floats:
     """Compute the (q, q) normal matrix of the border's prior."""
     basis = lens.full_basis
     return np.asarray(basis.T @ lens.prior_information @ basis)
@@ -293,23 +302,23 @@ def prior_normal(lens: Lens) -> Floats:
 
 def _rank(normal: Floats) -> int:
     """Compute the rank of a normal matrix, independent of its units."""
-    return int(np.linalg.matrix_rank(unit_diagonal(normal)[0]))
+    return int(np.linalg.matrix_rank(scale_to_unit_diagonal(normal)[0]))
 
 
 def _structure(lens: Lens, photos: int) -> Structure:
     """Return the structure of the unknowns: a block of six for each photo, then the border."""
-    first = POSE * photos
-    return Structure(first + lens.size, 0, 1, POSE, first)
+    first = POSE_SIZE * photos
+    return Structure(first + lens.size, 0, 1, POSE_SIZE, first)
 
 
 def _columns(lens: Lens, photos: int) -> Ints:
     """Return the (M, 6 + q) unknowns of each photo's corners."""
-    own = np.arange(POSE * photos).reshape(photos, POSE)
-    border = POSE * photos + np.arange(lens.size)
+    own = np.arange(POSE_SIZE * photos).reshape(photos, POSE_SIZE)
+    border = POSE_SIZE * photos + np.arange(lens.size)
     return np.concatenate([own, np.broadcast_to(border, (photos, lens.size))], axis=1)
 
 
-def _blocks(lens: Lens, corners: Corners, state: State, linear: Linear) -> dict[str, Block]:
+def _blocks(lens: Lens, corners: Corners, state: State, linear: Linearisation) -> dict[str, Block]:
     """Return blocks of corners, of priors, and of the held poses of photos without corners."""
     columns = _columns(lens, len(corners.weight))
     blocks = {"corners": Block(linear.residual, columns, linear.jacobian)}
@@ -317,9 +326,11 @@ def _blocks(lens: Lens, corners: Corners, state: State, linear: Linear) -> dict[
     root = lens.prior_root
     if len(root) and lens.size:
         blocks["prior"] = Block(
-            (root @ away)[None], columns[:1, POSE:], (root @ lens.full_basis)[None]
+            (root @ away)[None], columns[:1, POSE_SIZE:], (root @ lens.full_basis)[None]
         )
-    held = columns[corners.count == 0, :POSE]
+    held = columns[corners.count == 0, :POSE_SIZE]
     if len(held):
-        blocks["held"] = Block(np.zeros(held.shape), held, np.tile(np.eye(POSE), (len(held), 1, 1)))
+        blocks["held"] = Block(
+            np.zeros(held.shape), held, np.tile(np.eye(POSE_SIZE), (len(held), 1, 1))
+        )
     return blocks

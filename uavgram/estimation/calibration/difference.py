@@ -26,9 +26,9 @@ from uavgram.model.camera.calibration import Calibration
 
 GRID_COLUMNS = 40
 _STEPS = 30
-_AT_REST_PX = 1e-7
+_MIN_CHANGE_PX = 1e-7
 _ROUNDING_PX = 1e-6  # differences below it count as zero
-_FEWEST_PIXELS = 8  # for six unknowns and some redundancy
+_MIN_PIXELS = 8  # for six unknowns and some redundancy
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,7 +115,7 @@ class _Alignment:
     by_second: Floats  # (N, 2, P) by the second camera's parameters
 
 
-def camera_difference(
+def compare_cameras(
     first: Calibration,
     second: Calibration,
     *,
@@ -145,12 +145,12 @@ def camera_difference(
             f"({second.width_px} x {second.height_px} px) have different image sizes: scale one of "
             "them to the other's size first"
         )
-    pixel = image_grid(first.width_px, first.height_px, columns)
+    pixel = make_image_grid(first.width_px, first.height_px, columns)
     ray, _, by_first = back_project_with_jacobian(first.model, first.parameters, pixel)
-    point, by_ray = _at_distance(ray, distance)
+    point, by_ray = _place_at_distance(ray, distance)
     seen = ~np.isnan(point[:, 2])
-    seen[seen] = ~np.isnan(_pixel(second, point[seen])[:, 0])
-    if seen.sum() < _FEWEST_PIXELS:
+    seen[seen] = ~np.isnan(_project(second, point[seen])[:, 0])
+    if seen.sum() < _MIN_PIXELS:
         raise GeometryError(
             f"cameras {first.name!r} and {second.name!r} see only {seen.sum()} of {len(seen)} "
             "pixels of a grid in common: one of the two files is wrong"
@@ -175,7 +175,7 @@ def camera_difference(
     )
 
 
-def image_grid(width_px: int, height_px: int, columns: int = GRID_COLUMNS) -> Floats:
+def make_image_grid(width_px: int, height_px: int, columns: int = GRID_COLUMNS) -> Floats:
     """Return (N, 2) pixels of a grid of nearly square cells over the image, its edges included.
 
     Parameters
@@ -191,7 +191,7 @@ def image_grid(width_px: int, height_px: int, columns: int = GRID_COLUMNS) -> Fl
     return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
 
-def _at_distance(ray: Floats, distance: float | None) -> tuple[Floats, Floats]:
+def _place_at_distance(ray: Floats, distance: float | None) -> tuple[Floats, Floats]:
     """Return (N, 3) points on rays with z = 1 at a distance from the camera, and (N, 3, 3) by ray.
 
     At infinity the rays themselves: their length does not matter there.
@@ -204,7 +204,7 @@ def _at_distance(ray: Floats, distance: float | None) -> tuple[Floats, Floats]:
     return distance * unit, distance * across / length[:, :, None]
 
 
-def _pixel(camera: Calibration, point: Floats) -> Floats:
+def _project(camera: Calibration, point: Floats) -> Floats:
     return project_with_jacobian(camera.model, camera.parameters, point, beyond_fold="nan")[0]
 
 
@@ -232,7 +232,7 @@ def _align(
         rotation = exp_so3(step[:3]) @ rotation
         center = center + step[3:] if shifted else center
         moved = at.by_alignment @ step
-        if np.abs(moved).max() < _AT_REST_PX:
+        if np.abs(moved).max() < _MIN_CHANGE_PX:
             return _evaluate(second, pixel, point, rotation, center, shifted=shifted)
     raise GeometryError(
         f"no turn fits camera {second.name!r} to the other one: their lenses have too little in "

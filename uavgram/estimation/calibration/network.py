@@ -11,7 +11,7 @@ from uavgram.estimation.calibration.adjustment import Fit
 from uavgram.estimation.calibration.problem import State
 from uavgram.model.arrays import Floats, Ints
 
-CELLS = (8, 6)
+CELL_COUNTS = (8, 6)
 """Columns and rows of the cells in which empty parts of the image are searched."""
 
 
@@ -34,7 +34,7 @@ class Tilts(NamedTuple):
     weak_rad: float
 
 
-def tilts(state: State) -> Tilts:
+def compute_tilts(state: State) -> Tilts:
     """Compute tilts of the boards in the camera's frame.
 
     Rolling the camera by a quarter turn rotates the direction of a tilt with it. If tilts vary
@@ -78,8 +78,8 @@ class Coverage(NamedTuple):
         return float(np.mean(self.corners > 0))
 
 
-def coverage(
-    pixel_px: Floats, size_px: tuple[int, int], cells: tuple[int, int] = CELLS
+def compute_coverage(
+    pixel_px: Floats, size_px: tuple[int, int], cells: tuple[int, int] = CELL_COUNTS
 ) -> Coverage:
     """Count corners (N, 2) by cell of the image.
 
@@ -118,7 +118,7 @@ class Trend(NamedTuple):
     degrees: int
 
 
-def trend(fit: Fit, extra: Floats) -> Trend:
+def compute_trend(fit: Fit, extra: Floats) -> Trend:
     """Test additional unknowns of each photo by a score test (Rao 1948).
 
     Parameters
@@ -164,7 +164,7 @@ class RollingShutter(NamedTuple):
     probability: float
 
 
-def rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
+def detect_rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
     """Compare a drift by row in each photo with bends of second order.
 
     A camera that moves while its rows are read one after the other shears and stretches each photo
@@ -172,8 +172,8 @@ def rolling_shutter(fit: Fit, size_px: tuple[int, int]) -> RollingShutter:
     parts of either that the poses compensate are not counted.
     """
     u, v = np.moveaxis(fit.corners.pixel_px / np.array(size_px) - 0.5, -1, 0)
-    by_row = trend(fit, _along_both(v))
-    bends = [trend(fit, _along_both(bend)) for bend in (u * u, u * v, v * v)]
+    by_row = compute_trend(fit, _along_both(v))
+    bends = [compute_trend(fit, _along_both(bend)) for bend in (u * u, u * v, v * v)]
     degrees = max(sum(bend.degrees for bend in bends), 1)
     usual = max(sum(bend.chi2 for bend in bends) / degrees, 1.0)
     own = max(by_row.degrees, 1)
@@ -204,7 +204,7 @@ class FocusDrift(NamedTuple):
     probability: float
 
 
-def focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
+def detect_focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
     """Estimate a separate focal length for each photo, to detect autofocus, zoom or two cameras.
 
     Parameters
@@ -216,7 +216,7 @@ def focus_drift(fit: Fit, photo_factor: float) -> FocusDrift:
     """
     principal = fit.state.parameters[2:4]
     extra = (fit.corners.pixel_px - principal)[..., None]
-    found = trend(fit, extra)
+    found = compute_trend(fit, extra)
     chance = chdtrc(found.degrees, found.chi2 / photo_factor) if found.degrees else np.nan
     return FocusDrift(found.value[:, 0], float(chance))
 
@@ -239,7 +239,7 @@ class ResidualMap(NamedTuple):
     probability: Floats
 
 
-def residual_map(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> ResidualMap:
+def map_residuals(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> ResidualMap:
     """Compute mean residuals by cell of the image.
 
     Parameters
@@ -257,8 +257,8 @@ def residual_map(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> 
     cell = np.clip((pixel + 0.5) / size_px * cells, 0, np.array(cells) - 1).astype(np.int64)
     index = cell[:, 1] * columns + cell[:, 0]
     count = np.bincount(index, minlength=rows * columns)
-    mean = _by_cell(index, residual / weight[:, None], count)
-    whitened = _by_cell(index, residual, count)
+    mean = _count_by_cell(index, residual / weight[:, None], count)
+    whitened = _count_by_cell(index, residual, count)
     # A mean of n whitened residuals has the variance 1 / n: chi-square with two degrees.
     squared = np.nansum(whitened**2, axis=1) * count / factor
     probability = np.where(count > 0, chdtrc(2, squared), 1.0)
@@ -269,7 +269,7 @@ def residual_map(fit: Fit, size_px: tuple[int, int], cells: tuple[int, int]) -> 
     )
 
 
-def _by_cell(index: Ints, value: Floats, count: Ints) -> Floats:
+def _count_by_cell(index: Ints, value: Floats, count: Ints) -> Floats:
     total = np.stack([np.bincount(index, v, minlength=len(count)) for v in value.T], axis=1)
     return np.asarray(
         np.divide(total, count[:, None], out=np.full(total.shape, np.nan), where=count[:, None] > 0)

@@ -32,10 +32,10 @@ from uavgram.model.camera.calibration import (
     parameter_names,
 )
 
-POSE = 6
+POSE_SIZE = 6
 """Number of unknowns of a photo."""
 
-RANK = 1e-14
+MIN_PRIOR_EIGENVALUE = 1e-14
 """Share of the largest eigenvalue of a prior's information above which a direction is known."""
 
 _ESTIMATED: dict[tuple[LensModel, int], tuple[str, ...]] = {
@@ -183,7 +183,7 @@ class Lens:
         """(r, P + k) whitening of the prior: its transpose times itself is the information."""
         scale = np.sqrt(np.maximum(np.diag(self.prior_information), np.finfo(float).tiny))
         values, vectors = np.linalg.eigh(self.prior_information / np.outer(scale, scale))
-        known = values > RANK * max(values.max(initial=0.0), np.finfo(float).tiny)
+        known = values > MIN_PRIOR_EIGENVALUE * max(values.max(initial=0.0), np.finfo(float).tiny)
         return np.asarray((vectors[:, known] * np.sqrt(values[known])).T * scale)
 
     def without_border(self) -> Lens:
@@ -192,7 +192,7 @@ class Lens:
         return Lens(self.model, np.zeros((p, 0)), np.zeros(p), np.zeros((p, p)))
 
 
-def lens_of(options: CalibrationOptions) -> Lens:
+def make_lens(options: CalibrationOptions) -> Lens:
     """Return the free parameters and priors requested by the options."""
     count = parameter_count(options.model, options.coefficients)
     names = parameter_names(options.model, count)
@@ -203,7 +203,7 @@ def lens_of(options: CalibrationOptions) -> Lens:
     if options.aspect is not None:  # fy is estimated, fx follows
         basis[0, 1] = options.aspect
         basis = basis[:, 1:]
-    bow = bow_count(options.bow)
+    bow = count_bows(options.bow)
     mean, information = np.zeros(count + bow), np.zeros((count + bow, count + bow))
     information[count:, count:] = np.eye(bow) * options.bow_sigma_m**-2
     if options.prior is not None:
@@ -213,7 +213,9 @@ def lens_of(options: CalibrationOptions) -> Lens:
     return Lens(options.model, basis, mean, information)
 
 
-def focal_and_center_prior(camera: Calibration, model: LensModel, source: str) -> IntrinsicsPrior:
+def make_focal_and_center_prior(
+    camera: Calibration, model: LensModel, source: str
+) -> IntrinsicsPrior:
     """Return the prior of focal length and principal point by a brown camera, for any lens model.
 
     Both have the same meaning in all models: the scale at the optical axis, and its intersection
@@ -235,12 +237,12 @@ def focal_and_center_prior(camera: Calibration, model: LensModel, source: str) -
     return IntrinsicsPrior(source=source, parameters=parameters, information=information)
 
 
-def bow_count(bow: Bow) -> int:
+def count_bows(bow: Bow) -> int:
     """Return the number of unknowns of the board's shape."""
     return {"flat": 0, "bowl": 1, "paraboloid": 2}[bow]
 
 
-def bow_shape(board: Board, bow: Bow) -> Floats:
+def compute_bow(board: Board, bow: Bow) -> Floats:
     """Compute (B, k) heights of each corner (along the board's z) per height of the middle.
 
     The height of the middle is that over the rim. After mrcal (Kogan), "Board deformation": z = bx
@@ -249,13 +251,13 @@ def bow_shape(board: Board, bow: Bow) -> Floats:
     if bow == "flat":
         return np.zeros((len(board.corner_board_m), 0))
     half = np.ptp(board.corner_board_m[:, :2], axis=0) / 2
-    place = (board.corner_board_m[:, :2] - board_middle(board)[:2]) ** 2
+    place = (board.corner_board_m[:, :2] - compute_board_middle(board)[:2]) ** 2
     if bow == "bowl":
         return np.asarray(1 - place.sum(axis=1, keepdims=True) / np.sum(half**2))
     return np.asarray(1 - place / half**2)
 
 
-def board_middle(board: Board) -> Floats:
+def compute_board_middle(board: Board) -> Floats:
     """Return the (3,) middle of the board's corners, in its frame [m]."""
     corner = board.corner_board_m
     return np.asarray((corner.min(axis=0) + corner.max(axis=0)) / 2)
@@ -273,14 +275,14 @@ def pad(observations: BoardObservations, bow: Bow) -> Corners:
     corner = np.concatenate([photo.corner for photo in photos])[at]
     sigma = np.concatenate([photo.sigma_px for photo in photos])[at]
     return Corners(
-        board_m=board.corner_board_m[corner] - board_middle(board),
-        bow=bow_shape(board, bow)[corner],
+        board_m=board.corner_board_m[corner] - compute_board_middle(board),
+        bow=compute_bow(board, bow)[corner],
         pixel_px=np.concatenate([photo.pixel_px for photo in photos])[at],
         weight=np.where(there, 1 / sigma, 0.0),
     )
 
 
-class Linear(NamedTuple):
+class Linearisation(NamedTuple):
     """Whitened residuals (predicted minus observed) and Jacobians of all photos.
 
     Attributes
@@ -297,17 +299,17 @@ class Linear(NamedTuple):
     @property
     def pose(self) -> Floats:
         """(M, 2 n, 6) Jacobian by each photo's pose."""
-        return self.jacobian[:, :, :POSE]
+        return self.jacobian[:, :, :POSE_SIZE]
 
     @property
     def border(self) -> Floats:
         """(M, 2 n, q) Jacobian by the border."""
-        return self.jacobian[:, :, POSE:]
+        return self.jacobian[:, :, POSE_SIZE:]
 
 
 def linearise(
     lens: Lens, corners: Corners, state: State, *, partial: bool = False
-) -> Linear | None:
+) -> Linearisation | None:
     """Compute residuals and Jacobians; None if an observed corner is behind the camera.
 
     Parameters
@@ -333,18 +335,18 @@ def linearise(
     weight = corners.weight[:, :, None]
     d_camera *= weight[..., None]
     f = lens.basis.shape[1]
-    jacobian = np.empty((photos, n, 2, POSE + lens.size))
+    jacobian = np.empty((photos, n, 2, POSE_SIZE + lens.size))
     jacobian[..., :3] = d_camera
     # exp(d) arm = arm + d x arm = arm - hat(arm) d.
-    np.matmul(d_camera, -hat(arm), out=jacobian[..., 3:POSE])
-    border = jacobian[..., POSE:]
+    np.matmul(d_camera, -hat(arm), out=jacobian[..., 3:POSE_SIZE])
+    border = jacobian[..., POSE_SIZE:]
     np.matmul(d_parameters, lens.basis, out=border[..., :f])
     border[..., :f] *= weight[..., None]
     if lens.size > f:
         normal = state.camera_from_board[:, None, :, 2]
         along = np.einsum("mnij,mnj->mni", d_camera, np.broadcast_to(normal, camera.shape))
         border[..., f:] = along[..., None] * corners.bow[:, :, None, :]
-    return Linear(
+    return Linearisation(
         ((pixel - corners.pixel_px) * weight).reshape(photos, 2 * n),
-        jacobian.reshape(photos, 2 * n, POSE + lens.size),
+        jacobian.reshape(photos, 2 * n, POSE_SIZE + lens.size),
     )

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.difference import camera_difference, image_grid
+from uavgram.estimation.calibration.difference import compare_cameras, make_image_grid
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
 from uavgram.geometry.motion.rotation import hat
@@ -20,10 +20,10 @@ from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.calibration_result import LengthUncertainty
 
-_REWEIGHTINGS = 5
+_MAX_REWEIGHTINGS = 5
 
 
-def projection_covariance(
+def compute_projection_covariance(
     calibration: Calibration, *, distance: float | None = None, columns: int = 40
 ) -> tuple[Floats, Floats]:
     """Compute the covariance of projected directions over the image.
@@ -47,16 +47,16 @@ def projection_covariance(
         compensates the calibration's error best.
     """
     exact = replace(calibration, covariance=np.zeros_like(calibration.covariance))
-    difference = camera_difference(calibration, exact, distance=distance, columns=columns)
+    difference = compare_cameras(calibration, exact, distance=distance, columns=columns)
     return difference.pixel_px, difference.covariance_px2
 
 
-def worst_sigma(covariance: Floats) -> Floats:
+def compute_worst_sigma(covariance: Floats) -> Floats:
     """Compute (N,) standard deviations of (N, 2, 2) covariances in their worst direction."""
     return np.asarray(np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0)))
 
 
-def length_uncertainty(
+def compute_length_sigmas(
     calibration: Calibration,
     *,
     tilt_rad: float,
@@ -82,8 +82,8 @@ def length_uncertainty(
         An end of a length, or the image as a whole, does not see the ground.
     """
     size = np.array([calibration.width_px, calibration.height_px])
-    ends = _thirds(size) if pixel_px is None else np.asarray(pixel_px, np.float64)
-    grid = image_grid(calibration.width_px, calibration.height_px, columns)
+    ends = _make_lengths(size) if pixel_px is None else np.asarray(pixel_px, np.float64)
+    grid = make_image_grid(calibration.width_px, calibration.height_px, columns)
     grid_fall = _ground(calibration, tilt_rad, grid)
     seen = np.isfinite(grid_fall.point[:, 0])
     fall = _ground(calibration, tilt_rad, ends.reshape(-1, 2))
@@ -97,7 +97,7 @@ def length_uncertainty(
         )
     # The pose that compensates the error best: pixel(point, pose, parameters) does not change.
     near = grid_fall.take(seen)
-    follow = _pose_that_follows(near, calibration.covariance)
+    follow = _pose_derivative(near, calibration.covariance)
     along = np.diff(fall.point.reshape(-1, 2, 3), axis=1)[:, 0]
     length = np.linalg.norm(along, axis=1)
 
@@ -127,7 +127,7 @@ class _Ground(NamedTuple):
         return _Ground._make(rows[index] for rows in self)
 
 
-def _pose_that_follows(seen: _Ground, covariance: Floats) -> Floats:
+def _pose_derivative(seen: _Ground, covariance: Floats) -> Floats:
     """Compute the (6, P) derivative of the pose by the parameters that compensates their errors.
 
     Weighted by the remaining error: no pose would be measured where the lens is hardly known.
@@ -137,7 +137,7 @@ def _pose_that_follows(seen: _Ground, covariance: Floats) -> Floats:
         for d in (seen.by_pose, seen.by_parameters)
     )
     weight = np.ones(len(seen.point))
-    for _ in range(_REWEIGHTINGS):
+    for _ in range(_MAX_REWEIGHTINGS):
         root = np.repeat(np.sqrt(weight), 2)[:, None]
         # Weighted least squares: the pose that cancels the change of the pixels by the parameters.
         follow = -np.linalg.lstsq(root * by_pose, root * by_parameters, rcond=None)[0]
@@ -166,7 +166,7 @@ def _ground(calibration: Calibration, tilt_rad: float, pixel: Floats) -> _Ground
     return _Ground(point, by_ray @ d_parameters, by_pose, np.linalg.pinv(along))
 
 
-def _thirds(size: Floats) -> Floats:
+def _make_lengths(size: Floats) -> Floats:
     """Return (L, 2, 2) lengths a third of the image wide, level and upright, over the image."""
     place = np.array([(x, y) for x in (0.1, 0.35, 0.6) for y in (0.2, 0.5, 0.8)])
     level = np.stack([place, place + np.array([0.3, 0.0])], axis=1)

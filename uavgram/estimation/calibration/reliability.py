@@ -21,13 +21,13 @@ from scipy.optimize import brentq
 from scipy.special import chdtrc, fdtrc
 
 from uavgram.estimation.calibration.adjustment import Fit
-from uavgram.estimation.reliability.redundancy import reliability
-from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.reliability.redundancy import compute_reliability
+from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import CornerSigma
 
 
-def common_error(residual_px: Floats, sigma_px: Floats, redundancy: float) -> float:
+def estimate_common_error(residual_px: Floats, sigma_px: Floats, redundancy: float) -> float:
     """Estimate the standard deviation per coordinate that all corners have in common.
 
     Parameters
@@ -99,17 +99,19 @@ class PhotoTests(NamedTuple):
     by_border: Floats
 
 
-def reduced_border(fit: Fit) -> Floats:
+def eliminate_pose(fit: Fit) -> Floats:
     """Compute the (M, 2 n, q) Jacobian by the border with each photo's pose eliminated."""
     return np.asarray(fit.linear.border - fit.linear.pose @ fit.normals.gain)
 
 
-def corner_tests(fit: Fit, sigma: CornerSigma) -> CornerTests:
+def compute_corner_tests(fit: Fit, sigma: CornerSigma) -> CornerTests:
     """Test every corner against all the others."""
     there = fit.corners.weight > 0
     block = fit.corner_block
-    squared = np.where(there, falls_without(block, fit.covariance).reshape(there.shape), 0.0)
-    redundancy = reliability(block, fit.covariance).redundancy.mean(axis=1).reshape(there.shape)
+    squared = np.where(there, compute_reductions(block, fit.covariance).reshape(there.shape), 0.0)
+    redundancy = (
+        compute_reliability(block, fit.covariance).redundancy.mean(axis=1).reshape(there.shape)
+    )
     scale, probability = _judge(squared, np.full(squared.shape, 2.0), fit, sigma)
     return CornerTests(
         np.sqrt(squared / scale),
@@ -118,9 +120,9 @@ def corner_tests(fit: Fit, sigma: CornerSigma) -> CornerTests:
     )
 
 
-def photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
+def compute_photo_tests(fit: Fit, sigma: CornerSigma) -> PhotoTests:
     """Test every photo against all the others, its pose left free."""
-    v, reduced = fit.linear.residual, reduced_border(fit)
+    v, reduced = fit.linear.residual, eliminate_pose(fit)
     gradient = np.einsum("mri,mr->mi", reduced, v)
     others = fit.normals.border - fit.normals.photo_border
     # Without photo i the cost of the others is minimal at a shift d with (S - S_i) d = g_i.
@@ -167,7 +169,7 @@ class PhotoEffect(NamedTuple):
     probability: float
 
 
-def photo_effect(fit: Fit, tests: PhotoTests, variance_factor: float) -> PhotoEffect:
+def estimate_photo_effect(fit: Fit, tests: PhotoTests, variance_factor: float) -> PhotoEffect:
     """Compare the scatter of the single photos' cameras with the inverse normal matrix.
 
     Residuals of one photo are correlated if the board is bent, the lens does not quite follow the

@@ -11,14 +11,14 @@ from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import LensModel
 
-FEWEST_CORNERS = 4
+MIN_CORNERS = 4
 """Smallest number of corners of a photo that determine its homography."""
 
 FOCAL_GRID = tuple(float(f) for f in np.geomspace(0.2, 5.0, 14))
 """Focal lengths to try, in widths of the image: from a fisheye to a long lens."""
 
 
-def first_values(
+def estimate_first_values(
     lens: Lens,
     corners: Corners,
     size_px: tuple[int, int],
@@ -74,14 +74,14 @@ def _candidates(
     found = [_parameters(count, size_px[0] * f, size_px[0] * f, center) for f in FOCAL_GRID]
     if lens.model == "brown":
         image = (corners.pixel_px - center) / size_px[0]
-        homography = homographies(corners, image, corners.weight > 0)
-        for cameras in (zhang(homography), centred(homography)):
+        homography = estimate_homographies(corners, image, corners.weight > 0)
+        for cameras in (solve_zhang(homography), solve_centred(homography)):
             if cameras is not None:
                 fx, fy, cx, cy = cameras * size_px[0]
                 found.append(_parameters(count, fx, fy, center + np.array([cx, cy])))
     if known is not None:
         found.append(np.asarray(known))
-    return [_obeying(lens, parameters, center) for parameters in found]
+    return [_fix_parameters(lens, parameters, center) for parameters in found]
 
 
 def _parameters(count: int, fx: float, fy: float, center: Floats) -> Floats:
@@ -90,7 +90,7 @@ def _parameters(count: int, fx: float, fy: float, center: Floats) -> Floats:
     return parameters
 
 
-def _obeying(lens: Lens, parameters: Floats, center: Floats) -> Floats:
+def _fix_parameters(lens: Lens, parameters: Floats, center: Floats) -> Floats:
     """Return parameters with the requested fixed aspect and fixed principal point."""
     held: Bools = np.abs(lens.basis).sum(axis=1) == 0
     parameters = np.where(held, 0.0, parameters)
@@ -102,7 +102,7 @@ def _obeying(lens: Lens, parameters: Floats, center: Floats) -> Floats:
     return parameters
 
 
-def homographies(corners: Corners, image: Floats, seen: Bools) -> Floats:
+def estimate_homographies(corners: Corners, image: Floats, seen: Bools) -> Floats:
     """Estimate homographies from the boards' planes to an image.
 
     Parameters
@@ -180,7 +180,7 @@ def _constraints(homography: Floats) -> Floats:
     )
 
 
-def zhang(homography: Floats) -> Floats | None:
+def solve_zhang(homography: Floats) -> Floats | None:
     """Compute fx, fy, cx, cy in the units of the homographies' images; None if not real.
 
     Z. Zhang 2000, "A flexible new technique for camera calibration", IEEE TPAMI 22(11), sec. 3.1
@@ -198,7 +198,7 @@ def zhang(homography: Floats) -> Floats | None:
     return np.array([np.sqrt(scale / b11), np.sqrt(scale / b22), -b13 / b11, -b23 / b22])
 
 
-def centred(homography: Floats) -> Floats | None:
+def solve_centred(homography: Floats) -> Floats | None:
     """Compute fx, fy, 0, 0 from the same equations, with a centred principal point."""
     rows = _constraints(homography)
     inverse = np.linalg.lstsq(rows[:, :2], -rows[:, 4], rcond=None)[0]  # 1 / fx^2, 1 / fy^2
@@ -230,9 +230,9 @@ def poses_from_rays(
     """
     ray = back_project(model, parameters, corners.pixel_px)[..., :2]
     there = np.isfinite(ray[..., 0]) & (corners.weight > 0)
-    if there.sum(axis=1).min() < FEWEST_CORNERS:
+    if there.sum(axis=1).min() < MIN_CORNERS:
         return None
-    homography = homographies(corners, np.where(there[..., None], ray, 0.0), there)
+    homography = estimate_homographies(corners, np.where(there[..., None], ray, 0.0), there)
     length = np.linalg.norm(homography[:, :, :2], axis=1)
     homography /= np.sqrt(length[:, 0] * length[:, 1])[:, None, None]
     first, second, middle = np.moveaxis(homography, 2, 0)
@@ -240,7 +240,7 @@ def poses_from_rays(
     return nearest_rotation(rough), middle
 
 
-def better_of_two(lens: Lens, corners: Corners, state: State) -> State:
+def choose_better_pose(lens: Lens, corners: Corners, state: State) -> State:
     """Replace the pose of each board by its mirrored pose where this fits better.
 
     Parameters
@@ -252,14 +252,14 @@ def better_of_two(lens: Lens, corners: Corners, state: State) -> State:
     """
     fixed = lens.without_border()
     linear = linearise(fixed, corners, state)
-    other, cost = fit_poses(lens, corners, mirrored(state))
+    other, cost = fit_poses(lens, corners, mirror_poses(state))
     if linear is None:
         return state
     better = cost < np.sum(linear.residual**2, axis=1)
     return other.where(better, state)
 
 
-def mirrored(state: State) -> State:
+def mirror_poses(state: State) -> State:
     """Compute the second pose of each board: its normal mirrored about the line of sight.
 
     After Collins and Bartoli 2014, "Infinitesimal plane-based pose estimation", sec. 5: for a small

@@ -11,17 +11,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.calibration.adjustment import Fit, prior_normal
-from uavgram.estimation.calibration.reliability import reduced_border
+from uavgram.estimation.calibration.adjustment import Fit, compute_prior_normal
+from uavgram.estimation.calibration.reliability import eliminate_pose
 from uavgram.model.arrays import Bools, Floats, Ints
 
-FEWEST = 3
+MIN_PHOTOS = 3
 """Smallest number of photos of a group: fewer are judged as photos that do not fit the others."""
 
-_DIRECTIONS = 4  # directions of largest scatter, for initial groups
-_DRAWS = 12  # number of random initial groups
-_ROUNDS = 50
-_SINGULAR = 1e-12
+_DIRECTION_COUNT = 4  # directions of largest scatter, for initial groups
+_DRAW_COUNT = 12  # number of random initial groups
+_MAX_ROUNDS = 50
+_MIN_EIGENVALUE = 1e-12
 
 
 class Split(NamedTuple):
@@ -57,7 +57,7 @@ class _NormalEquations(NamedTuple):
         """Compute the (..., q) best change for some photos (..., M)."""
         normal = np.einsum("...m,mij->...ij", photos, self.normal) + self.prior_normal
         gradient = photos @ self.gradient + self.prior_gradient
-        inverse = np.linalg.pinv(normal, rcond=_SINGULAR, hermitian=True)
+        inverse = np.linalg.pinv(normal, rcond=_MIN_EIGENVALUE, hermitian=True)
         return np.asarray(-np.einsum("...ij,...j->...i", inverse, gradient))
 
     def cost(self, change: Floats) -> Floats:
@@ -66,7 +66,7 @@ class _NormalEquations(NamedTuple):
         return np.asarray(np.sum((2 * self.gradient + turned) * change, axis=1))
 
 
-def best_split(fit: Fit) -> Split | None:
+def find_best_split(fit: Fit) -> Split | None:
     """Find the two groups of photos with cameras of their own that fit best together.
 
     Hard expectation maximisation from many initial groups, on the normal equations of the joint
@@ -79,19 +79,19 @@ def best_split(fit: Fit) -> Split | None:
     """
     equations = _normal_equations(fit)
     best, most = None, 0.0
-    for first in _first_groups(equations):
-        group, gain = _settled(equations, first)
+    for first in _make_first_groups(equations):
+        group, gain = _assign_photos(equations, first)
         if gain > most:
             best, most = group, gain
-    return None if best is None else _judged(fit, equations, best, most)
+    return None if best is None else _judge(fit, equations, best, most)
 
 
 def _normal_equations(fit: Fit) -> _NormalEquations:
     """Return the normal equations of the camera alone, scaled to a unit joint diagonal."""
     free = fit.lens.basis.shape[1]
-    gradient = np.einsum("mri,mr->mi", reduced_border(fit), fit.linear.residual)[:, :free]
+    gradient = np.einsum("mri,mr->mi", eliminate_pose(fit), fit.linear.residual)[:, :free]
     normal = fit.normals.photo_border[:, :free, :free]
-    prior = prior_normal(fit.lens)[:free, :free]
+    prior = compute_prior_normal(fit.lens)[:free, :free]
     scale = np.sqrt(np.diag(normal.sum(axis=0) + prior))
     gradient = gradient / scale
     return _NormalEquations(
@@ -102,20 +102,20 @@ def _normal_equations(fit: Fit) -> _NormalEquations:
     )
 
 
-def _first_groups(equations: _NormalEquations) -> list[Bools]:
+def _make_first_groups(equations: _NormalEquations) -> list[Bools]:
     """Return initial groups (M,): along the directions of most scatter, by order, at random."""
     photos = len(equations.gradient)
-    if photos < 2 * FEWEST:
+    if photos < 2 * MIN_PHOTOS:
         return []
     # Whiten the photos' gradients, and find the directions of largest scatter (SVD).
     values, vectors = np.linalg.eigh(equations.normal.sum(axis=0) + equations.prior_normal)
-    white = equations.gradient @ (vectors / np.sqrt(np.maximum(values, _SINGULAR)))
-    along = np.linalg.svd(white - white.mean(axis=0), full_matrices=False)[2][:_DIRECTIONS]
+    white = equations.gradient @ (vectors / np.sqrt(np.maximum(values, _MIN_EIGENVALUE)))
+    along = np.linalg.svd(white - white.mean(axis=0), full_matrices=False)[2][:_DIRECTION_COUNT]
     place = white @ along.T
     ascending = np.sort(place, axis=0)
     # Split at the widest gap, and at the mean, along each direction.
-    gap = np.diff(ascending, axis=0)[FEWEST - 1 : photos - FEWEST]
-    widest = np.argmax(gap, axis=0) + FEWEST - 1
+    gap = np.diff(ascending, axis=0)[MIN_PHOTOS - 1 : photos - MIN_PHOTOS]
+    widest = np.argmax(gap, axis=0) + MIN_PHOTOS - 1
     columns = np.arange(place.shape[1])
     between = (ascending[widest, columns] + ascending[widest + 1, columns]) / 2
     order = np.arange(photos)
@@ -124,19 +124,19 @@ def _first_groups(equations: _NormalEquations) -> list[Bools]:
         *(place > place.mean(axis=0)).T,
         *(place > between).T,
         order >= photos // 2,
-        *(draws.permutation(photos) % 2 == 1 for _ in range(_DRAWS)),
+        *(draws.permutation(photos) % 2 == 1 for _ in range(_DRAW_COUNT)),
     ]
 
 
-def _settled(equations: _NormalEquations, second: Bools) -> tuple[Ints, float]:
+def _assign_photos(equations: _NormalEquations, second: Bools) -> tuple[Ints, float]:
     """Assign each photo to its preferred camera until it settles; also return the cost reduction.
 
     The reduction is 0 if the groups do not settle.
     """
     group = second.astype(np.int64)
-    for _ in range(_ROUNDS):
+    for _ in range(_MAX_ROUNDS):
         members = group == np.array([[0], [1]])
-        if members.sum(axis=1).min() < FEWEST:
+        if members.sum(axis=1).min() < MIN_PHOTOS:
             return group, 0.0
         cameras = equations.camera(members)
         cost = np.stack([equations.cost(camera) for camera in cameras])
@@ -150,7 +150,7 @@ def _settled(equations: _NormalEquations, second: Bools) -> tuple[Ints, float]:
     return group, 0.0
 
 
-def _judged(fit: Fit, equations: _NormalEquations, group: Ints, gain: float) -> Split:
+def _judge(fit: Fit, equations: _NormalEquations, group: Ints, gain: float) -> Split:
     """Compute the distance of the groups, and the preference of each photo for its own."""
     photos, q = equations.gradient.shape
     own = group == group[:, None]  # (M, M) photos in the same group
@@ -159,8 +159,8 @@ def _judged(fit: Fit, equations: _NormalEquations, group: Ints, gain: float) -> 
     rest = (
         np.einsum("nm,mij->nij", own, equations.normal) - equations.normal + equations.prior_normal
     )
-    whole = np.linalg.pinv(rest + equations.normal, rcond=_SINGULAR, hermitian=True)
-    rest = np.linalg.pinv(rest, rcond=_SINGULAR, hermitian=True)
+    whole = np.linalg.pinv(rest + equations.normal, rcond=_MIN_EIGENVALUE, hermitian=True)
+    rest = np.linalg.pinv(rest, rcond=_MIN_EIGENVALUE, hermitian=True)
     left = equations.gradient + np.einsum("mij,mj->mi", equations.normal, mine)
     moved = np.einsum("mij,mj->mi", rest, left)
     # Scatter of the cameras within the groups, as in `photo_effect` for one group.

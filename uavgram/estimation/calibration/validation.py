@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust, fit_poses
-from uavgram.estimation.calibration.problem import POSE
+from uavgram.estimation.calibration.problem import POSE_SIZE
 from uavgram.model.arrays import Floats
 
-MOST_FOLDS = 20
+MAX_FOLDS = 20
 """Largest number of adjustments of a cross-validation."""
 
 
@@ -46,11 +46,11 @@ class HeldOut:
         return np.asarray(self.squares / np.maximum(self.degrees, 1.0))
 
 
-def held_out(fit: Fit) -> HeldOut:
+def cross_validate(fit: Fit) -> HeldOut:
     """Leave photos out, one at a time (in at most 20 groups), and predict them."""
     photos = len(fit.corners.weight)
     squares = np.full(photos, np.nan)
-    group = np.arange(photos) % min(photos, MOST_FOLDS)
+    group = np.arange(photos) % min(photos, MAX_FOLDS)
     for fold in range(group.max() + 1):
         out = group == fold
         try:
@@ -62,21 +62,21 @@ def held_out(fit: Fit) -> HeldOut:
         )
         cost = fit_poses(fit.lens, fit.corners.take(out), seen)[1]
         squares[out] = np.where(np.isfinite(cost), cost, np.nan)
-    return HeldOut(squares, np.maximum(2.0 * fit.corners.count - POSE, 0.0))
+    return HeldOut(squares, np.maximum(2.0 * fit.corners.count - POSE_SIZE, 0.0))
 
 
-def information_criteria(fit: Fit) -> tuple[float, float]:
+def compute_information_criteria(fit: Fit) -> tuple[float, float]:
     """Compute Akaike's and the Bayesian information criterion, with unknown noise of the corners.
 
     Burnham and Anderson 2002, "Model selection and multimodel inference", sec. 2.2 and 6.4.1.
     """
     observations = 2.0 * float(fit.corners.count.sum())
-    unknowns = fit.lens.size + POSE * np.count_nonzero(fit.corners.count) + 1
+    unknowns = fit.lens.size + POSE_SIZE * np.count_nonzero(fit.corners.count) + 1
     fitted = observations * np.log(fit.corner_cost / observations)
     return float(fitted + 2 * unknowns), float(fitted + unknowns * np.log(observations))
 
 
-def simplest_good(scores: list[HeldOut]) -> int:
+def choose_simplest(scores: list[HeldOut]) -> int:
     """Return the index of the first model (simplest first) that predicts as well as the best one.
 
     As well: within one standard error of the difference over photos (Hastie, Tibshirani and

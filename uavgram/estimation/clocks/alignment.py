@@ -21,7 +21,7 @@ from scipy.special import bdtrc
 
 from uavgram.estimation.clocks.clock_line import (
     CAMERA_DRIFT_SIGMA,
-    COARSE_S,
+    COARSE_STEP_S,
     ClockLine,
     fit_camera_clock,
     fit_line,
@@ -33,17 +33,17 @@ from uavgram.model.flight.frames import PairStatus
 # Scatter of shutters about their events: behind a feedback pin a few milliseconds, behind a command
 # some 30 ms (86 to 147 ms of lag in ArduPilot's simulator). Estimated for each hypothesis between
 # these.
-LEAST_SCATTER_S, MOST_SCATTER_S = 0.0005, 0.03
+MIN_SCATTER_S, MAX_SCATTER_S = 0.0005, 0.03
 COARSE_SCATTER_S = 0.01  # used where the readings' step hides it
-_SCATTERS = 4.0  # largest difference of a photo from its event
-_GENEROSITY = 1.15  # factor of that tolerance for rivals
-_PEAKS = 32
-_LEAST_SHARE = 0.6  # share of photos with an event: some logs lack a third of the events
-_LEAST_LEAD, _LEAST_LEAD_SHARE = 3, 0.05  # lead over the best rival, in photos
-_LEAD_NATS = 12.0  # log odds by which the best must lead its rivals
+_TOLERANCE_SCATTERS = 4.0  # largest difference of a photo from its event
+_RIVAL_TOLERANCE_FACTOR = 1.15  # factor of that tolerance for rivals
+_MAX_PEAKS = 32
+_MIN_SHARE = 0.6  # share of photos with an event: some logs lack a third of the events
+_MIN_LEAD, _MIN_LEAD_SHARE = 3, 0.05  # lead over the best rival, in photos
+_MIN_LOG_ODDS = 12.0  # log odds by which the best must lead its rivals
 _PAIR_ODDS = 5.7  # odds that a photo's event is logged: 0.85 / 0.15
-_CHANCE = 1e-5  # probability of as many pairs by chance at any offset tried
-_LOST_SHARE = 0.3  # share of a rival's pairs that may be excused as lost events
+_CHANCE_PROBABILITY = 1e-5  # probability of as many pairs by chance at any offset tried
+_MAX_LOST_SHARE = 0.3  # share of a rival's pairs that may be excused as lost events
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,11 +108,11 @@ def search_offsets(
     bounds_s
         Range of the offset.
     """
-    loose = resolution_s / 2 + _SCATTERS * MOST_SCATTER_S
+    loose = resolution_s / 2 + _TOLERANCE_SCATTERS * MAX_SCATTER_S
     wide = loose + 1.5 * CAMERA_DRIFT_SIGMA * float(np.ptp(photo_s)) / 2
     start = float(event_s[0])
     # Candidates by votes, each fitted to its pairs with decreasing tolerance.
-    peaks = [ClockLine(p, 0.0, start) for p in _peaks(photo_s, event_s, wide, bounds_s)]
+    peaks = [ClockLine(p, 0.0, start) for p in _find_peaks(photo_s, event_s, wide, bounds_s)]
     rough = [_settle(photo_s, event_s, c, (wide, max(wide / 2, loose), loose)) for c in peaks]
     clocks = [c for c in rough if c is not None]
     # Fit and judge again, within the tolerance of the likeliest candidate.
@@ -120,14 +120,14 @@ def search_offsets(
     usual = _usual_spacing(event_s)
     settled = [_settle(photo_s, event_s, c, (tolerance,) * 3) for c in clocks]
     inside = [c for c in settled if c is not None and bounds_s[0] <= c.offset_s <= bounds_s[1]]
-    fits = _ranked([_judged(photo_s, event_s, usual, c, tolerance) for c in inside])
+    fits = _rank([_count_pairs(photo_s, event_s, usual, c, tolerance) for c in inside])
     if not fits:
         return Search((), tolerance, unique=False)
     # Unique: beyond chance, and ahead of rivals that are judged with a wider tolerance.
-    generous = resolution_s / 2 + _GENEROSITY * (tolerance - resolution_s / 2)
-    rivals = [_judged(photo_s, event_s, usual, f.clock, generous) for f in fits[1:]]
+    generous = resolution_s / 2 + _RIVAL_TOLERANCE_FACTOR * (tolerance - resolution_s / 2)
+    rivals = [_count_pairs(photo_s, event_s, usual, f.clock, generous) for f in fits[1:]]
     unique = _is_beyond_chance(fits[0], photo_s, event_s, tolerance, bounds_s) and _leads(
-        fits[0], rivals, _by_chance(event_s, tolerance)
+        fits[0], rivals, _chance_probability(event_s, tolerance)
     )
     return Search(tuple(fits), tolerance, unique=unique)
 
@@ -140,26 +140,26 @@ def _best_tolerance(
     The scatter of each is that of all its pairs, reduced from the largest: a few pairs that happen
     to fit closely do not make a hypothesis good.
     """
-    best, tolerance = -np.inf, resolution_s / 2 + _SCATTERS * COARSE_SCATTER_S
-    if resolution_s > COARSE_S:
+    best, tolerance = -np.inf, resolution_s / 2 + _TOLERANCE_SCATTERS * COARSE_SCATTER_S
+    if resolution_s > COARSE_STEP_S:
         return tolerance
     for clock in clocks:
-        residual, index = nearest(clock.to_time(photo_s), event_s)
-        reach = resolution_s / 2 + _SCATTERS * MOST_SCATTER_S
+        residual, index = find_nearest(clock.to_time(photo_s), event_s)
+        reach = resolution_s / 2 + _TOLERANCE_SCATTERS * MAX_SCATTER_S
         for _ in range(4):
             near = np.abs(residual) <= reach
             middle = float(residual[near].mean()) if near.any() else 0.0
-            scatter = float(np.std(residual[near])) if near.sum() > 2 else MOST_SCATTER_S
-            scatter = float(np.clip(scatter, LEAST_SCATTER_S, MOST_SCATTER_S))
-            residual, reach = residual - middle, resolution_s / 2 + _SCATTERS * scatter
+            scatter = float(np.std(residual[near])) if near.sum() > 2 else MAX_SCATTER_S
+            scatter = float(np.clip(scatter, MIN_SCATTER_S, MAX_SCATTER_S))
+            residual, reach = residual - middle, resolution_s / 2 + _TOLERANCE_SCATTERS * scatter
         pairs = len(np.unique(index[np.abs(residual) <= reach]))
-        score = pairs * np.log(_PAIR_ODDS / _by_chance(event_s, reach))
+        score = pairs * np.log(_PAIR_ODDS / _chance_probability(event_s, reach))
         if score > best:
             best, tolerance = score, reach
     return tolerance
 
 
-def nearest(time_s: Floats, event_s: Floats) -> tuple[Floats, Ints]:
+def find_nearest(time_s: Floats, event_s: Floats) -> tuple[Floats, Ints]:
     """Return (F,) time minus nearest event's time, and the index of that event."""
     after = np.searchsorted(event_s, time_s)
     left = np.maximum(after - 1, 0)
@@ -169,7 +169,7 @@ def nearest(time_s: Floats, event_s: Floats) -> tuple[Floats, Ints]:
     return time_s - event_s[index], index.astype(np.int64)
 
 
-def _peaks(
+def _find_peaks(
     photo_s: Floats, event_s: Floats, tolerance_s: float, bounds_s: tuple[float, float]
 ) -> list[float]:
     """Return offsets with the most votes within the tolerance, the densest first."""
@@ -184,7 +184,7 @@ def _peaks(
         apart = min(apart, 0.4 * float(np.quantile(np.diff(event_s), 0.05)))
     apart = max(apart, 1e-3)
     found: list[float] = []
-    for _ in range(_PEAKS):
+    for _ in range(_MAX_PEAKS):
         k = int(np.argmax(count))
         if count[k] <= 0:
             break
@@ -199,7 +199,7 @@ def _settle(
 ) -> ClockLine | None:
     """Fit the clock to its pairs with decreasing tolerance; None if no pairs are left."""
     for tolerance in tolerances_s:
-        residual, index = nearest(clock.to_time(photo_s), event_s)
+        residual, index = find_nearest(clock.to_time(photo_s), event_s)
         near = np.abs(residual) <= tolerance
         if not near.any():
             return None
@@ -212,20 +212,20 @@ def _settle(
     return clock
 
 
-def _judged(
+def _count_pairs(
     photo_s: Floats, event_s: Floats, usual_s: Floats, clock: ClockLine, tolerance_s: float
 ) -> Fit:
     """Count the pairs of a fitted clock, and the photos without one that are excused."""
     time = clock.to_time(photo_s)
-    residual, index = nearest(time, event_s)
+    residual, index = find_nearest(time, event_s)
     near = np.abs(residual) <= tolerance_s
     matched = len(np.unique(index[near]))
     excused = int(_may_be_missing(time[~near], event_s, usual_s, tolerance_s).sum())
-    allowed = max(2, int(_LOST_SHARE * matched))
+    allowed = max(2, int(_MAX_LOST_SHARE * matched))
     return Fit(clock, np.where(near, index, -1), matched, min(excused, allowed))
 
 
-def _by_chance(event_s: Floats, tolerance_s: float) -> float:
+def _chance_probability(event_s: Floats, tolerance_s: float) -> float:
     """Compute the probability that any instant is within the tolerance of an event."""
     density = (len(event_s) - 1) / max(float(np.ptp(event_s)), 1e-9)
     return float(np.clip(2 * tolerance_s * density, 1e-6, 0.95))
@@ -251,7 +251,7 @@ def _may_be_missing(time_s: Floats, event_s: Floats, usual_s: Floats, tolerance_
     return np.asarray(first <= last)
 
 
-def _ranked(fits: list[Fit]) -> list[Fit]:
+def _rank(fits: list[Fit]) -> list[Fit]:
     """Sort by number of pairs, without those that converged to the pairs of a better one."""
     kept: list[Fit] = []
     pairs = np.full((len(fits), len(fits[0].event_index) if fits else 0), -1, dtype=np.int64)
@@ -273,13 +273,13 @@ def _is_beyond_chance(
 ) -> bool:
     """Return whether most photos, and at least three, are paired, and more than by chance."""
     count = len(photo_s)
-    if best.matched < max(_LEAST_PAIRS, _LEAST_SHARE * count):
+    if best.matched < max(_MIN_PAIRS, _MIN_SHARE * count):
         return False
     if np.isfinite(bounds_s).all():
         return True
     tried = (np.ptp(photo_s) + np.ptp(event_s)) / tolerance_s
-    by_luck = float(bdtrc(best.matched - 1, count, _by_chance(event_s, tolerance_s)))
-    return bool(tried * by_luck < _CHANCE)
+    by_luck = float(bdtrc(best.matched - 1, count, _chance_probability(event_s, tolerance_s)))
+    return bool(tried * by_luck < _CHANCE_PROBABILITY)
 
 
 def _leads(best: Fit, rivals: list[Fit], by_chance: float) -> bool:
@@ -289,13 +289,13 @@ def _leads(best: Fit, rivals: list[Fit], by_chance: float) -> bool:
     the density of a reading about its event (one over the window) against that of events anywhere.
     """
     gain_nats = float(np.log(_PAIR_ODDS / by_chance))
-    needed = max(_LEAST_LEAD, _LEAST_LEAD_SHARE * len(best.event_index), _LEAD_NATS / gain_nats)
+    needed = max(_MIN_LEAD, _MIN_LEAD_SHARE * len(best.event_index), _MIN_LOG_ODDS / gain_nats)
     return best.explained - max((fit.explained for fit in rivals), default=-np.inf) >= needed
 
 
 _STATUS: tuple[PairStatus, ...] = ("certain", "hidden", "crowded", "none")
-_CERTAIN = 0
-_LEAST_PAIRS = 3
+_CERTAIN_INDEX = 0
+_MIN_PAIRS = 3
 
 _GATE_SIGMAS = 5.0
 _GATE_FLOOR_S, _GATE_LIMIT_S = 0.03, 0.25
@@ -303,8 +303,8 @@ _LINE_SIGMAS = 4.0
 # Smallest spacing of events, as a share of the least spacing around, and of any camera [s]: if the
 # log lost one, its neighbours still show how fast the camera was triggered.
 _SPACING_SHARE = 0.6
-_FASTEST_S = 0.1
-_SPACINGS_AROUND = 21
+_MIN_SPACING_S = 0.1
+_SPACING_COUNT = 21
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,16 +371,16 @@ def align(
     search = search_offsets(photo, resolution_s, event, bounds_s)
     if not search.fits:
         return _none(len(photo))
-    clock = _fitted(photo, resolution_s, event, search)
+    clock = _fit_camera(photo, resolution_s, event, search)
     time = clock.to_time(photo)
     tolerance = resolution_s / 2 + _gate_s(clock) + _LINE_SIGMAS * clock.sigma_at(time)
-    index = _assigned(time, event, tolerance)
+    index = _assign(time, event, tolerance)
     return Alignment(
         unique=search.unique,
         candidates=search.fits,
         clock=clock,
         event_index=index,
-        status=_named(_status(time, event, index, tolerance)),
+        status=_make_candidates(_determine_status(time, event, index, tolerance)),
         residual_s=np.where(index >= 0, time - event[index], np.nan),
         photo_event_s=time,
     )
@@ -393,7 +393,7 @@ def _none(count: int) -> Alignment:
         candidates=(),
         clock=ClockLine(float("nan"), 0.0, 0.0),
         event_index=np.full(count, -1, dtype=np.int64),
-        status=_named(np.full(count, 3)),
+        status=_make_candidates(np.full(count, 3)),
         residual_s=nothing,
         photo_event_s=nothing,
     )
@@ -404,25 +404,25 @@ def _gate_s(clock: ClockLine) -> float:
     return float(np.clip(_GATE_SIGMAS * clock.scatter_s, _GATE_FLOOR_S, _GATE_LIMIT_S))
 
 
-def _fitted(photo_s: Floats, resolution_s: float, event_s: Floats, search: Search) -> ClockLine:
+def _fit_camera(photo_s: Floats, resolution_s: float, event_s: Floats, search: Search) -> ClockLine:
     """Fit the camera's clock to its unambiguous pairs, whose scatter replaces the search's."""
     clock = search.fits[0].clock
     reach = max(search.tolerance_s, resolution_s / 2 + _GATE_FLOOR_S)
     for _ in range(3):
         time = clock.to_time(photo_s)
         tolerance = np.full(len(time), reach)
-        index = _assigned(time, event_s, tolerance)
+        index = _assign(time, event_s, tolerance)
         if not (index >= 0).any():
             return clock
         used = _is_alone_both_ways(time, event_s, index, tolerance)
-        if used.sum() < _LEAST_PAIRS:
+        if used.sum() < _MIN_PAIRS:
             used = index >= 0
         clock = fit_camera_clock(event_s[index[used]], photo_s[used], resolution_s)
         reach = resolution_s / 2 + _gate_s(clock)
     return clock
 
 
-def _assigned(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
+def _assign(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
     """Assign (F,) one event to one photo: most pairs within the tolerance, then least squares.
 
     On a line the cheapest assignment with a convex cost never crosses: it is monotone.
@@ -444,16 +444,16 @@ def _assigned(time_s: Floats, event_s: Floats, tolerance_s: Floats) -> Ints:
     return index
 
 
-def _named(codes: Ints) -> tuple[PairStatus, ...]:
+def _make_candidates(codes: Ints) -> tuple[PairStatus, ...]:
     names: list[PairStatus] = [_STATUS[code] for code in codes]
     return tuple(names)
 
 
-def _status(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Ints:
+def _determine_status(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Ints:
     """Return (F,) indices into `_STATUS`."""
     alone = _is_alone_both_ways(time_s, event_s, index, tolerance_s)
     hidden = _could_hide_its_own(time_s, event_s, index, tolerance_s)
-    return np.where(index < 0, 3, np.where(~alone, 2, np.where(hidden, 1, _CERTAIN)))
+    return np.where(index < 0, 3, np.where(~alone, 2, np.where(hidden, 1, _CERTAIN_INDEX)))
 
 
 def _is_alone_both_ways(time_s: Floats, event_s: Floats, index: Ints, tolerance_s: Floats) -> Bools:
@@ -472,10 +472,10 @@ def _could_hide_its_own(time_s: Floats, event_s: Floats, index: Ints, tolerance_
     """
     if len(event_s) < 2:
         return np.ones(len(time_s), dtype=bool)
-    spacing = make_running_windows(np.diff(event_s), _SPACINGS_AROUND).min(axis=1)
+    spacing = make_running_windows(np.diff(event_s), _SPACING_COUNT).min(axis=1)
     padded = np.concatenate([[-np.inf], event_s, [np.inf]])
     k = np.maximum(index, 0)
-    least = np.maximum(_SPACING_SHARE * spacing[np.minimum(k, len(spacing) - 1)], _FASTEST_S)
+    least = np.maximum(_SPACING_SHARE * spacing[np.minimum(k, len(spacing) - 1)], _MIN_SPACING_S)
     own = event_s[k]
     after = own + least < np.minimum(time_s + tolerance_s, padded[k + 2] - least)
     before = own - least > np.maximum(time_s - tolerance_s, padded[k] + least)

@@ -17,14 +17,14 @@ BOOT_DRIFT_SIGMA = 2e-4
 # Drift of a camera's clock against the autopilot's: quartz without temperature control stays within
 # some 50 ppm.
 CAMERA_DRIFT_SIGMA = 1e-4
-COARSE_S = 0.1  # step above which it exceeds the scatter of shutters
-LEAST_JITTER_S = 0.001
+COARSE_STEP_S = 0.1  # step above which it exceeds the scatter of shutters
+MIN_JITTER_S = 0.001
 COARSE_JITTER_S = 0.02  # scatter of shutters, assumed for coarse readings
-_STEPS = 30
-_LONGEST_DELAY_S = 600.0  # readings farther from the median are damaged
-_TUKEY = 4.685  # constant of the biweight, 95 % efficient for normal errors (Huber 1981)
-_SIGNIFICANT = 3.0  # sigmas of a drift that is reported
-_FREE = 1e6  # sigma of a drift without prior
+_MAX_STEPS = 30
+_MAX_DELAY_S = 600.0  # readings farther from the median are damaged
+_TUKEY_CONSTANT = 4.685  # constant of the biweight, 95 % efficient for normal errors (Huber 1981)
+_SIGNIFICANT_SIGMAS = 3.0  # sigmas of a drift that is reported
+_FREE_DRIFT_SIGMA = 1e6  # sigma of a drift without prior
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class ClockLine:
     @property
     def drifts(self) -> bool:
         """Whether the drift exceeds three of its sigmas."""
-        return abs(self.drift) > _SIGNIFICANT * self.drift_sigma
+        return abs(self.drift) > _SIGNIFICANT_SIGMAS * self.drift_sigma
 
     def at(self, time_s: float) -> float:
         """Return the reading of the other clock at an instant of the first."""
@@ -108,11 +108,11 @@ def fit_line(
     else:
         slope = _start_slope(t, y, 10 * drift_sigma)
         level, scatter, weight = float(np.median(y - slope * t)), 0.0, np.ones(len(t))
-        for _ in range(_STEPS):
+        for _ in range(_MAX_STEPS):
             residual = y - level - slope * t
             # Digital readings: a scatter below a microsecond is not resolved.
             scatter = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
-            weight = np.clip(1 - (residual / (_TUKEY * scatter)) ** 2, 0, None) ** 2
+            weight = np.clip(1 - (residual / (_TUKEY_CONSTANT * scatter)) ** 2, 0, None) ** 2
             previous, moment = (level, slope), weight @ t
             # Weighted normal equations of level and slope, with the drift's prior.
             normal = [
@@ -157,7 +157,7 @@ def fit_lower_envelope(time_s: Floats, other_s: Floats, bin_s: float = 5.0) -> C
     """
     late = other_s - time_s
     # The lower median is one of the readings: the mean of two distant ones would be near neither.
-    near = np.abs(late - np.quantile(late, 0.5, method="lower")) < _LONGEST_DELAY_S
+    near = np.abs(late - np.quantile(late, 0.5, method="lower")) < _MAX_DELAY_S
     time_s, other_s, late = time_s[near], other_s[near], late[near]
     order = np.lexsort((late, np.floor((time_s - time_s[0]) / bin_s)))
     bins = np.floor((time_s[order] - time_s[0]) / bin_s)
@@ -180,8 +180,8 @@ def fit_camera_clock(event_s: Floats, reading_s: Floats, resolution_s: float) ->
     resolution_s
         Step of the readings.
     """
-    coarse, least = resolution_s > COARSE_S, max(resolution_s / np.sqrt(12.0), LEAST_JITTER_S)
-    free = fit_line(event_s, reading_s, _FREE, least)
+    coarse, least = resolution_s > COARSE_STEP_S, max(resolution_s / np.sqrt(12.0), MIN_JITTER_S)
+    free = fit_line(event_s, reading_s, _FREE_DRIFT_SIGMA, least)
     if len(event_s) < 2:
         sigma = float(np.hypot(resolution_s, COARSE_JITTER_S))
         return ClockLine(free.offset_s, 0.0, free.reference_s, sigma)
@@ -194,8 +194,8 @@ def fit_camera_clock(event_s: Floats, reading_s: Floats, resolution_s: float) ->
     line = fit_line(event_s, reading_s, CAMERA_DRIFT_SIGMA, float(np.hypot(scatter, common)))
     residual = line.residual_s(event_s, reading_s)
     if not coarse:
-        return replace(line, scatter_s=max(float(np.std(residual)), LEAST_JITTER_S))
-    middle, sigma = _middle(residual, resolution_s)
+        return replace(line, scatter_s=max(float(np.std(residual)), MIN_JITTER_S))
+    middle, sigma = _fit_offset(residual, resolution_s)
     return replace(
         line,
         offset_s=line.offset_s + middle,
@@ -204,7 +204,7 @@ def fit_camera_clock(event_s: Floats, reading_s: Floats, resolution_s: float) ->
     )
 
 
-def _middle(residual_s: Floats, resolution_s: float) -> tuple[float, float]:
+def _fit_offset(residual_s: Floats, resolution_s: float) -> tuple[float, float]:
     """Compute offset and sigma from readings with a uniform error.
 
     The midrange of n uniform errors of full width w has sigma w / sqrt(2 (n + 1) (n + 2)) (Johnson,
@@ -223,10 +223,10 @@ def _middle(residual_s: Floats, resolution_s: float) -> tuple[float, float]:
     return (low + high) / 2, float(np.sqrt(filled**2 + rest**2 + COARSE_JITTER_S**2 / 4))
 
 
-_WORST_DRIFT = 2e-3
-_WORST_SCATTER_S = 0.5
-_WORST_STATION_SCATTER_S = 2.0
-_JUMP_S = 0.4
+_MAX_DRIFT = 2e-3
+_MAX_SCATTER_S = 0.5
+_MAX_STATION_SCATTER_S = 2.0
+_MIN_JUMP_S = 0.4
 # A fix reaches the autopilot 60 to 220 ms after its epoch, by receiver (ArduPilot pull requests
 # #5405 and #8763), and the log has its arrival: an unknown delay common to the flight.
 RECEIVER_LAG_SIGMA_S = 0.1
@@ -251,20 +251,20 @@ def fit_boot_clock(boot: Boot) -> tuple[BootClock, tuple[Message, ...]]:
     if gps is not None:
         line = _line(gps)
         if _is_plausible(line, gps):
-            return _clock(line, RECEIVER_LAG_SIGMA_S, "gps"), _jumps(line, gps)
-        reason = f"its GPS time {_gps_objection(line, gps)}"
+            return _clock(line, RECEIVER_LAG_SIGMA_S, "gps"), _describe_jumps(line, gps)
+        reason = f"its GPS time {_explain_gps(line, gps)}"
     station = None if receive is None else fit_lower_envelope(receive.time_boot_s, receive.utc_s)
     station_is_dated = (
         station is not None
         and receive is not None
-        and station.scatter_s < _WORST_STATION_SCATTER_S
+        and station.scatter_s < _MAX_STATION_SCATTER_S
         and _is_dated(station, receive.time_boot_s)
     )
     if system is not None:
         line = _line(system)
-        objection = _objection(line, system, station if station_is_dated else None)
+        objection = _explain_system_time(line, system, station if station_is_dated else None)
         if not objection:
-            remarks = (*_jumps(line, system), *_difference(line, station))
+            remarks = (*_describe_jumps(line, system), *_describe_difference(line, station))
             return _clock(line, RECEIVER_LAG_SIGMA_S, "system_time"), remarks
         reason = f"its SYSTEM_TIME {objection}"
     if station is None or not station_is_dated:
@@ -315,10 +315,10 @@ def _clock(line: ClockLine, systematic_s: float, source: str) -> BootClock:
     )
 
 
-def _jumps(line: ClockLine, samples: ClockSamples) -> tuple[Message, ...]:
+def _describe_jumps(line: ClockLine, samples: ClockSamples) -> tuple[Message, ...]:
     """Return a warning if readings are a good part of a second off the line: late leap seconds."""
     off_s = line.residual_s(samples.time_boot_s, samples.utc_s)
-    jumped = np.abs(off_s) > _JUMP_S
+    jumped = np.abs(off_s) > _MIN_JUMP_S
     if not jumped.any():
         return ()
     text = (
@@ -334,11 +334,11 @@ def _is_dated(line: ClockLine, time_boot_s: Floats) -> bool:
 
 
 def _is_plausible(line: ClockLine, samples: ClockSamples) -> bool:
-    steady = abs(line.drift) < _WORST_DRIFT and line.scatter_s < _WORST_SCATTER_S
+    steady = abs(line.drift) < _MAX_DRIFT and line.scatter_s < _MAX_SCATTER_S
     return steady and _is_dated(line, samples.time_boot_s)
 
 
-def _gps_objection(line: ClockLine, gps: ClockSamples) -> str:
+def _explain_gps(line: ClockLine, gps: ClockSamples) -> str:
     """Explain why GPS time cannot be related to the boot clock by a line."""
     if not _is_dated(line, gps.time_boot_s):
         return "is nonsense: it is of no year in which there were autopilots"
@@ -347,14 +347,14 @@ def _gps_objection(line: ClockLine, gps: ClockSamples) -> str:
     utc_s = gps.utc_s[half:] - gps.utc_s[: len(gps.utc_s) - half]
     rates = apart_s[utc_s > 0] / utc_s[utc_s > 0]
     rate = float(np.median(rates)) if len(rates) else 1.0
-    if abs(rate - 1) > _WORST_DRIFT:
+    if abs(rate - 1) > _MAX_DRIFT:
         how = "slow" if rate < 1 else "fast"
         off = abs(rate - 1) * 100
         return f"is there, but the boot clock runs {off:.1f} % {how} against it"
     return f"scatters by {line.scatter_s:.1f} s about the boot clock"
 
 
-def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None) -> str:
+def _explain_system_time(line: ClockLine, system: ClockSamples, station: ClockLine | None) -> str:
     """Explain why SYSTEM_TIME is not plausible; empty if it is."""
     middle = float(np.median(system.time_boot_s))
     stated = line.at(middle)
@@ -369,7 +369,7 @@ def _objection(line: ClockLine, system: ClockSamples, station: ClockLine | None)
     return ""
 
 
-def _difference(line: ClockLine, station: ClockLine | None) -> tuple[Message, ...]:
+def _describe_difference(line: ClockLine, station: ClockLine | None) -> tuple[Message, ...]:
     """Return a remark if the ground station's clock differs."""
     apart = 0.0 if station is None else station.at(0.0) - line.at(0.0)
     if abs(apart) < 1.0:

@@ -19,16 +19,16 @@ from uavgram.model.arrays import Floats
 POSITION_M, ATTITUDE_RAD = 0.5, 0.02
 """Sigmas of a log, from photo to photo: the measured drift of receivers and estimators."""
 
-STOOD_M = 2.0
+MIN_MOTION_M = 2.0
 """Root mean square of a vehicle's distances from their mean, below which it was on the ground or
 hovered [m]: photos whose ties determine their places were not taken then."""
 
-OTHER_HEIGHT = 3.0
+MAX_HEIGHT_RATIO = 3.0
 """Largest ratio of the height over the ground and that over the lowest place flown, either way."""
 
-ROUNDS = 4
+FIT_ROUNDS = 4
 
-UNKNOWN = 10
+UNKNOWN_COUNT = 10
 """Number of unknowns: scale, shift, rotation of the axes, and rotation of the camera in its
 mount."""
 
@@ -48,7 +48,7 @@ class Fit(NamedTuple):
     degrees: int
 
 
-def fit(poses: tuple[Floats, Floats], flown: tuple[Floats, Floats]) -> Fit:
+def fit_similarity(poses: tuple[Floats, Floats], flown: tuple[Floats, Floats]) -> Fit:
     """Fit the similarity and the mount that bring poses nearest to those of a log.
 
     The first rotation is by the places alone (Umeyama 1991); then attitudes contribute to it as
@@ -68,16 +68,16 @@ def fit(poses: tuple[Floats, Floats], flown: tuple[Floats, Floats]) -> Fit:
     turn = nearest_rotation(product)
     size = float(np.sum(source**2))
     # Alternate scale, mount and rotation, each in closed form for the others.
-    for _ in range(ROUNDS):
+    for _ in range(FIT_ROUNDS):
         scale = max(float(np.sum(target * (source @ turn.T))) / size, 0.0)
         mount = nearest_rotation(np.einsum("nji,jk,nkl->il", body, turn, own))
         by_attitude = np.einsum("nij,jk,nlk->il", body, mount, own) / ATTITUDE_RAD**2
         turn = nearest_rotation(scale * product + by_attitude)
     scale = max(float(np.sum(target * (source @ turn.T))) / size, 0.0)
     here, there = scale * float(np.median(center[:, 2])), float(np.median(place[:, 2]))
-    degrees = max(6 * len(center) - UNKNOWN, 1)
-    stood = np.sum(target**2) < len(target) * STOOD_M**2
-    if stood or not there / OTHER_HEIGHT < here < there * OTHER_HEIGHT:
+    degrees = max(6 * len(center) - UNKNOWN_COUNT, 1)
+    stood = np.sum(target**2) < len(target) * MIN_MOTION_M**2
+    if stood or not there / MAX_HEIGHT_RATIO < here < there * MAX_HEIGHT_RATIO:
         return Fit(np.inf, degrees)
     off = np.sum((target - scale * source @ turn.T) ** 2) / POSITION_M**2
     # |A - B|^2 of two rotations by an angle a is 8 sin^2(a / 2).
@@ -88,22 +88,22 @@ def fit(poses: tuple[Floats, Floats], flown: tuple[Floats, Floats]) -> Fit:
 STEP_S = 0.5
 """Step of the offsets that are tried [s]: a drone flies a few metres in it."""
 
-FINE_S = 0.02
+OFFSET_ACCURACY_S = 0.02
 """Accuracy of the search of the best offset [s]."""
 
-RIVAL = 25.0
+MIN_RIVAL_INCREASE = 25.0
 """Sum of squares by which another offset must be worse: five sigmas."""
 
-APART_S = 2.0
+MIN_RIVAL_DISTANCE_S = 2.0
 """Difference below which two offsets are the same [s]."""
 
-MOST_MINIMA = 20
+MAX_MINIMA = 20
 """Largest number of minima that are refined."""
 
-LAG_S = 0.05
+LAG_SIGMA_S = 0.05
 """Sigma of a common delay of a log's positions and attitudes [s]."""
 
-Flown = Callable[[Floats], tuple[Floats, Floats]]
+FlightPoses = Callable[[Floats], tuple[Floats, Floats]]
 """Function that returns positions (N, 3) and attitudes (N, 3, 3) of a log's vehicle at instants
 (N,)."""
 
@@ -128,8 +128,8 @@ class TiedClock:
     rival_s: tuple[float, ...]
 
 
-def tied_clock(
-    poses: tuple[Floats, Floats], reading_s: Floats, flown: Flown, span_s: tuple[float, float]
+def estimate_tied_clock(
+    poses: tuple[Floats, Floats], reading_s: Floats, flown: FlightPoses, span_s: tuple[float, float]
 ) -> TiedClock | None:
     """Estimate the best offset; None if no offset puts all photos into the log.
 
@@ -142,13 +142,13 @@ def tied_clock(
     flown, span_s
         Function of the log's poses, and start and end of the time in which it has them.
     """
-    first = float(reading_s.max()) - span_s[1] + FINE_S
-    last = float(reading_s.min()) - span_s[0] - FINE_S
+    first = float(reading_s.max()) - span_s[1] + OFFSET_ACCURACY_S
+    last = float(reading_s.min()) - span_s[0] - OFFSET_ACCURACY_S
     if first >= last:
         return None
 
     def at(offset_s: float) -> Fit:
-        return fit(poses, flown(reading_s - offset_s))
+        return fit_similarity(poses, flown(reading_s - offset_s))
 
     tried = np.linspace(first, last, max(int((last - first) / STEP_S) + 1, 3))
     cost = np.array([at(offset).cost for offset in tried.tolist()])
@@ -156,8 +156,8 @@ def tied_clock(
         return None
     around = np.pad(cost, 1, constant_values=np.inf)
     low = np.flatnonzero(np.isfinite(cost) & (cost <= around[:-2]) & (cost <= around[2:]))
-    low = low[np.argsort(cost[low])][:MOST_MINIMA]
-    found = sorted(_finest(at, float(tried[k]), (first, last)) for k in low.tolist())
+    low = low[np.argsort(cost[low])][:MAX_MINIMA]
+    found = sorted(_refine(at, float(tried[k]), (first, last)) for k in low.tolist())
     least, best = found[0]
     square = least / at(best).degrees
     scale = max(square, 1.0)
@@ -166,18 +166,18 @@ def tied_clock(
     rivals: list[float] = []
     for cost_there, offset in sorted(every):
         apart = min(abs(offset - other) for other in (best, *rivals))
-        if cost_there < least + RIVAL * scale and apart > APART_S:
+        if cost_there < least + MIN_RIVAL_INCREASE * scale and apart > MIN_RIVAL_DISTANCE_S:
             rivals.append(offset)
     sigma = _sigma(at, best, scale, (first, last))
     return TiedClock(best, sigma, float(np.sqrt(square)), tuple(rivals))
 
 
-def _finest(
+def _refine(
     at: Callable[[float], Fit], offset_s: float, bounds: tuple[float, float]
 ) -> tuple[float, float]:
     """Refine a tried minimum by halving the step; return cost and offset."""
     step, best = STEP_S, (at(offset_s).cost, offset_s)
-    while step > FINE_S:
+    while step > OFFSET_ACCURACY_S:
         step *= 0.5
         near = [float(np.clip(best[1] + way * step, *bounds)) for way in (-1, 1)]
         best = min([best, *((at(o).cost, o) for o in near)])
@@ -193,4 +193,4 @@ def _sigma(
     rise = max(
         (at(side).cost - here) / (side - offset_s) ** 2 for side in (low, high) if side != offset_s
     )
-    return float(np.hypot(np.sqrt(scale / max(rise, 1e-12)), LAG_S))
+    return float(np.hypot(np.sqrt(scale / max(rise, 1e-12)), LAG_SIGMA_S))

@@ -13,12 +13,12 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Sightings
 
-WIDE = 0.1
+MAX_RELATIVE_SIGMA = 0.1
 """Sigma of an intersection of rays, as a share of its distance, above which it has no meaning:
 usually the rays then come from one place."""
 
 
-def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstValues:
+def add_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstValues:
     """Add initial values of the points whose height is free.
 
     A point gets none (NaN) if its rays do not determine it, unless its coordinates or another known
@@ -36,25 +36,25 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     free = np.flatnonzero(survey.is_free)
     if not len(free):
         return values
-    frame, label, ray, sigma_px = _with_chains(survey, ray)
+    frame, label, ray, sigma_px = _gather_rays(survey, ray)
     rows = np.flatnonzero(survey.is_free[label] & np.isfinite(values.center[frame, 0]))
     center, owner = values.center[frame[rows]], label[rows]
     direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray[rows])
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     sigma = sigma_px[rows] / survey.calibration.parameters[0]
     # Intersections of the rays; where these fail, the mean intersection with the ground.
-    met, spread = rays_meet(center, direction, sigma, owner, len(survey.label))
+    met, spread = intersect_rays(center, direction, sigma, owner, len(survey.label))
     plane = np.array([values.height_m, 0.0, 0.0])
     ground = intersect_ground(center, direction, plane, np.zeros(2), np.zeros(len(rows)))
-    point = means_of(ground, owner, len(survey.label))
+    point = compute_means(ground, owner, len(survey.label))
     point[survey.control_label] = survey.control_world_m
     anchored = np.zeros(len(survey.label), dtype=np.bool_)
     for known in (survey.control_label, survey.line_start, survey.line_end):
         anchored[known] = True
     for thing in survey.known:
         anchored[list(thing.label)] = True
-    point[~anchored & (spread > WIDE)] = np.nan
-    good = in_front(met, center, direction, owner) & (spread <= WIDE)
+    point[~anchored & (spread > MAX_RELATIVE_SIGMA)] = np.nan
+    good = are_in_front(met, center, direction, owner) & (spread <= MAX_RELATIVE_SIGMA)
     point[good] = met[good]
     point_m, departure_m = values.point_m.copy(), values.departure_m.copy()
     point_m[free] = point[free, :2]
@@ -62,7 +62,7 @@ def with_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstV
     return values._replace(point_m=point_m, departure_m=departure_m)
 
 
-def _with_chains(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Floats]:
+def _gather_rays(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Floats]:
     """Return frames, labels, rays and sigmas [px] of the picks and of their matches."""
     matches, camera = survey.matches, survey.calibration
     found = back_project(camera.model, camera.parameters, matches.pixel_px)
@@ -74,7 +74,7 @@ def _with_chains(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Float
     )
 
 
-def rays_meet(
+def intersect_rays(
     center: Floats, direction: Floats, sigma_rad: Floats, owner: Ints, count: int
 ) -> tuple[Floats, Floats]:
     """Intersect rays: points (K, 3), and their largest sigma as a share of the distance (K,).
@@ -118,7 +118,7 @@ def _sums(rows: Floats, owner: Ints, count: int) -> Floats:
     return np.stack([np.bincount(owner, column, count) for column in rows.T], axis=1)
 
 
-def in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:
+def are_in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Bools:
     """Mark the points (K,) that are ahead on all of their rays.
 
     Parameters
@@ -135,7 +135,7 @@ def in_front(met: Floats, center: Floats, direction: Floats, owner: Ints) -> Boo
     return np.asarray(np.isfinite(met[:, 0]) & ~behind)
 
 
-def means_of(place: Floats, owner: Ints, count: int) -> Floats:
+def compute_means(place: Floats, owner: Ints, count: int) -> Floats:
     """Compute (count, 3) means of the finite rows of each owner; NaN if there is none.
 
     Parameters
@@ -154,15 +154,15 @@ def means_of(place: Floats, owner: Ints, count: int) -> Floats:
     return np.where(number[:, None] > 0, total / np.maximum(number, 1)[:, None], np.nan)
 
 
-NEAREST = 0.05
+MIN_RELATIVE_DISTANCE = 0.05
 """Smallest distance of an initial point from its camera, as a share of the flying height. The
 camera itself moves by part of it during the readout."""
 
-FEWEST_LABELS = 3
+MIN_LABELS = 3
 """Number of labels in a frame that determine its pose if its ties determine only its rotation."""
 
 
-def with_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats]:
+def add_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats]:
     """Remove sightings without initial values, and return those of the remaining tie points.
 
     Parameters
@@ -185,14 +185,14 @@ def with_first_ties(survey: Survey, values: FirstValues) -> tuple[Survey, Floats
     chain, tie = _chains(survey, values), _ties(survey, values)
     label = survey.pick_label[survey.matches.pick]
     up = values.height_m + survey.height_above_m[label] + chain[:, 2]
-    matches, chains = _in_front(survey.matches, np.column_stack([chain[:, :2], up]), values)
-    tie[_from_one_place(survey, values)] = np.nan
-    ties, points = _in_front(survey.ties, tie, values)
+    matches, chains = _keep_in_front(survey.matches, np.column_stack([chain[:, :2], up]), values)
+    tie[_are_from_one_place(survey, values)] = np.nan
+    ties, points = _keep_in_front(survey.ties, tie, values)
     usable = replace(survey, matches=matches, ties=ties)
     return usable, np.concatenate([chain[chains], tie[points]])
 
 
-def _from_one_place(survey: Survey, values: FirstValues) -> Bools:
+def _are_from_one_place(survey: Survey, values: FirstValues) -> Bools:
     """Mark ties (T,) of frames that only turned, while labels in each of them give its pose.
 
     They have no depth, and iterations on it would not converge.
@@ -201,13 +201,13 @@ def _from_one_place(survey: Survey, values: FirstValues) -> Bools:
     low, high = np.full((ties.points, 3), np.inf), np.full((ties.points, 3), -np.inf)
     np.minimum.at(low, ties.point, values.center[ties.frame])
     np.maximum.at(high, ties.point, values.center[ties.frame])
-    labels = np.bincount(seen_labels(survey)[0], minlength=len(survey.frame_id))
-    fewest = np.full(ties.points, FEWEST_LABELS)
+    labels = np.bincount(find_seen_labels(survey)[0], minlength=len(survey.frame_id))
+    fewest = np.full(ties.points, MIN_LABELS)
     np.minimum.at(fewest, ties.point, labels[ties.frame])
-    return np.asarray((low == high).all(axis=1) & (fewest == FEWEST_LABELS))
+    return np.asarray((low == high).all(axis=1) & (fewest == MIN_LABELS))
 
 
-def seen_labels(survey: Survey) -> tuple[Ints, Ints]:
+def find_seen_labels(survey: Survey) -> tuple[Ints, Ints]:
     """Return frames and labels, (n,) each, of all pairs in which the frame shows the label."""
     matches = survey.matches
     own = survey.pick_label[matches.pick][matches.point]
@@ -231,16 +231,20 @@ def _ties(survey: Survey, values: FirstValues) -> Floats:
     direction /= np.linalg.norm(direction, axis=1)[:, None]
     good = np.isfinite(direction[:, 0]) & np.isfinite(values.center[ties.frame, 0])
     seen, owner = (values.center[ties.frame[good]], direction[good]), ties.point[good]
-    met, spread = rays_meet(*seen, ties.sigma_px[good] / camera.parameters[0], owner, ties.points)
+    met, spread = intersect_rays(
+        *seen, ties.sigma_px[good] / camera.parameters[0], owner, ties.points
+    )
     plane = np.array([values.height_m, 0.0, 0.0])
     ground = intersect_ground(*seen, plane, np.zeros(2), np.zeros(len(owner)))
-    point = means_of(ground, owner, ties.points)
-    meets = in_front(met, *seen, owner) & (spread <= WIDE)
+    point = compute_means(ground, owner, ties.points)
+    meets = are_in_front(met, *seen, owner) & (spread <= MAX_RELATIVE_SIGMA)
     point[meets] = met[meets]
     return point
 
 
-def _in_front(sightings: Sightings, world_m: Floats, values: FirstValues) -> tuple[Sightings, Ints]:
+def _keep_in_front(
+    sightings: Sightings, world_m: Floats, values: FirstValues
+) -> tuple[Sightings, Ints]:
     """Keep sightings of points (T, 3) well in front of their cameras; return these points, too.
 
     Parameters
@@ -256,4 +260,4 @@ def _in_front(sightings: Sightings, world_m: Floats, values: FirstValues) -> tup
     forward = values.rotation[sightings.frame][:, :, 2]
     depth = np.einsum("ni,ni->n", away, forward)
     height = np.abs(values.center[sightings.frame, 2] - values.height_m)
-    return sightings.without(~(depth > NEAREST * height))
+    return sightings.without(~(depth > MIN_RELATIVE_DISTANCE * height))

@@ -16,25 +16,25 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
 
-STARTS = 18
+START_COUNT = 18
 """Number of initial headings of a group of photos: close enough that the right one keeps the others
 in place."""
 
-STEPS = 48
+HEADING_COUNT = 48
 """Number of headings that are tried for each photo; the best is then refined."""
 
-KEPT = 3
+KEPT_COUNT = 3
 """Number of initial headings that are continued to the end: those that fit best so far."""
 
 SWEEPS = 3
 """Number of times that each photo is placed again among all others."""
 
-ROBUST = 3.0
+ROBUST_SIGMAS = 3.0
 """Distance in sigmas above which the weight of a pick falls (Cauchy), because labels may be
 wrong."""
 
 
-class Plan(NamedTuple):
+class PlanPoints(NamedTuple):
     """Points of the ground in plan, as the photos show them.
 
     Attributes
@@ -65,7 +65,7 @@ class Plan(NamedTuple):
     anchor_m: Floats
 
 
-def search_turns(plan: Plan, free: Bools) -> Floats:
+def search_headings(plan: PlanPoints, free: Bools) -> Floats:
     """Search turns (F,) about up [rad] by which the photos' plans agree; 0 if undetermined.
 
     Parameters
@@ -76,18 +76,18 @@ def search_turns(plan: Plan, free: Bools) -> Floats:
         (F,) mask of the photos with unknown heading; the others do not move.
     """
     turns = np.zeros(len(free))
-    for frames in _groups(plan):
+    for frames in _find_groups(plan):
         if not free[frames].any():
             continue
         anchored = not free[frames].all() or _has_anchor(plan, frames)
         if len(frames) == 1 and not anchored:
             continue
-        found = _best_laying(plan, free, frames, anchored=anchored)
+        found = _find_best_layout(plan, free, frames, anchored=anchored)
         turns[frames] = found[frames]
     return np.asarray((turns + np.pi) % (2 * np.pi) - np.pi)
 
 
-def _groups(plan: Plan) -> list[Ints]:
+def _find_groups(plan: PlanPoints) -> list[Ints]:
     """Return groups of photos that are connected by common points."""
     group = np.arange(len(plan.center_m))
     while True:
@@ -101,33 +101,33 @@ def _groups(plan: Plan) -> list[Ints]:
         group = new
 
 
-def _has_anchor(plan: Plan, frames: Ints) -> bool:
+def _has_anchor(plan: PlanPoints, frames: Ints) -> bool:
     mine = np.isin(plan.frame, frames)
     return bool(np.isfinite(plan.anchor_m[plan.label[mine], 0]).any())
 
 
-def _best_laying(plan: Plan, free: Bools, frames: Ints, *, anchored: bool) -> Floats:
+def _find_best_layout(plan: PlanPoints, free: Bools, frames: Ints, *, anchored: bool) -> Floats:
     """Return the turns (F,) of the layout that fits best."""
     starts: list[tuple[int, float] | None] = [None]
     if not anchored:
         first = int(frames[np.argmax(np.bincount(plan.frame, minlength=len(free))[frames])])
-        starts = [(first, 2 * np.pi * k / STARTS) for k in range(STARTS)]
-    laid = [_laid(plan, free, frames, start) for start in starts]
+        starts = [(first, 2 * np.pi * k / START_COUNT) for k in range(START_COUNT)]
+    laid = [_place_group(plan, free, frames, start) for start in starts]
     laid.sort(key=lambda each: each[0])
     moving = [int(f) for f in frames if free[f]]
     swept = []
-    for cost, laying in laid[:KEPT]:
+    for cost, laying in laid[:KEPT_COUNT]:
         for _ in range(SWEEPS):
             cost = sum(laying.settle(frame) for frame in moving)  # noqa: PLW2901
         swept.append((cost, laying.turn))
     return min(swept, key=lambda each: each[0])[1]
 
 
-def _laid(
-    plan: Plan, free: Bools, frames: Ints, start: tuple[int, float] | None
-) -> tuple[float, _Laying]:
+def _place_group(
+    plan: PlanPoints, free: Bools, frames: Ints, start: tuple[int, float] | None
+) -> tuple[float, _Layout]:
     """Place a group from a first photo's turn, or from known photos; also return its cost."""
-    laying = _Laying.begun(plan)
+    laying = _Layout.begun(plan)
     if start is None:
         for frame in frames[~free[frames]]:
             laying.put(int(frame), 0.0, np.zeros(2))
@@ -143,10 +143,10 @@ def _laid(
 
 
 @dataclass(eq=False)
-class _Laying:
+class _Layout:
     """Photos placed so far, and positions of their points (`total` over `weight`, by label)."""
 
-    plan: Plan
+    plan: PlanPoints
     picks: list[Ints]
     turn: Floats
     shift: Floats
@@ -155,7 +155,7 @@ class _Laying:
     weight: Floats
 
     @classmethod
-    def begun(cls, plan: Plan) -> _Laying:
+    def begun(cls, plan: PlanPoints) -> _Layout:
         order = np.argsort(plan.frame, kind="stable")
         bounds = np.searchsorted(plan.frame[order], np.arange(len(plan.center_m) + 1))
         picks = [order[bounds[f] : bounds[f + 1]] for f in range(len(plan.center_m))]
@@ -192,7 +192,7 @@ class _Laying:
         weight = sign / self.plan.sigma_m[picks] ** 2
         label = self.plan.label[picks]
         place = self.plan.center_m[frame] + self.shift[frame]
-        place = place + self.plan.offset_m[picks] @ _turn(np.array([self.turn[frame]]))[0].T
+        place = place + self.plan.offset_m[picks] @ _rotation(np.array([self.turn[frame]]))[0].T
         np.add.at(self.total, label, weight[:, None] * place)
         np.add.at(self.weight, label, weight)
 
@@ -200,10 +200,10 @@ class _Laying:
         """Place a photo where it fits best among the others, and return its cost there."""
         self._weigh(frame, -1.0)
         self.there[frame] = False
-        around = 2 * np.pi * np.arange(STEPS) / STEPS
+        around = 2 * np.pi * np.arange(HEADING_COUNT) / HEADING_COUNT
         cost, _ = self._costs(frame, around)
         best = around[int(cost.argmin())]
-        near = best + np.linspace(-1.0, 1.0, 17) * 2 * np.pi / STEPS
+        near = best + np.linspace(-1.0, 1.0, 17) * 2 * np.pi / HEADING_COUNT
         cost, shift = self._costs(frame, near)
         k = int(cost.argmin())
         self.put(frame, float(near[k]), shift[k])
@@ -220,7 +220,7 @@ class _Laying:
         if not len(picks):
             return prior, np.zeros((len(turn), 2))
         target = self.total[label] / self.weight[label][:, None] - plan.center_m[frame]
-        place = np.einsum("tij,pj->tpi", _turn(turn), plan.offset_m[picks])
+        place = np.einsum("tij,pj->tpi", _rotation(turn), plan.offset_m[picks])
         off = place - target
         weight = 1.0 / (plan.sigma_m[picks] ** 2 + 1.0 / self.weight[label])
         own = 1.0 / (2.0 * plan.center_sigma_m[frame] ** 2)
@@ -230,12 +230,12 @@ class _Laying:
             total = weight * robust
             shift = -np.einsum("tp,tpi->ti", total, off) / (total.sum(axis=1) + own)[:, None]
             squared = weight * np.sum((off + shift[:, None]) ** 2, axis=2)
-            robust = 1.0 / (1.0 + squared / ROBUST**2)
-        cost = ROBUST**2 * np.log1p(squared / ROBUST**2).sum(axis=1)
+            robust = 1.0 / (1.0 + squared / ROBUST_SIGMAS**2)
+        cost = ROBUST_SIGMAS**2 * np.log1p(squared / ROBUST_SIGMAS**2).sum(axis=1)
         return cost + own * np.sum(shift**2, axis=1) + prior, shift
 
 
-def _turn(angle: Floats) -> Floats:
+def _rotation(angle: Floats) -> Floats:
     """Return (T, 2, 2) rotations about up."""
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.stack([np.stack([cosine, -sine], -1), np.stack([sine, cosine], -1)], -2)

@@ -12,10 +12,10 @@ from uavgram.model.arrays import Floats
 Pose = tuple[Floats, Floats]
 """Centre (3,) in the axes of the plane [m], and rotation (3, 3), plane from camera."""
 
-POLISHING = 20
+MAX_ITERATIONS = 20
 """Number of iterations."""
 
-FLAT = 1e-9
+MIN_SINGULAR_RATIO = 1e-9
 """Ratio of the second smallest to the largest singular value below which the points are in line."""
 
 
@@ -57,7 +57,7 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
         ]
     )
     _, singular, vectors = np.linalg.svd(rows)
-    if singular[-2 if len(singular) == 9 else -1] < FLAT * singular[0]:
+    if singular[-2 if len(singular) == 9 else -1] < MIN_SINGULAR_RATIO * singular[0]:
         return None
     return _pose_from_homography(vectors[-1].reshape(3, 3), mean, size)
 
@@ -76,7 +76,7 @@ def _pose_from_homography(homography: Floats, mean: Floats, size: float) -> tupl
     return center + np.array([*mean, 0.0]), camera_from_plane.T
 
 
-def other_pose(pose: Pose, point_m: Floats) -> Pose:
+def find_second_pose(pose: Pose, point_m: Floats) -> Pose:
     """Compute the second pose that shows points of the plane z = 0 (N, 2) nearly alike.
 
     It is tilted the other way: the plane is mirrored by reversing the depths along the line of
@@ -90,7 +90,9 @@ def other_pose(pose: Pose, point_m: Floats) -> Pose:
     return middle - turned @ sight, turned
 
 
-def polished(pose: Pose, world_m: Floats, ray: Floats, sigma: Floats) -> tuple[float, Pose] | None:
+def refine_pose(
+    pose: Pose, world_m: Floats, ray: Floats, sigma: Floats
+) -> tuple[float, Pose] | None:
     """Refine a pose to the best fit of the rays, and return its sum of squares with it.
 
     Parameters
@@ -115,6 +117,6 @@ def polished(pose: Pose, world_m: Floats, ray: Floats, sigma: Floats) -> tuple[f
     across[:, :, 2] = -ray[:, :2]
     across *= (size / sigma[:, None])[:, None]
     rows = RayRows((ray / size)[None], across[None], world_m[None])
-    ends = minimise_each(rows, (pose[0][None], pose[1][None]), POLISHING)
+    ends = minimise_each(rows, (pose[0][None], pose[1][None]), MAX_ITERATIONS)
     (center, rotation), cost = ends.state, float(ends.cost[0])
     return (cost, (center[0], rotation[0])) if cost < np.inf and center[0, 2] > 0 else None

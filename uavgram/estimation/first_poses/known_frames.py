@@ -9,16 +9,21 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.first_poses.homography import Pose, other_pose, polished, resect_from_plane
-from uavgram.estimation.first_poses.network import SeenLines, placing, seen_lines
+from uavgram.estimation.first_poses.homography import (
+    Pose,
+    find_second_pose,
+    refine_pose,
+    resect_from_plane,
+)
+from uavgram.estimation.first_poses.network import SeenLines, find_seen_lines, has_known_height
 from uavgram.estimation.first_poses.plane_search import (
-    SCALED,
+    SCALED_KINDS,
     KnownPlanes,
     PlaneThing,
-    row_count,
-    search_known,
+    count_rows,
+    search_known_planes,
 )
-from uavgram.estimation.first_poses.prior_gate import OUTSIDE
+from uavgram.estimation.first_poses.prior_gate import OUTSIDE_PROBABILITY
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
@@ -27,12 +32,12 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.known import KnownThing
 from uavgram.model.survey.survey import Survey
 
-POOR = 3.0
+MAX_RMS_SIGMAS = 3.0
 """RMS residual of known points, in their sigmas, above which a frame waits for others to join
 first."""
 
 
-class _Joined(NamedTuple):
+class _JoinedPose(NamedTuple):
     """Pose, and the RMS residual of the known points under it, in their sigmas."""
 
     misfit: float
@@ -43,7 +48,7 @@ class PlaneNetwork:
     """Frames joined one by one over the plane z = 0 by shared points."""
 
     def __init__(self, survey: Survey, ray: Floats) -> None:
-        self._survey, self._ray, self._placing = survey, ray, placing(survey)
+        self._survey, self._ray, self._placing = survey, ray, has_known_height(survey)
         self._by_frame = np.argsort(survey.pick_frame, kind="stable")
         ordered = survey.pick_frame[self._by_frame]
         self._bounds = np.searchsorted(ordered, np.arange(len(survey.frame_id) + 1))
@@ -52,7 +57,7 @@ class PlaneNetwork:
         self.center = np.full((frames, 3), np.nan)
         self.rotation = np.full((frames, 3, 3), np.nan)
         # By frame and number of known points.
-        self._tried: dict[tuple[int, int], _Joined | None] = {}
+        self._tried: dict[tuple[int, int], _JoinedPose | None] = {}
 
     def place(self, frame: int, center: Floats, rotation: Floats) -> None:
         """Set the pose (3,), (3, 3) of a frame over the plane, and the places of its new points.
@@ -95,7 +100,7 @@ class PlaneNetwork:
             if key not in self._tried:
                 self._tried[key] = self._join(frame, planes.get(frame, np.zeros((0, 3))))
             joined = self._tried[key]
-            if joined is not None and joined.misfit <= POOR:
+            if joined is not None and joined.misfit <= MAX_RMS_SIGMAS:
                 return frame, joined.pose
             if joined is not None:
                 poor.append((joined.misfit, frame, joined.pose))
@@ -108,7 +113,7 @@ class PlaneNetwork:
         """Mark the points (n,) with a place that may determine the pose of a frame."""
         return np.asarray(~self._survey.is_free[label] & np.isfinite(self.point[label, 0]))
 
-    def _join(self, frame: int, planes: Floats) -> _Joined | None:
+    def _join(self, frame: int, planes: Floats) -> _JoinedPose | None:
         """Find the best pose for the known points: of either tilt, or over a plane of its own."""
         picks = self._picks(frame)
         known = picks[self._is_known(self._survey.pick_label[picks])]
@@ -121,15 +126,15 @@ class PlaneNetwork:
         flat = height == 0.0 if np.sum(height == 0.0) >= 4 else height < np.inf
         direct = resect_from_plane(target[flat], ray[flat]) if len(known) >= 4 else None
         if direct is None:
-            return _Joined(0.0, starts[0]) if starts else None
+            return _JoinedPose(0.0, starts[0]) if starts else None
         world = np.column_stack([target, height])
         sigma = self._survey.pick_sigma_px[known] / self._survey.calibration.parameters[0]
         ends = (
-            polished(pose, world, ray, sigma)
-            for pose in (direct, other_pose(direct, target[flat]), *starts)
+            refine_pose(pose, world, ray, sigma)
+            for pose in (direct, find_second_pose(direct, target[flat]), *starts)
         )
         found = min(filter(None, ends), key=lambda end: end[0], default=(np.inf, direct))
-        return _Joined(float(np.sqrt(found[0] / len(known))), found[1])
+        return _JoinedPose(float(np.sqrt(found[0] / len(known))), found[1])
 
     def _over(self, planes: Iterable[Floats], known: Ints, target: Floats) -> list[Pose]:
         """Return poses over the frame's own planes, turned and shifted onto known points (n, 2).
@@ -172,7 +177,7 @@ def align_in_plane(source: Floats, target: Floats) -> tuple[Floats, Floats]:
     return turn, shift
 
 
-WORDS = {
+KIND_NAMES = {
     "length": ("length", "lengths"),
     "distance": ("length", "lengths"),
     "horizontal_distance": ("length", "lengths"),
@@ -207,33 +212,33 @@ class FrameThings(NamedTuple):
     @property
     def scaled(self) -> bool:
         """Whether one of them determines the scale."""
-        return any(one.kind in SCALED for one in self.things)
+        return any(one.kind in SCALED_KINDS for one in self.things)
 
     def words(self) -> str:
         """Return their names: "2 lengths and 1 right angle"."""
         number: Counter[tuple[str, str]] = Counter()
         for one in self.things:
-            number[WORDS[one.kind]] += row_count(one.kind, len(one.pick))
+            number[KIND_NAMES[one.kind]] += count_rows(one.kind, len(one.pick))
         parts = [f"{n} {words[n > 1]}" for words, n in number.items()]
         return " and ".join([", ".join(parts[:-1]), parts[-1]] if len(parts) > 1 else parts)
 
 
-def known_rows(survey: Survey) -> int:
+def count_known_rows(survey: Survey) -> int:
     """Count the rows of known things, except lengths of the table, that constrain poses."""
-    things = [one for one in survey.known if _says_something(survey, one)]
-    return sum(row_count(one.kind, len(one.label)) for one in things)
+    things = [one for one in survey.known if _constrains_plane(survey, one)]
+    return sum(count_rows(one.kind, len(one.label)) for one in things)
 
 
-def frame_things(survey: Survey) -> dict[int, FrameThings]:
+def find_frame_things(survey: Survey) -> dict[int, FrameThings]:
     """Return the known things of each frame that shows all points of any thing but a length."""
-    found = _seen_things(survey)
+    found = _find_seen_things(survey)
     if not found:
         return {}
-    lines = seen_lines(survey)
-    return {f: _with_lines(survey, lines, f, things) for f, things in sorted(found.items())}
+    lines = find_seen_lines(survey)
+    return {f: _collect(survey, lines, f, things) for f, things in sorted(found.items())}
 
 
-def known_planes(
+def find_known_planes(
     survey: Survey, ray: Floats, seen: Mapping[int, FrameThings], without: Collection[int] = ()
 ) -> dict[int, KnownPlanes]:
     """Search planes that lengths and other known things together allow, for each frame.
@@ -245,7 +250,7 @@ def known_planes(
     ray
         (P, 3) undistorted rays of its picks, z = 1.
     seen
-        Result of `frame_things`.
+        Result of `find_frame_things`.
     without
         Frames whose planes are known already.
     """
@@ -253,13 +258,13 @@ def known_planes(
     found = {}
     for frame, known in seen.items():
         if frame not in without and known.rows >= 3:
-            planes = search_known(ray, sigma, known.things)
+            planes = search_known_planes(ray, sigma, known.things)
             if len(planes.plane):
                 found[frame] = planes
     return found
 
 
-def odd_ones_out(survey: Survey) -> frozenset[int]:
+def find_outlying_things(survey: Survey) -> frozenset[int]:
     """Return the numbers of known things without which all others of their frame agree.
 
     Only if the others suffice: they determine a pose and check it, and one thing alone is possible.
@@ -267,32 +272,36 @@ def odd_ones_out(survey: Survey) -> frozenset[int]:
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     sigma = survey.pick_sigma_px / survey.calibration.parameters[0]
     odd = set()
-    for known in frame_things(survey).values():
-        if _agree(search_known(ray, sigma, known.things), known.things):
+    for known in find_frame_things(survey).values():
+        if _agree(search_known_planes(ray, sigma, known.things), known.things):
             continue
         without = {
             number: known.things[:k] + known.things[k + 1 :]
             for k, number in enumerate(known.number)
         }
-        found = [n for n, rest in without.items() if _agree(search_known(ray, sigma, rest), rest)]
+        found = [
+            n for n, rest in without.items() if _agree(search_known_planes(ray, sigma, rest), rest)
+        ]
         odd |= set(found) if len(found) == 1 else set()
     return frozenset(odd - {-1})
 
 
 def _agree(found: KnownPlanes, things: tuple[PlaneThing, ...]) -> bool:
     """Return whether things determine a plane, check it, and fit it."""
-    checks = sum(row_count(one.kind, len(one.pick)) for one in things) - 3
-    return bool(checks > 0 and len(found.cost) and found.cost[0] <= chdtri(checks, OUTSIDE))
+    checks = sum(count_rows(one.kind, len(one.pick)) for one in things) - 3
+    return bool(
+        checks > 0 and len(found.cost) and found.cost[0] <= chdtri(checks, OUTSIDE_PROBABILITY)
+    )
 
 
-def _seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
+def _find_seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
     """Return known things with numbers, except the table's lengths, by frames that show all points.
 
     The points must be on the ground, or at equal stated heights above it, in one area.
     """
     found: dict[int, list[tuple[int, PlaneThing]]] = {}
     for one in survey.known:
-        if not _says_something(survey, one):
+        if not _constrains_plane(survey, one):
             continue
         picks = [
             dict(zip(survey.pick_frame[rows].tolist(), rows.tolist(), strict=True))
@@ -306,7 +315,7 @@ def _seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:
     return found
 
 
-def _says_something(survey: Survey, thing: KnownThing) -> bool:
+def _constrains_plane(survey: Survey, thing: KnownThing) -> bool:
     """Return whether a thing constrains planes: points on one level, not true on every plane."""
     label = list(thing.label)
     if thing.position is not None:  # it constrains the place of a frame, not the plane
@@ -316,11 +325,11 @@ def _says_something(survey: Survey, thing: KnownThing) -> bool:
     in_line = ALL_KINDS[thing.kind].has_value and not 0.0 < thing.value < (
         180.0 if thing.kind == "angle" else np.inf
     )
-    rows = row_count(thing.kind, len(label))
-    return bool(rows and level and not in_line and placing(survey)[label].all())
+    rows = count_rows(thing.kind, len(label))
+    return bool(rows and level and not in_line and has_known_height(survey)[label].all())
 
 
-def _with_lines(
+def _collect(
     survey: Survey, lines: SeenLines, frame: int, things: list[tuple[int, PlaneThing]]
 ) -> FrameThings:
     """Collect a frame's things and its known lengths; one pair of points counts once."""
@@ -336,6 +345,8 @@ def _with_lines(
     ]
     together = (*known, *(one for _, one in things))
     numbers = (*(-1 for _ in known), *(number for number, _ in things))
-    different = {(WORDS[one.kind], frozenset(one.pick), one.pick[1:-1]): one for one in together}
-    number = sum(row_count(one.kind, len(one.pick)) for one in different.values())
+    different = {
+        (KIND_NAMES[one.kind], frozenset(one.pick), one.pick[1:-1]): one for one in together
+    }
+    number = sum(count_rows(one.kind, len(one.pick)) for one in different.values())
     return FrameThings(together, numbers, number)

@@ -7,37 +7,37 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc
 
-from uavgram.estimation.first_poses.network import known_height, placing
+from uavgram.estimation.first_poses.network import estimate_ground_height, has_known_height
 from uavgram.estimation.first_poses.pose_problem import LineRows
-from uavgram.estimation.solver.batched import Ends, minimise_each
+from uavgram.estimation.solver.batched import Minima, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.survey.survey import Survey
 
-FEWEST_ROWS = 6
+MIN_ROWS = 6
 """Smallest number of rows: a pose has six unknowns."""
-WORSE = 25.0
+MAX_INCREASE = 25.0
 """Largest difference of the sum of squares to the best, up to which another minimum is returned."""
-UNLIKELY = 1e-4
+MIN_PROBABILITY = 1e-4
 """Probability of a frame's sum of squares below which some line is wrong."""
-SURE = 2.0 * float(np.log(1000.0))
+MIN_DECREASE = 2.0 * float(np.log(1000.0))
 """Reduction of the sum of squares by which one line is a likelier fault than any other."""
-MOST_FRAMES = 3
+MAX_FRAMES = 3
 """Number of frames by which a line is judged: those with most rows."""
-CONTROL = -1
+CONTROL_NUMBER = -1
 """Number that marks the rows of control points, in place of a line's."""
 STEP_DEG = 20.0
 """Angle between the rotations of the search [deg]."""
 TILTS_DEG = (0.0, 22.0, 40.0, 56.0, 72.0)
-LIKELIEST, FINALISTS = 64, 6
+CANDIDATE_COUNT, FINALIST_COUNT = 64, 6
 """Number of rotations whose sum of squares is minimised, and number of these that are minimised to
 the end."""
 FIRST_STEPS, LAST_STEPS = 12, 100
-MOST_AT_ONCE = 400_000
+MAX_AT_ONCE = 400_000
 """Largest number of rotations times picks that are tried at once."""
-SAME_DIRECTION_RAD, SAME_PLACE = 0.01, 0.02
+SAME_DIRECTION_RAD, SAME_RELATIVE_DISTANCE = 0.01, 0.02
 """Differences of direction [rad] and of place, as a share of the camera's height, up to which two
 poses are one."""
 
@@ -59,7 +59,7 @@ class _Rays(NamedTuple):
     root: Floats
 
 
-def line_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
+def estimate_line_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
     """Estimate the pose of each frame with enough points on lines of known position.
 
     A control point counts as two lines, to the east and to the north: a few may supplement the
@@ -68,13 +68,13 @@ def line_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
     rows = _rows(survey)
     if not len(rows.pick):
         return ()
-    rays, height, odd = _rays(survey), known_height(survey), odd_lines(survey)
+    rays, height, odd = _rays(survey), estimate_ground_height(survey), find_outlying_line(survey)
     found = []
     for frame, own in _by_frame(survey, rows, rays).items():
         some = own[~np.isin(rows.thing[own], list(odd))]
-        ends = _poses(rows, rays, some if len(some) >= FEWEST_ROWS else own)
+        ends = _poses(rows, rays, some if len(some) >= MIN_ROWS else own)
         cost = ends.cost[0]
-        near = np.flatnonzero(np.isfinite(cost) & (cost <= cost[0] + WORSE))
+        near = np.flatnonzero(np.isfinite(cost) & (cost <= cost[0] + MAX_INCREASE))
         if len(near):
             found.append(
                 CandidatePoses(
@@ -87,7 +87,7 @@ def line_poses(survey: Survey) -> tuple[CandidatePoses, ...]:
     return tuple(found)
 
 
-def odd_lines(survey: Survey) -> frozenset[int]:
+def find_outlying_line(survey: Survey) -> frozenset[int]:
     """Return the number of the line without which all others agree; empty if there is none.
 
     Empty if several lines are possible.
@@ -100,27 +100,29 @@ def odd_lines(survey: Survey) -> frozenset[int]:
     misfits = [own for own in frames.values() if _cost(rows, rays, own) == np.inf]
     if not misfits:
         return frozenset()
-    misfits = sorted(misfits, key=len)[-MOST_FRAMES:]
-    shown = [set(rows.thing[own].tolist()) - {CONTROL} for own in misfits]
+    misfits = sorted(misfits, key=len)[-MAX_FRAMES:]
+    shown = [set(rows.thing[own].tolist()) - {CONTROL_NUMBER} for own in misfits]
     without = {
         thing: sum(_cost(rows, rays, own[rows.thing[own] != thing]) for own in misfits)
         for thing in set.intersection(*shown)
     }
-    best, *others = sorted((cost, thing) for thing, cost in without.items()) or [(np.inf, CONTROL)]
-    is_sure = best[0] < np.inf and all(cost - best[0] >= SURE for cost, _ in others)
+    best, *others = sorted((cost, thing) for thing, cost in without.items()) or [
+        (np.inf, CONTROL_NUMBER)
+    ]
+    is_sure = best[0] < np.inf and all(cost - best[0] >= MIN_DECREASE for cost, _ in others)
     return frozenset([best[1]] if is_sure else ())
 
 
 def _cost(rows: _Rows, rays: _Rays, own: Ints) -> float:
     """Compute the sum of squares of lines that determine a pose, check it, and fit it; else inf."""
-    degrees = len(own) - FEWEST_ROWS
+    degrees = len(own) - MIN_ROWS
     if degrees <= 0:
         return float("inf")
     cost = float(_poses(rows, rays, own).cost[0, 0])
-    return cost if np.isfinite(cost) and chdtrc(degrees, cost) >= UNLIKELY else float("inf")
+    return cost if np.isfinite(cost) and chdtrc(degrees, cost) >= MIN_PROBABILITY else float("inf")
 
 
-def _poses(rows: _Rows, rays: _Rays, own: Ints) -> Ends:
+def _poses(rows: _Rows, rays: _Rays, own: Ints) -> Minima:
     """Estimate poses of one frame by some of its rows, over ground at z = 0."""
     pick = rows.pick[own]
     return poses_from_lines(
@@ -139,7 +141,7 @@ def _by_frame(survey: Survey, rows: _Rows, rays: _Rays) -> dict[int, Ints]:
     usable = np.isfinite(rays.ray[rows.pick]).all(axis=1)
     frame = survey.pick_frame[rows.pick]
     found = {f: np.flatnonzero(usable & (frame == f)) for f in range(len(survey.frame_id))}
-    return {f: own for f, own in found.items() if len(own) >= FEWEST_ROWS}
+    return {f: own for f, own in found.items() if len(own) >= MIN_ROWS}
 
 
 def _rays(survey: Survey) -> _Rays:
@@ -160,7 +162,7 @@ def _rows(survey: Survey) -> _Rows:
             lines.setdefault(label, []).append((one.index, *start, *along, one.sigma))
     if lines:
         _add_control(survey, lines)
-    level = placing(survey) & (survey.height_above_m == 0.0)
+    level = has_known_height(survey) & (survey.height_above_m == 0.0)
     found = [
         (pick, *line)
         for pick, label in enumerate(survey.pick_label.tolist())
@@ -182,19 +184,19 @@ def _add_control(survey: Survey, lines: dict[int, list[tuple[float, ...]]]) -> N
     ):
         lines.setdefault(label, []).extend(
             [
-                (CONTROL, east, north, 0.0, 1.0, sigma_east),
-                (CONTROL, east, north, 1.0, 0.0, sigma_north),
+                (CONTROL_NUMBER, east, north, 0.0, 1.0, sigma_east),
+                (CONTROL_NUMBER, east, north, 1.0, 0.0, sigma_north),
             ]
         )
 
 
-def are_alone(survey: Survey) -> bool:
+def has_only_lines(survey: Survey) -> bool:
     """Return whether only lines of known position place a survey on the map."""
     few = len(survey.control_label) < 2
     return survey.telemetry is None and few and survey.gauge == "world"
 
 
-def poses_from_lines(seen: LineRows) -> Ends:
+def poses_from_lines(seen: LineRows) -> Minima:
     """Find the minima of each photo, the lowest first.
 
     Returns
@@ -208,16 +210,16 @@ def poses_from_lines(seen: LineRows) -> Ends:
     rotations. For a given rotation, each pick is linear in the centre C: with the ray d = R r,
     which meets the ground at C - (C_z / d_z) d, the condition is n . (C - (C_z / d_z) d) = n . A.
     """
-    direct = direct_poses(seen)
-    found = _searched(seen)
+    direct = compute_direct_poses(seen)
+    found = _search_rotations(seen)
     center = np.concatenate([direct[0][:, None], found[0]], axis=1)
     rotation = np.concatenate([direct[1][:, None], found[1]], axis=1)
-    near = _minima(seen, center, rotation, FIRST_STEPS)
-    center, rotation = (part[:, :FINALISTS] for part in near.state)
-    return _minima(seen, center, rotation, LAST_STEPS)
+    near = _find_minima(seen, center, rotation, FIRST_STEPS)
+    center, rotation = (part[:, :FINALIST_COUNT] for part in near.state)
+    return _find_minima(seen, center, rotation, LAST_STEPS)
 
 
-def _minima(seen: LineRows, center: Floats, rotation: Floats, iterations: int) -> Ends:
+def _find_minima(seen: LineRows, center: Floats, rotation: Floats, iterations: int) -> Minima:
     """Return minima (B, S, ...) from S starts of each photo, the lowest first."""
     starts = center.shape[1]
     photo = np.repeat(np.arange(len(center)), starts)
@@ -225,20 +227,22 @@ def _minima(seen: LineRows, center: Floats, rotation: Floats, iterations: int) -
     return minimise_each(seen.of_photos(photo), start, iterations).lowest_first(starts)
 
 
-def rivals(ends: Ends, within: float) -> Floats:
+def compute_rival_differences(ends: Minima, within: float) -> Floats:
     """Compute (B,) differences of the next distinct minimum to the best; inf beyond `within`."""
     (center, rotation), cost = ends.state[:2], ends.cost
     height = np.maximum(center[:, :1, 2], 1e-9)
     apart = np.linalg.norm(center - center[:, :1], axis=2) / height
     turn = np.einsum("bij,bsij->bs", rotation[:, 0], rotation)
-    other = (apart > SAME_PLACE) | (np.arccos(np.clip((turn - 1) / 2, -1, 1)) > SAME_DIRECTION_RAD)
+    other = (apart > SAME_RELATIVE_DISTANCE) | (
+        np.arccos(np.clip((turn - 1) / 2, -1, 1)) > SAME_DIRECTION_RAD
+    )
     with np.errstate(invalid="ignore"):
         worse = np.where(other & ends.converged, cost - cost[:, :1], np.inf)
     least = np.nan_to_num(worse, nan=np.inf).min(axis=1)
     return np.where(least <= within, least, np.inf)
 
 
-def direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
+def compute_direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
     """Compute centres (B, 3) and rotations (B, 3, 3) by direct linear transformation.
 
     The homography G takes rays to the ground: with a line's coordinates l and a ray on it, l^T G r
@@ -273,10 +277,10 @@ def direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
     return center, to_camera.swapaxes(1, 2)
 
 
-def _searched(seen: LineRows) -> tuple[Floats, Floats]:
+def _search_rotations(seen: LineRows) -> tuple[Floats, Floats]:
     """Return centres (B, S, 3) and rotations (B, S, 3, 3) of the likeliest rotations."""
-    grid = rotations()
-    block = max(1, MOST_AT_ONCE // (len(grid) * seen.ray.shape[1]))
+    grid = make_rotations()
+    block = max(1, MAX_AT_ONCE // (len(grid) * seen.ray.shape[1]))
     parts = [_of_block(seen, grid, slice(k, k + block)) for k in range(0, len(seen.ray), block)]
     center, rotation = (np.concatenate(part) for part in zip(*parts, strict=True))
     return center, rotation
@@ -303,11 +307,11 @@ def _of_block(seen: LineRows, grid: Floats, photos: slice) -> tuple[Floats, Floa
     misfit = np.sum(off**2, axis=-1) / np.maximum(height, 1e-9) ** 2
     upwards = (ray[..., 2] >= -1e-9).any(axis=-1)
     misfit[(height <= 0) | upwards] = np.inf
-    best = np.argpartition(misfit, LIKELIEST, axis=1)[:, :LIKELIEST]
+    best = np.argpartition(misfit, CANDIDATE_COUNT, axis=1)[:, :CANDIDATE_COUNT]
     return np.take_along_axis(center, best[..., None], axis=1), grid[best]
 
 
-def rotations() -> Floats:
+def make_rotations() -> Floats:
     """Return (G, 3, 3) rotations of cameras that look down, about `STEP_DEG` apart."""
     roll = np.deg2rad(np.arange(0.0, 360.0, STEP_DEG))
     found = []
@@ -315,19 +319,23 @@ def rotations() -> Floats:
         count = max(1, int(np.ceil(np.sin(tilt) * 2 * np.pi / np.deg2rad(STEP_DEG))))
         azimuth = 2.0 * np.pi * np.arange(count) / count
         about_up, about_axis = np.meshgrid(azimuth, roll, indexing="ij")
-        looking = _about_z(about_up.ravel()) @ _tilted(float(tilt)) @ _about_z(about_axis.ravel())
+        looking = (
+            _rotate_about_z(about_up.ravel())
+            @ _tilt(float(tilt))
+            @ _rotate_about_z(about_axis.ravel())
+        )
         found.append(looking)
     return np.concatenate(found)
 
 
-def _about_z(angle: Floats) -> Floats:
+def _rotate_about_z(angle: Floats) -> Floats:
     turn = np.zeros((len(angle), 3, 3))
     turn[:, 0, 0] = turn[:, 1, 1] = np.cos(angle)
     turn[:, 1, 0], turn[:, 0, 1], turn[:, 2, 2] = np.sin(angle), -np.sin(angle), 1.0
     return turn
 
 
-def _tilted(tilt: float) -> Floats:
+def _tilt(tilt: float) -> Floats:
     """Return the rotation of a camera that looks north and down, `tilt` from the nadir."""
     sine, cosine = np.sin(tilt), np.cos(tilt)
     return np.array([[1.0, 0.0, 0.0], [0.0, -cosine, sine], [0.0, -sine, -cosine]])

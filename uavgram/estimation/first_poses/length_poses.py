@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.first_poses.plane_search import PlaneCandidate, search_planes
-from uavgram.estimation.survey.likelihood import covariance_root
+from uavgram.estimation.survey.likelihood import compute_covariance_root
 from uavgram.geometry.camera.back_projection import back_project, rays_and_lens
 from uavgram.geometry.camera.lens import (
     Distorted,
@@ -101,7 +101,7 @@ class Conditions(NamedTuple):
     misclosure: Floats
 
 
-class Block:
+class FrameBlock:
     """Some frames, with the positions of each line's picks among the observations.
 
     All arrays are ordered by the ends of lines, (2, B, n); a pick at which two lines meet occurs
@@ -221,23 +221,23 @@ class Block:
         return np.asarray(np.add.reduce(off[:, None] * view.inverse, axis=0))
 
 
-ITERATIONS = 30
-AT_REST = 1e-4
+MAX_ITERATIONS = 30
+MAX_LAST_CHANGE = 1e-4
 """Largest change of a plane or an adjusted observation, in its sigmas, at which the iterations end:
 the next would be ten times smaller."""
 
-SAME_VIEW = 5e-4
+MAX_VIEW_CHANGE = 5e-4
 """Largest change of an adjusted observation, in sigmas, for which the view is kept: its Jacobians
 change by some millionths, and its pixels as predicted."""
 
-NEAR = 10.0
+MAX_STEP_SIGMAS = 10.0
 """Step of the plane, in its sigmas, below which the observations are adjusted together with it."""
 
-OPEN = 10.0
+MAX_RELATIVE_SIGMA = 10.0
 """Sigma of a plane, relative to its size, above which the lengths do not determine it: its numbers
 have no meaning, and any step is small in such sigmas."""
 
-SHORTENINGS = 12
+MAX_HALVINGS = 12
 """Largest number of halvings of a step that would bring a picked point behind the camera."""
 
 NEWTON_STEPS = 4
@@ -309,7 +309,7 @@ def resect_from_lengths(
     return LengthPoses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def lengths_between(
+def predict_ground_lengths(
     calibration: Calibration,
     poses: LengthPoses,
     pixel_px: Floats,
@@ -341,7 +341,7 @@ def lengths_between(
     frames = LengthFrames(
         pixel_px, pixel_sigma_px, *pairs, length_m=np.zeros(number), length_sigma_m=np.ones(number)
     )
-    block = Block(calibration, np.eye(len(calibration.parameters)), frames)
+    block = FrameBlock(calibration, np.eye(len(calibration.parameters)), frames)
     ray, _ = block.first_view()
     with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         for _ in range(NEWTON_STEPS):  # from the given lens to the adjusted one of each frame
@@ -361,10 +361,10 @@ def _root(covariance: bytes) -> Floats:
     """Compute `covariance_root`, once for all frames of a camera."""
     flat = np.frombuffer(covariance)
     size = math.isqrt(len(flat))
-    return covariance_root(flat.reshape(size, size))
+    return compute_covariance_root(flat.reshape(size, size))
 
 
-def line_sigmas(frames: LengthFrames) -> Floats:
+def compute_line_sigmas(frames: LengthFrames) -> Floats:
     """Compute (B, n) sigmas of lengths including their two picks, by the line's own scale [m/px].
 
     Accurate enough for the search; the resection itself propagates picks through lens and plane.
@@ -384,7 +384,7 @@ def search_frames(
     ray = back_project(calibration.model, calibration.parameters, frames.pixel_px)
     rows = np.arange(len(ray))[:, None]
     return search_planes(
-        ray[rows, frames.start], ray[rows, frames.end], frames.length_m, line_sigmas(frames)
+        ray[rows, frames.start], ray[rows, frames.end], frames.length_m, compute_line_sigmas(frames)
     )
 
 
@@ -393,34 +393,34 @@ def _solve(
     calibration: Calibration, root: Floats, frames: LengthFrames, start_plane: Floats
 ) -> LengthPoses:
     """Iterate the Gauss-Helmert model of some frames together, from initial planes (B, 3)."""
-    block = Block(calibration, root, frames)
+    block = FrameBlock(calibration, root, frames)
     split = block.split
     ray, view = block.first_view()
     plane, adjusted = start_plane, np.zeros((len(start_plane), block.shape[2]))
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         line = block.conditions(plane, adjusted[:, split:], ray, view)
         fit = _fit(block, line)
         step = np.maximum.reduce(np.abs(fit.step) / fit.sigma, axis=1)
         # Far from the solution the misclosures contain no information on the observations' errors.
         correction = np.matmul(fit.multiplier[:, None], line.noise)[:, 0]
-        correction[step >= NEAR] = 0.0
+        correction[step >= MAX_STEP_SIGMAS] = 0.0
         change = correction - adjusted
         adjusted = correction
-        plane = plane + _shortened(plane, fit.step, ray)
+        plane = plane + _shorten(plane, fit.step, ray)
         moved = np.maximum.reduce(np.abs(change), axis=1)
         largest = np.maximum(moved, step)
-        if not (largest >= AT_REST).any():  # NaN counts as ended
+        if not (largest >= MAX_LAST_CHANGE).any():  # NaN counts as ended
             break
         ray[:2] += block.follow(view, adjusted, change)
-        if np.maximum.reduce(moved) < SAME_VIEW:
+        if np.maximum.reduce(moved) < MAX_VIEW_CHANGE:
             view = view._replace(off=-block.corrections(adjusted))
         else:
             view = block.view(calibration.parameters + adjusted[:, split:] @ root.T, ray)
     interior = calibration.parameters + adjusted[:, split:] @ root.T
     covariance = _joint_covariance(fit, line.noise[..., split:], root)
     cost = np.add.reduce(fit.multiplier * line.misclosure, axis=1)
-    determined = fit.sigma.max(axis=1) < OPEN * np.abs(plane).max(axis=1)
-    return LengthPoses(plane, interior, covariance, cost, (largest < AT_REST) & determined)
+    determined = fit.sigma.max(axis=1) < MAX_RELATIVE_SIGMA * np.abs(plane).max(axis=1)
+    return LengthPoses(plane, interior, covariance, cost, (largest < MAX_LAST_CHANGE) & determined)
 
 
 class _Fit(NamedTuple):
@@ -443,7 +443,7 @@ class _Fit(NamedTuple):
     inverse: Floats
 
 
-def _fit(block: Block, line: Conditions) -> _Fit:
+def _fit(block: FrameBlock, line: Conditions) -> _Fit:
     n = block.shape[1]
     # Bordered system [[W, A], [A^T, 0]] of the conditions and the plane.
     system = block.system.copy()
@@ -468,9 +468,9 @@ def _inverses(system: Floats) -> Floats:
         return inverse
 
 
-def _shortened(plane: Floats, step: Floats, ray: Floats) -> Floats:
+def _shorten(plane: Floats, step: Floats, ray: Floats) -> Floats:
     """Halve steps (B, 3) until all rays (3, 2, B, n) meet the ground in front of the camera."""
-    for _ in range(SHORTENINGS):
+    for _ in range(MAX_HALVINGS):
         depth = np.add.reduce((plane + step).T[:, None, :, None] * ray, axis=0)
         if depth.min() > 0:
             break

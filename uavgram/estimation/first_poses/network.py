@@ -19,7 +19,7 @@ from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.survey import Survey
 
 
-def known_height(survey: Survey) -> float:
+def estimate_ground_height(survey: Survey) -> float:
     """Estimate the height of the ground from control points, or from lines of known position.
 
     Control points whose own height above the ground is known count, if there are any. Otherwise the
@@ -31,20 +31,20 @@ def known_height(survey: Survey) -> float:
         lines = [one.position for one in survey.known if one.position is not None]
         heights = [line.ends_m[:, 2].mean() for line in lines if line.has_height]
         return float(np.median(heights)) if heights else survey.ground.height_m
-    level = placing(survey)[label]
+    level = has_known_height(survey)[label]
     if not level.any():
         return float(up.min())
     return float(np.mean((up - survey.height_above_m[label])[level]))
 
 
-SAME = 0.01
+SAME_PLANE_SIGMAS = 0.01
 """Distance between two planes, in sigmas, up to which they are the same."""
 
-REMEMBERED = 64
+CACHE_SIZE = 64
 """Number of sets of frames whose poses are cached: searches for errors request the same ones
 often."""
 
-ROUGHLY_M = 0.3
+MAX_HEIGHT_SIGMA_M = 0.3
 """Largest sigma of a stated height for which a point may place cameras [m]: some 10 pixels from 30
 m."""
 
@@ -71,7 +71,7 @@ class FirstValues(NamedTuple):
     departure_m: Floats
 
 
-def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
+def intersect_seed_rays(survey: Survey, ray: Floats) -> FirstValues:
     """Intersect the picks' rays (P, 3) from the seeds with the plane: the median over frames."""
     seeds = survey.seeds
     assert seeds is not None  # noqa: S101  (the caller asked)
@@ -86,9 +86,9 @@ def from_telemetry(survey: Survey, ray: Floats) -> FirstValues:
     return FirstValues(point, *poses, plane[0], np.zeros(len(point)))
 
 
-def placing(survey: Survey) -> Bools:
+def has_known_height(survey: Survey) -> Bools:
     """Mark the points (K,) whose height is known well enough to determine a camera's position."""
-    return np.asarray(~survey.is_free & (survey.height_sigma_m <= ROUGHLY_M))
+    return np.asarray(~survey.is_free & (survey.height_sigma_m <= MAX_HEIGHT_SIGMA_M))
 
 
 class SeenLines(NamedTuple):
@@ -108,7 +108,7 @@ class SeenLines(NamedTuple):
     end: Ints
 
 
-def seen_lines(survey: Survey) -> SeenLines:
+def find_seen_lines(survey: Survey) -> SeenLines:
     """Find the known lengths with both ends in a frame, of those that a plane can start from.
 
     Both ends must be in one area and at one height above it (others would need a ray of their own:
@@ -132,7 +132,7 @@ def seen_lines(survey: Survey) -> SeenLines:
     found &= (survey.area[a] == survey.area[b]) & (
         survey.height_above_m[a] == survey.height_above_m[b]
     )
-    level = placing(survey)
+    level = has_known_height(survey)
     found &= level[a] & level[b]
     found &= (survey.pixel_px[start] != survey.pixel_px[end]).any(axis=1)
     rows = np.flatnonzero(found)
@@ -140,32 +140,32 @@ def seen_lines(survey: Survey) -> SeenLines:
     return SeenLines(survey.pick_frame[start[rows]], line[rows], start[rows], end[rows])
 
 
-def lines_per_frame(survey: Survey) -> Ints:
+def count_lines_per_frame(survey: Survey) -> Ints:
     """Count (F,) known lengths with both ends in each frame; one taped twice counts once."""
-    return _lines_per_frame(survey, seen_lines(survey))
+    return _count_lines_per_frame(survey, find_seen_lines(survey))
 
 
-def _lines_per_frame(survey: Survey, seen: SeenLines) -> Ints:
+def _count_lines_per_frame(survey: Survey, seen: SeenLines) -> Ints:
     ends = np.stack([survey.pick_label[seen.start], survey.pick_label[seen.end]])
     different = np.unique(np.column_stack([seen.frame, *np.sort(ends, axis=0)]), axis=0)
     return np.bincount(different[:, 0], minlength=len(survey.frame_id))
 
 
-def length_poses(survey: Survey) -> dict[int, LengthPoses]:
+def estimate_length_poses(survey: Survey) -> dict[int, LengthPoses]:
     """Estimate poses from the lengths of each frame with three or more, best first.
 
     All frames are searched together, and each candidate is refined to the maximum of its own
     likelihood, with its covariance. Candidates that converge to the same maximum count once.
     """
-    seen = seen_lines(survey)
-    enough = np.flatnonzero(_lines_per_frame(survey, seen) >= 3)
+    seen = find_seen_lines(survey)
+    enough = np.flatnonzero(_count_lines_per_frame(survey, seen) >= 3)
     if not len(enough):
         return {}
-    found = _poses_of(_Asked(survey.calibration, _length_frames(survey, seen, enough)))
+    found = _estimate_poses(_CacheKey(survey.calibration, _collect_lines(survey, seen, enough)))
     return {int(enough[k]): poses for k, poses in found.items()}
 
 
-class _Asked:
+class _CacheKey:
     """Frames of a camera as a cache key; equal if all numbers are equal."""
 
     def __init__(self, calibration: Calibration, frames: LengthFrames) -> None:
@@ -175,14 +175,14 @@ class _Asked:
         self._key = *camera, frames.start.shape, *numbers
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Asked) and self._key == other._key
+        return isinstance(other, _CacheKey) and self._key == other._key
 
     def __hash__(self) -> int:
         return hash(self._key)
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _poses_of(asked: _Asked) -> dict[int, LengthPoses]:
+@lru_cache(maxsize=CACHE_SIZE)
+def _estimate_poses(asked: _CacheKey) -> dict[int, LengthPoses]:
     """Estimate poses of frames that lengths explain, by index, best first."""
     searched = search_frames(asked.calibration, asked.frames)
     if not any(searched):  # no pose explains the lengths of any frame
@@ -199,17 +199,17 @@ def _poses_of(asked: _Asked) -> dict[int, LengthPoses]:
     )
     order = np.lexsort((poses.cost, row))
     return {
-        k: _distinct(poses.take(order[row[order] == k]))
+        k: _keep_distinct(poses.take(order[row[order] == k]))
         for k in range(len(searched))
         if searched[k]
     }
 
 
-def _distinct(poses: LengthPoses) -> LengthPoses:
+def _keep_distinct(poses: LengthPoses) -> LengthPoses:
     """Keep the first of the poses that converged to the same plane."""
     variance = np.einsum("bii->bi", poses.covariance)[:, :3]
     sigma = np.sqrt(np.where(poses.converged[:, None], variance, 0.0))
-    same = np.all(np.abs(poses.plane[:, None] - poses.plane) <= SAME * sigma, axis=2)
+    same = np.all(np.abs(poses.plane[:, None] - poses.plane) <= SAME_PLANE_SIGMAS * sigma, axis=2)
     first = np.argmax(same, axis=0)
     distinct = poses.take(np.flatnonzero(first == np.arange(len(first))))
     for column in distinct:
@@ -217,7 +217,7 @@ def _distinct(poses: LengthPoses) -> LengthPoses:
     return distinct
 
 
-def _length_frames(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames:
+def _collect_lines(survey: Survey, seen: SeenLines, frame: Ints) -> LengthFrames:
     """Collect the lines of some frames, padded to the largest number of picks and of lines."""
     rows = np.flatnonzero(np.isin(seen.frame, frame))
     row = np.searchsorted(frame, seen.frame[rows])

@@ -9,7 +9,7 @@ tilt, one of its height) need three independent ones, one of them in metres. Thr
 several exact solutions in about half of all scenes, a triangle nearly always; so the hemisphere of
 plane normals is searched, all candidates are refined together (`minimise_each`), and every distinct
 minimum is kept. Frames with lengths alone are searched together (`search_planes`), a frame with
-other known things by itself (`search_known`).
+other known things by itself (`search_known_planes`).
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.estimation.solver.batched import (
-    Explicit,
-    Linear,
+    ExplicitProblem,
+    Linearisation,
     State,
+    compute_normal_equations,
     minimise_each,
-    normal_equations,
 )
 from uavgram.geometry.ground import conditions
 from uavgram.geometry.ground.conditions import Residuals
@@ -48,7 +48,7 @@ class PlaneThing(NamedTuple):
     Attributes
     ----------
     kind
-        One of `SCALED` or `SHAPED`.
+        One of `SCALED_KINDS` or `SHAPE_KINDS`.
     pick
         Its points, in their order, as rows of the frame's picks.
     value
@@ -85,14 +85,14 @@ class PlaneRows(NamedTuple):
         return PlaneRows(*(column[planes] for column in self))
 
 
-def row_count(kind: str, points: int) -> int:
+def count_rows(kind: str, points: int) -> int:
     """Return the number of rows of a known thing; 0 if it does not constrain the plane."""
     if kind == "equal_lengths":
         return points // 2 - 1
-    return int(kind in SCALED or kind in SHAPED)
+    return int(kind in SCALED_KINDS or kind in SHAPE_KINDS)
 
 
-def rows_on_planes(
+def compute_rows(
     plane: Floats, ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]
 ) -> PlaneRows:
     """Compute the residuals of known things on planes.
@@ -118,7 +118,7 @@ def rows_on_planes(
     return PlaneRows(*(np.concatenate(column, axis=1) for column in zip(*found, strict=True)))
 
 
-def fitting_heights(
+def fit_heights(
     normal: Floats, ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]
 ) -> Floats:
     """Compute (C,) heights over planes of given normals that fit the known things in metres.
@@ -130,15 +130,15 @@ def fitting_heights(
     normal
         (C, 3) unit vectors.
     ray, ray_sigma
-        As for `rows_on_planes`.
+        As for `compute_rows`.
     things
-        Known things, some of a kind in `SCALED`.
+        Known things, some of a kind in `SCALED_KINDS`.
     """
-    scaled = tuple(one._replace(sigma=0.0) for one in things if one.kind in SCALED)
-    rows = rows_on_planes(normal, ray, ray_sigma, scaled)
+    scaled = tuple(one._replace(sigma=0.0) for one in things if one.kind in SCALED_KINDS)
+    rows = compute_rows(normal, ray, ray_sigma, scaled)
     wanted = np.array([one.value for one in scaled])
-    power = np.array([SCALED[one.kind].power for one in scaled])
-    own = np.array([one.sigma for one in things if one.kind in SCALED]) / wanted
+    power = np.array([SCALED_KINDS[one.kind].power for one in scaled])
+    own = np.array([one.sigma for one in things if one.kind in SCALED_KINDS]) / wanted
     with np.errstate(invalid="ignore", divide="ignore"):
         unit = rows.value + wanted  # over a plane at height 1
         weight = 1.0 / ((rows.sigma / unit) ** 2 + own**2)
@@ -155,7 +155,7 @@ def _rows(
     plan = place @ axes.swapaxes(1, 2)
     level = np.concatenate([plan, np.zeros((*plan.shape[:2], 1))], axis=2)
     value, gradient = _function(thing.kind)(level)
-    if thing.kind in SCALED or thing.kind == "angle":
+    if thing.kind in SCALED_KINDS or thing.kind == "angle":
         value = value - thing.value
     # A point X = v / (m . v) moves by -X (X . dm), and by (dv - X (m . dv)) / (m . v). Axes that
     # turn with the plane only shift and turn the plan, which changes none of the values.
@@ -218,7 +218,7 @@ class _Scaled(NamedTuple):
     power: int
 
 
-SCALED = {
+SCALED_KINDS = {
     "distance": _Scaled(_length, 1),
     "horizontal_distance": _Scaled(_length, 1),
     "polyline": _Scaled(_length, 1),
@@ -227,7 +227,7 @@ SCALED = {
 }
 """Kinds that determine the scale."""
 
-SHAPED: dict[str, Callable[[Floats], Residuals]] = {
+SHAPE_KINDS: dict[str, Callable[[Floats], Residuals]] = {
     "angle": _angle,
     "right_angle": conditions.right_angle,
     "parallel": _parallel,
@@ -237,34 +237,34 @@ SHAPED: dict[str, Callable[[Floats], Residuals]] = {
 
 
 def _function(kind: str) -> Callable[[Floats], Residuals]:
-    return SCALED[kind].function if kind in SCALED else SHAPED[kind]
+    return SCALED_KINDS[kind].function if kind in SCALED_KINDS else SHAPE_KINDS[kind]
 
 
 TILT_STEP_DEG = 7.5
 MAX_TILT_DEG = 85.0
-NEIGHBOURS = 8
+NEIGHBOUR_COUNT = 8
 """Number of neighbours of a normal of the grid; a minimum must be lower than all of them."""
 
-FEW = 4
+MAX_LINES_FOR_ALL_STARTS = 4
 """Number of lines up to which every normal of the grid is a start."""
 
-LOWEST = 40
+LOWEST_COUNT = 40
 """Number of normals of lowest cost that are starts in addition to the local minima over the
 grid."""
 
-PLAUSIBLE = 1e-4
+MIN_PROBABILITY = 1e-4
 """Probability below which a minimum no longer counts as an explanation of the known things."""
 
-BLOCK = 200_000
+BLOCK_SIZE = 200_000
 """Lines times candidates at a time: the temporaries stay in the processor's cache."""
 
-ROUNDS, NEAR = (5, 5, 10, 10), 0.01
+ROUND_STEPS, SAME_RELATIVE_DISTANCE = (5, 5, 10, 10), 0.01
 """Steps of each round; relative distance of candidates within which only the best is continued."""
 
-AT_REST = 1e-4
+MAX_LAST_REDUCTION = 1e-4
 """Largest reduction of cost by another step of a converged candidate."""
 
-UNKNOWN = 1.0
+MAX_RELATIVE_SIGMA = 1.0
 """Sigma of a plane as a share of its size, above which its numbers have no meaning."""
 
 
@@ -276,7 +276,7 @@ class PlaneCandidate(NamedTuple):
 
 
 @cache
-def normal_grid() -> Floats:
+def make_normal_grid() -> Floats:
     """Return unit vectors (S, 3) towards the ground, nearly evenly over the visible hemisphere."""
     normals = [np.array([[0.0, 0.0, 1.0]])]
     for tilt in np.deg2rad(np.arange(TILT_STEP_DEG, MAX_TILT_DEG + 1e-9, TILT_STEP_DEG)):
@@ -292,16 +292,16 @@ def normal_grid() -> Floats:
 @cache
 def _neighbours() -> Ints:
     """Return the (NEIGHBOURS, S) nearest others of each normal of the grid."""
-    near = np.argsort(-normal_grid() @ normal_grid().T, axis=1, kind="stable")
-    return np.ascontiguousarray(near[:, 1 : NEIGHBOURS + 1].T)
+    near = np.argsort(-make_normal_grid() @ make_normal_grid().T, axis=1, kind="stable")
+    return np.ascontiguousarray(near[:, 1 : NEIGHBOUR_COUNT + 1].T)
 
 
-def _moved(state: State, step: Floats) -> State:
+def _apply_step(state: State, step: Floats) -> State:
     """Return planes after steps (b, 3)."""
     return (state[0] + step,)
 
 
-def _distinct(plane: Floats, cost: Floats, information: Floats, limit: float) -> list[int]:
+def _keep_distinct(plane: Floats, cost: Floats, information: Floats, limit: float) -> list[int]:
     """Return candidates farther than a sigma from any better one, up to a limit of the cost.
 
     Parameters
@@ -350,16 +350,16 @@ def search_planes(
     end_ray = np.take_along_axis(end_ray, take, axis=1)
     length_m = np.take_along_axis(length_m, stand_in, axis=1)
     found: list[tuple[PlaneCandidate, ...]] = []
-    step = max(1, BLOCK // (len(normal_grid()) * max(1, there.shape[1])))
+    step = max(1, BLOCK_SIZE // (len(make_normal_grid()) * max(1, there.shape[1])))
     for first in range(0, len(length_m), step):
         part = slice(first, first + step)
         ends = np.stack([start_ray[part], end_ray[part]]).transpose(3, 0, 1, 2)
         observed = length_m[part] * weight[part], weight[part]
-        found += _explanations(np.ascontiguousarray(ends), observed, count[part])
+        found += _find_minima(np.ascontiguousarray(ends), observed, count[part])
     return found
 
 
-def _explanations(
+def _find_minima(
     ends: Floats, observed: tuple[Floats, Floats], count: Ints
 ) -> list[tuple[PlaneCandidate, ...]]:
     """Find distinct minima of scenes: rays (3, 2, B, L), weighted lengths and weights (B, L)."""
@@ -372,17 +372,17 @@ def _explanations(
         by = differentiate_by_plane(lengths, compute_end_components(lengths)) * weight
         return lengths.length * weight - wanted, np.moveaxis(by, 0, 2)
 
-    minima = minimise_each(Explicit(rows, _moved), (start,))
+    minima = minimise_each(ExplicitProblem(rows, _apply_step), (start,))
     # Minima of each scene by cost; keep the distinct ones within the limit.
     order = np.lexsort((minima.cost, scene))
     bounds = np.searchsorted(scene[order], np.arange(len(count) + 1))
-    limit = np.asarray(chdtri(np.maximum(count - 3, 1), PLAUSIBLE))
+    limit = np.asarray(chdtri(np.maximum(count - 3, 1), MIN_PROBABILITY))
     found = []
     for k in range(len(count)):
         own = order[bounds[k] : bounds[k + 1]]
         own = own[np.isfinite(minima.cost[own])]
         plane, cost = minima.state[0][own], minima.cost[own]
-        kept = _distinct(plane, cost, minima.normal[own], float(limit[k]))
+        kept = _keep_distinct(plane, cost, minima.normal[own], float(limit[k]))
         found.append(tuple(PlaneCandidate(plane[one], float(cost[one])) for one in kept))
     return found
 
@@ -395,7 +395,7 @@ def _starts(ends: Floats, observed: tuple[Floats, Floats], count: Ints) -> tuple
     grid is a start. Few lines may have several minima within one step of the grid; then the
     direction of the start decides which of them is reached, and all normals are starts.
     """
-    normal = normal_grid()
+    normal = make_normal_grid()
     unit = lengths_on_plane(np.ascontiguousarray(normal.T)[:, None, :, None], ends[:, :, :, None])
     wanted, weight = observed[0][:, None], observed[1][:, None]
     # Height by linear least squares, h = (u . l) / (u . u), and the cost of its residuals.
@@ -408,8 +408,8 @@ def _starts(ends: Floats, observed: tuple[Floats, Floats], count: Ints) -> tuple
     lowest: Bools = np.ones(cost.shape, bool)
     for near in _neighbours():
         lowest &= cost <= cost[:, near]
-    lowest |= cost <= np.partition(cost, LOWEST, axis=1)[:, [LOWEST]]
-    scene, place = np.nonzero(usable & (lowest | (count <= FEW)[:, None]))
+    lowest |= cost <= np.partition(cost, LOWEST_COUNT, axis=1)[:, [LOWEST_COUNT]]
+    scene, place = np.nonzero(usable & (lowest | (count <= MAX_LINES_FOR_ALL_STARTS)[:, None]))
     return normal[place] / height[scene, place, None], scene
 
 
@@ -431,10 +431,12 @@ class KnownPlanes(NamedTuple):
     cost: Floats
 
 
-NOTHING = KnownPlanes(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
+NO_PLANES = KnownPlanes(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
 
 
-def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]) -> KnownPlanes:
+def search_known_planes(
+    ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]
+) -> KnownPlanes:
     """Search all distinct planes that explain the known things of a frame.
 
     Parameters
@@ -452,12 +454,12 @@ def search_known(ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...])
         Empty if the things do not determine a plane: fewer than three rows, none in metres, or all
         of them dependent.
     """
-    if row_total(things) < 3 or not any(one.kind in SCALED for one in things):
-        return NOTHING
+    if count_all_rows(things) < 3 or not any(one.kind in SCALED_KINDS for one in things):
+        return NO_PLANES
     used = sorted({k for one in things for k in one.pick})
     at = {pick: k for k, pick in enumerate(used)}
     things = tuple(one._replace(pick=tuple(at[k] for k in one.pick)) for one in things)
-    return _found(ray[used].tobytes(), ray_sigma[used].tobytes(), things)
+    return _search(ray[used].tobytes(), ray_sigma[used].tobytes(), things)
 
 
 class _Things:
@@ -471,68 +473,70 @@ class _Things:
     def __init__(self, ray: Floats, ray_sigma: Floats, things: tuple[PlaneThing, ...]) -> None:
         self._known = ray, ray_sigma, things
 
-    def linearise(self, which: Ints, state: State) -> Linear:  # noqa: ARG002
+    def linearise(self, which: Ints, state: State) -> Linearisation:  # noqa: ARG002
         """Compute normal equations at planes; costs are compared by the sigmas before the step."""
-        rows = rows_on_planes(state[0], *self._known)
-        here = normal_equations(rows.value / rows.sigma, rows.by_plane / rows.sigma[..., None])
+        rows = compute_rows(state[0], *self._known)
+        here = compute_normal_equations(
+            rows.value / rows.sigma, rows.by_plane / rows.sigma[..., None]
+        )
         compared = np.sum((rows.value / state[1]) ** 2, axis=1)
         return here._replace(rest=(rows.sigma,), compared=compared)
 
-    def move(self, state: State, linear: Linear, step: Floats) -> State:
+    def move(self, state: State, linear: Linearisation, step: Floats) -> State:
         """Apply steps (b, 3) to planes."""
         return state[0] + step, linear.rest[0]
 
     def minima(self, plane: Floats) -> Floats:
         """Return converged planes (c, 3) from starts (C, 3)."""
-        rows = row_total(self._known[2])
-        for steps in ROUNDS:
+        rows = count_all_rows(self._known[2])
+        for steps in ROUND_STEPS:
             ends = minimise_each(self, (plane, np.ones((len(plane), rows))), steps)
-            plane = ends.state[0][_best_of_near(ends.state[0], ends.cost)]
+            plane = ends.state[0][_best_of_neighbours(ends.state[0], ends.cost)]
         return plane
 
 
 @lru_cache(maxsize=256)
-def _found(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> KnownPlanes:
+def _search(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> KnownPlanes:
     """Search the planes; cached, because an adjustment begins many times."""
     ray, ray_sigma = np.frombuffer(rays).reshape(-1, 3), np.frombuffer(sigmas)
-    normal = normal_grid()
-    height = fitting_heights(normal, ray, ray_sigma, things)
+    normal = make_normal_grid()
+    height = fit_heights(normal, ray, ray_sigma, things)
     problem = _Things(ray, ray_sigma, things)
     plane = problem.minima((normal / height[:, None])[np.isfinite(height)])
-    rows = np.ones((len(plane), row_total(things)))
+    rows = np.ones((len(plane), count_all_rows(things)))
     cost, information, gradient, *_ = problem.linearise(np.arange(len(plane)), (plane, rows))
     covariance, determined = _covariances(plane, information, cost)
     # Newton decrement g^T N^-1 g: reduction of the cost by another step.
     gain = np.einsum("ci,cij,cj->c", gradient, covariance, gradient)
-    resting = np.flatnonzero(gain < AT_REST)
+    resting = np.flatnonzero(gain < MAX_LAST_REDUCTION)
     # Where two solutions merge the remaining one is undetermined; it may be the true one.
     order = resting[np.lexsort((cost[resting], ~determined[resting]))]
     if not determined[order[:1]].any():
-        return NOTHING
-    limit = float(chdtri(max(row_total(things) - 3, 1), PLAUSIBLE))
-    kept = order[_distinct(plane[order], cost[order], information[order], limit)]
+        return NO_PLANES
+    limit = float(chdtri(max(count_all_rows(things) - 3, 1), MIN_PROBABILITY))
+    kept = order[_keep_distinct(plane[order], cost[order], information[order], limit)]
     found = KnownPlanes(plane[kept], covariance[kept], cost[kept])
     for column in found:
         column.flags.writeable = False
     return found
 
 
-def row_total(things: tuple[PlaneThing, ...]) -> int:
+def count_all_rows(things: tuple[PlaneThing, ...]) -> int:
     """Return the number of rows that known things have together."""
-    return sum(row_count(one.kind, len(one.pick)) for one in things)
+    return sum(count_rows(one.kind, len(one.pick)) for one in things)
 
 
-def _best_of_near(plane: Floats, cost: Floats) -> Ints:
+def _best_of_neighbours(plane: Floats, cost: Floats) -> Ints:
     """Return indices of the planes of least cost among those within a hundredth of each other."""
     size = np.linalg.norm(plane, axis=1)
-    cell = np.round(np.column_stack([plane / size[:, None], np.log(size)]) / NEAR)
+    cell = np.round(np.column_stack([plane / size[:, None], np.log(size)]) / SAME_RELATIVE_DISTANCE)
     order = np.argsort(cost, kind="stable")[: np.isfinite(cost).sum()]
     _, first = np.unique(cell[order], axis=0, return_index=True)
     return np.sort(order[first])
 
 
 def _covariances(plane: Floats, information: Floats, cost: Floats) -> tuple[Floats, Bools]:
-    """Compute (C, 3, 3) inverses with sigmas up to `UNKNOWN`, and (C,) whether none was larger.
+    """Compute (C, 3, 3) inverses with sigmas up to `MAX_RELATIVE_SIGMA`, (C,) if none is larger.
 
     Parameters
     ----------
@@ -543,5 +547,7 @@ def _covariances(plane: Floats, information: Floats, cost: Floats) -> tuple[Floa
     relative = information * (size**2)[:, None, None]
     relative[~np.isfinite(cost)] = 0.0
     value, vector = np.linalg.eigh(relative)
-    turned = vector / np.maximum(value, UNKNOWN**-2)[:, None]
-    return turned @ vector.swapaxes(1, 2) * (size**2)[:, None, None], value[:, 0] > UNKNOWN**-2
+    turned = vector / np.maximum(value, MAX_RELATIVE_SIGMA**-2)[:, None]
+    return turned @ vector.swapaxes(1, 2) * (size**2)[:, None, None], value[
+        :, 0
+    ] > MAX_RELATIVE_SIGMA**-2

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.solver.batched import Linear, State, normal_equations
+from uavgram.estimation.solver.batched import Linearisation, State, compute_normal_equations
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
@@ -25,7 +25,7 @@ from uavgram.geometry.motion.rotation import exp_so3, hat, log_so3, right_jacobi
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera.calibration import Calibration
 
-LEAST_INFORMATION = 1e-9
+MIN_INFORMATION = 1e-9
 """Information on a ground point's coordinates [1/m^2] that is added in case a trial pose shows
 nothing of it."""
 
@@ -44,11 +44,11 @@ class PoseRows:
         """Compute residuals (b, r), Jacobians (b, r, 6) by centre, rotation of photos (b,)."""
         raise NotImplementedError
 
-    def linearise(self, which: Ints, state: State) -> Linear:
+    def linearise(self, which: Ints, state: State) -> Linearisation:
         """Compute the normal equations of photos (b,) at a state."""
-        return normal_equations(*self.rows(which, state))
+        return compute_normal_equations(*self.rows(which, state))
 
-    def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
+    def move(self, state: State, linear: Linearisation, step: Floats) -> State:  # noqa: ARG002
         """Apply steps to poses.
 
         Parameters
@@ -64,7 +64,7 @@ class PoseRows:
 
 
 @dataclass(frozen=True, eq=False)
-class Logged:
+class LoggedPoses:
     """Logged pose of each photo: (B, 3), (B, 3, 3); sigmas (6,) of centre [m], rotation [rad]."""
 
     center: Floats
@@ -107,7 +107,7 @@ class FeatureRows:
     start_on_line: bool = False
     end_on_line: bool = False
     length: bool = False
-    logged: Logged | None = None
+    logged: LoggedPoses | None = None
     held: tuple[Floats, Floats] | None = None
     axis: int = 0
 
@@ -118,7 +118,7 @@ class FeatureRows:
         given = 6 if self.logged is not None else 3 if self.held is not None else 0
         return int(own * self.pixel_px.shape[1] + given - 6)
 
-    def linearise(self, which: Ints, state: State) -> Linear:
+    def linearise(self, which: Ints, state: State) -> Linearisation:
         """Compute the normal equations of the poses, with the points eliminated.
 
         With pose p and points q of a feature, N = [[A, B], [B^T, C]] and right side (a, c): the
@@ -140,18 +140,18 @@ class FeatureRows:
             c += by_ends[..., :, None] * by_ends[..., None, :]
             c_right += by_ends * off[..., None]
         there = np.isfinite(cost)
-        c += LEAST_INFORMATION * np.eye(4)
+        c += MIN_INFORMATION * np.eye(4)
         # Schur complement: eliminate the points of each feature.
         inverse = np.linalg.inv(np.where(there[:, None, None, None], c, np.eye(4)))
         gone = b @ inverse
         normal = a - np.einsum("bnik,bnjk->bij", gone, b)
         gradient = a_right - np.einsum("bnik,bnk->bi", gone, c_right)
         for rows in self._of_pose(which, center, rotation):
-            own = normal_equations(*rows)
+            own = compute_normal_equations(*rows)
             cost, normal, gradient = cost + own.cost, normal + own.normal, gradient + own.gradient
-        return Linear(cost, normal, gradient, ((inverse @ c_right[..., None])[..., 0], gone))
+        return Linearisation(cost, normal, gradient, ((inverse @ c_right[..., None])[..., 0], gone))
 
-    def move(self, state: State, linear: Linear, step: Floats) -> State:
+    def move(self, state: State, linear: Linearisation, step: Floats) -> State:
         """Apply steps to the poses, and the resulting steps to the eliminated points.
 
         Parameters
@@ -238,7 +238,7 @@ class FeatureRows:
 
 
 def _off_pose(
-    logged: Logged, which: Ints, center: Floats, rotation: Floats
+    logged: LoggedPoses, which: Ints, center: Floats, rotation: Floats
 ) -> tuple[Floats, Floats]:
     turn = log_so3(logged.rotation[which].swapaxes(1, 2) @ rotation)
     off = np.concatenate([center - logged.center[which], turn], axis=1) / logged.sigma
@@ -248,7 +248,9 @@ def _off_pose(
     return off, gradient / logged.sigma[:, None]
 
 
-def first_points(rows: FeatureRows, center: Floats, rotation: Floats) -> tuple[Floats, Bools]:
+def intersect_ground_picks(
+    rows: FeatureRows, center: Floats, rotation: Floats
+) -> tuple[Floats, Bools]:
     """Compute ground points (B, n, 2, 2) of the picks under poses; mark photos where all exist.
 
     Parameters
@@ -258,12 +260,12 @@ def first_points(rows: FeatureRows, center: Floats, rotation: Floats) -> tuple[F
     center, rotation
         (B, 3), (B, 3, 3).
     """
-    point, _, _ = ground_points(rows.calibration, rows.pixel_px, center, rotation)
+    point, _, _ = intersect_ground_rays(rows.calibration, rows.pixel_px, center, rotation)
     good: Bools = np.all(np.isfinite(point), axis=(1, 2, 3))
     return np.where(good[:, None, None, None], point, 0.0), good
 
 
-def ground_points(
+def intersect_ground_rays(
     calibration: Calibration, pixel_px: Floats, center: Floats, rotation: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Intersect the rays of picks with the ground z = 0.
@@ -407,14 +409,14 @@ class RayRows(PoseRows):
 
         NaN if a point with weight is not before its camera.
         """
-        residual, by_point, by_turn = ray_residuals(
+        residual, by_point, by_turn = compute_ray_residuals(
             self.ray[which], self.across[which], self.world_m[which], (state[0], state[1])
         )
         jacobian = np.concatenate([-by_point, by_turn], axis=-1)
         return residual.reshape(len(which), -1), jacobian.reshape(len(which), -1, 6)
 
 
-def across_rays(ray: Floats) -> Floats:
+def compute_across_axes(ray: Floats) -> Floats:
     """Return two unit vectors (..., 2, 3) perpendicular to a third (..., 3) and to each other."""
     least = np.eye(3)[np.argmin(np.abs(ray), axis=-1)]
     first = np.cross(ray, least)
@@ -422,7 +424,7 @@ def across_rays(ray: Floats) -> Floats:
     return np.stack([first, np.cross(ray, first)], axis=-2)
 
 
-def ray_residuals(
+def compute_ray_residuals(
     ray: Floats, across: Floats, world_m: Floats, pose: tuple[Floats, Floats]
 ) -> tuple[Floats, Floats, Floats]:
     """Compute residuals of rays against points, and their derivatives.

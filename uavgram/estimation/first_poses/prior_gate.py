@@ -12,7 +12,7 @@ from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.survey.survey import Ground
 
-OUTSIDE = 0.001
+OUTSIDE_PROBABILITY = 0.001
 """Probability that a true pose is outside the gate."""
 
 HEIGHT, TILT = 0, slice(1, 3)
@@ -82,12 +82,12 @@ def compare_with_seed(
     return SeedComparison(np.sum(difference * weighted[..., 0], axis=1), (prior @ weighted)[..., 0])
 
 
-def allowed(squared_distance: Floats) -> Bools:
+def find_allowed(squared_distance: Floats) -> Bools:
     """Mark the candidates (C,) inside the gate (chi-square with three degrees of freedom)."""
-    return np.asarray(squared_distance <= float(chdtri(3, OUTSIDE)))
+    return np.asarray(squared_distance <= float(chdtri(3, OUTSIDE_PROBABILITY)))
 
 
-def seed_on_plane(
+def move_seed_to_plane(
     center_world_m: Floats, world_from_camera: Floats, ground: Ground, plane: Floats
 ) -> tuple[Floats, Floats]:
     """Replace height and level of the seed by those of a candidate plane (3,).

@@ -18,18 +18,18 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from uavgram.estimation.measuring.kinds import BELOW
+from uavgram.estimation.measuring.kinds import BELOW_PREFIX
 from uavgram.estimation.measuring.propagation import MeasuredValues
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.kinds import kind_of
+from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.reliability import ErrorBudget
 
-OTHER = "friction and times"
+OTHER_SOURCES = "friction and times"
 """Name of the contributions of no observation of the survey."""
 
-LEAST = 1e-12
+MIN_SHARE = 1e-12
 """Share of a variance that is rounding error: the conditions that fix a free gauge contribute
 nothing."""
 
@@ -37,7 +37,9 @@ ENTRIES_AT_ONCE = 2_000_000
 """Largest number of array entries in memory at a time."""
 
 
-def error_budget(blocks: Mapping[str, Block], measured: MeasuredValues) -> dict[str, Floats]:
+def compute_error_budget(
+    blocks: Mapping[str, Block], measured: MeasuredValues
+) -> dict[str, Floats]:
     """Compute the variances that the groups of observations contribute.
 
     Parameters
@@ -66,7 +68,7 @@ def error_budget(blocks: Mapping[str, Block], measured: MeasuredValues) -> dict[
 
 
 def _below(others: Mapping[str, float]) -> float:
-    return sum(effect**2 for source, effect in others.items() if source.startswith(BELOW))
+    return sum(effect**2 for source, effect in others.items() if source.startswith(BELOW_PREFIX))
 
 
 def _contribution(block: Block, solved: Floats) -> Floats:
@@ -82,21 +84,23 @@ def _contribution(block: Block, solved: Floats) -> Floats:
     return total
 
 
-def shares(variances: Mapping[str, Floats]) -> ErrorBudget:
+def compute_shares(variances: Mapping[str, Floats]) -> ErrorBudget:
     """Sum the groups by their source names, as shares of the total variance."""
     total = np.sum(list(variances.values()), axis=0)
     by_source: dict[str, Floats] = {}
     for group, variance in variances.items():
-        source = OTHER if group == "other" else kind_of(group).source
+        source = OTHER_SOURCES if group == "other" else get_kind(group).source
         by_source[source] = by_source.get(source, np.zeros_like(variance)) + variance
-    felt = {name: v for name, v in by_source.items() if (np.nan_to_num(v) > LEAST * total).any()}
+    felt = {
+        name: v for name, v in by_source.items() if (np.nan_to_num(v) > MIN_SHARE * total).any()
+    }
     share = np.stack(list(felt.values()), axis=1) if felt else np.zeros((len(total), 0))
     with np.errstate(invalid="ignore"):
         return ErrorBudget(source=tuple(felt), share=share / share.sum(axis=1, keepdims=True))
 
 
-RELIEF_M = 0.10
-TAPE_SHARE = 0.01
+ASSUMED_RELIEF_M = 0.10
+ASSUMED_TAPE_ERROR = 0.01
 
 
 class Shifts(NamedTuple):
@@ -105,36 +109,38 @@ class Shifts(NamedTuple):
     Attributes
     ----------
     relief
-        (M,) by points that are `RELIEF_M` above or below the surface, each on the side of its
-        largest effect: the sum of the sizes.
+        (M,) by points that are `ASSUMED_RELIEF_M` above or below the surface, each on the side of
+        its largest effect: the sum of the sizes.
     tape
-        (M,) by readings that are all `TAPE_SHARE` longer.
+        (M,) by readings that are all `ASSUMED_TAPE_ERROR` longer.
     """
 
     relief: Floats
     tape: Floats
 
 
-def shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
+def compute_shifts(adjustment: Adjustment, measured: MeasuredValues) -> Shifts:
     """Compute the effects of relief and of a wrong tape on each measured value."""
     none = np.array([row.gradient is None for row in measured.rows], dtype=bool)
     place = adjustment.survey.row_of_label
     points = [sorted({place[p] for p in row.request.points if p in place}) for row in measured.rows]
     touched = np.array(sorted({k for own in points for k in own}), dtype=np.int64)
-    moved = np.abs(by_heights(adjustment, measured, touched))
+    moved = np.abs(compute_height_derivatives(adjustment, measured, touched))
     own = [np.searchsorted(touched, np.array(some, dtype=np.int64)) for some in points]
-    relief = RELIEF_M * np.array([moved[rows, m].sum() for m, rows in enumerate(own)])
+    relief = ASSUMED_RELIEF_M * np.array([moved[rows, m].sum() for m, rows in enumerate(own)])
     tape = np.full(len(none), np.nan)
     if (line := adjustment.problem.line_index).size:
         survey, block = adjustment.survey, adjustment.minimum.blocks["lengths"]
-        longer = TAPE_SHARE * survey.length_m[line] / survey.length_sigma_m[line]
+        longer = ASSUMED_TAPE_ERROR * survey.length_m[line] / survey.length_sigma_m[line]
         tape = np.einsum(
             "n,nk,nkm->m", longer, block.jacobian[:, 0], measured.solved[block.columns]
         )
     return Shifts(np.where(none, np.nan, relief), np.where(none, np.nan, tape))
 
 
-def by_heights(adjustment: Adjustment, measured: MeasuredValues, label: Ints) -> Floats:
+def compute_height_derivatives(
+    adjustment: Adjustment, measured: MeasuredValues, label: Ints
+) -> Floats:
     """Compute (n, M) derivatives of each value by the heights of points above their surface.
 
     Picks and readings do not change; only the assumed height of the point does.

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import near_miss
-from uavgram.estimation.survey.ground_below import ground_below
+from uavgram.estimation.survey.ground_below import find_ground_below
 from uavgram.geometry.ground import measurements, shapes
 from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats
@@ -27,7 +27,7 @@ than 0.15 %."""
 
 AXES = ("east", "north")
 
-BELOW = "roughness of the ground below "
+BELOW_PREFIX = "roughness of the ground below "
 """Prefix of the label in the name of such a source of error."""
 
 
@@ -46,7 +46,7 @@ class Measurand(NamedTuple):
     """(k, 3) by the places on the smooth ground straight below the points; None: no dependence."""
 
 
-def exact(source: str) -> float:  # noqa: ARG001  (the error of every source)
+def no_error(source: str) -> float:  # noqa: ARG001  (the error of every source)
     """Return no error for any source."""
     return 0.0
 
@@ -79,12 +79,12 @@ def require_picked(
         raise UnmeasurableError(", ".join(words))
 
 
-def measurands(
+def compute_measurands(
     request: MeasurementRequest,
     points: Floats,
     survey: Survey,
     frames: Frames,
-    error: Callable[[str], float] = exact,
+    error: Callable[[str], float] = no_error,
     feet: Floats | None = None,
 ) -> list[Measurand]:
     """Compute the values of one request, with gradients.
@@ -116,13 +116,13 @@ def measurands(
             for i, axis in enumerate(AXES)
         ]
     if kind == "skid_speed":
-        return [_skid_speed(request, points, error)]
+        return [_compute_skid_speed(request, points, error)]
     if kind == "speed":
-        return [_speed(request, points, survey, frames, error)]
+        return [_compute_speed(request, points, survey, frames, error)]
     if refers_to_ground(request):
         if feet is None:
             raise ValueError(f"{kind} of {request.points} needs the feet of its points")
-        return [_over_ground(request, points, feet, survey, error)]
+        return [_measure_over_ground(request, points, feet, survey, error)]
     value, gradient = measurements.measure_shape(kind, points, dict(request.parameters))
     return [Measurand(request.name, request, value, gradient, {})]
 
@@ -133,7 +133,7 @@ def refers_to_ground(request: MeasurementRequest) -> bool:
     return measurements.refers_to_ground(request.kind, len(request.points), parameters)
 
 
-def _skid_speed(
+def _compute_skid_speed(
     request: MeasurementRequest, points: Floats, error: Callable[[str], float]
 ) -> Measurand:
     """Compute the speed at the start of a skid to rest: v = sqrt(2 mu g d) (friction = energy)."""
@@ -151,7 +151,7 @@ def _skid_speed(
     return Measurand(request.name, request, speed, gradient * (speed / (2.0 * length)), friction)
 
 
-def _speed(
+def _compute_speed(
     request: MeasurementRequest,
     points: Floats,
     survey: Survey,
@@ -185,7 +185,7 @@ def _speed(
     return Measurand(request.name, request, speed, gradient / abs(elapsed), timing)
 
 
-def _over_ground(
+def _measure_over_ground(
     request: MeasurementRequest,
     points: Floats,
     feet: Floats,
@@ -194,17 +194,19 @@ def _over_ground(
 ) -> Measurand:
     """Measure from the ground below, with the contribution of its roughness to the sigma."""
     label = np.array([survey.label.index(one) for one in request.points])
-    below = ground_below(survey, label, points, feet)
-    if request.kind == "height" and below.told.all():
-        raise UnmeasurableError(_stated(request.points[0], float(survey.height_above_m[label][0])))
-    sources = [f"{BELOW}{one}" for one in request.points]
+    below = find_ground_below(survey, label, points, feet)
+    if request.kind == "height" and below.is_determined.all():
+        raise UnmeasurableError(
+            _explain_height(request.points[0], float(survey.height_above_m[label][0]))
+        )
+    sources = [f"{BELOW_PREFIX}{one}" for one in request.points]
     lifted = below.feet.copy()
     lifted[:, 2] += below.sigma_m * [error(one) for one in sources]
     value, by_points, by_feet = measurements.measure_over_ground(
         request.kind, points, lifted, dict(request.parameters)
     )
     effects = dict(zip(sources, (by_feet[:, 2] * below.sigma_m).tolist(), strict=True))
-    told = below.told[:, None]
+    told = below.is_determined[:, None]
     return Measurand(
         request.name,
         request,
@@ -215,7 +217,7 @@ def _over_ground(
     )
 
 
-def _stated(label: str, height_m: float) -> str:
+def _explain_height(label: str, height_m: float) -> str:
     """Explain why the height of a point cannot be measured."""
     where = f"is {height_m:g} m over it, as stated" if height_m else "is a point on it"
     return (
@@ -224,7 +226,7 @@ def _stated(label: str, height_m: float) -> str:
     )
 
 
-def unmeasured(request: MeasurementRequest) -> list[Measurand]:
+def make_unmeasured(request: MeasurementRequest) -> list[Measurand]:
     """Return NaN rows for a request that cannot be measured."""
     names = [request.name]
     if request.kind == "coordinate":

@@ -15,7 +15,11 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
+from uavgram.estimation.survey.observations.sightings import (
+    Sightings,
+    collect_sightings,
+    compute_sighting_rows,
+)
 from uavgram.geometry.camera.projection import project_with_jacobian
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.geometry.motion.camera_motion import camera_motion, compute_row_share
@@ -71,7 +75,7 @@ class PixelRows:
     def covariance(self, adjustment: Adjustment) -> Floats:
         """Compute the (n, 2, 2) covariances of the pixels."""
         own = self.own @ np.swapaxes(self.own, 1, 2)
-        return np.asarray(own + propagated(adjustment, self.columns, self.jacobian))
+        return np.asarray(own + propagate_pairs(adjustment, self.columns, self.jacobian))
 
     def predicted(self, adjustment: Adjustment) -> PredictedPixels:
         """Return the pixels with their covariances."""
@@ -93,7 +97,7 @@ def predict_unpicked(adjustment: Adjustment, flight: FlightOfPhotos | None) -> P
     flight
         Prior, flight and frame names of all photos with telemetry, for those without a pick.
     """
-    parts = [rows.predicted(adjustment) for rows in unpicked_rows(adjustment, flight)]
+    parts = [rows.predicted(adjustment) for rows in compute_unpicked_rows(adjustment, flight)]
     return PredictedPixels(
         tuple(name for part in parts for name in part.frame_id),
         np.concatenate([part.label for part in parts]),
@@ -102,15 +106,15 @@ def predict_unpicked(adjustment: Adjustment, flight: FlightOfPhotos | None) -> P
     )
 
 
-def unpicked_rows(adjustment: Adjustment, flight: FlightOfPhotos | None) -> list[PixelRows]:
+def compute_unpicked_rows(adjustment: Adjustment, flight: FlightOfPhotos | None) -> list[PixelRows]:
     """Return the rows of `predict_unpicked`: in adjusted photos, and in others if there are any."""
-    rows = [_in_adjusted(adjustment)]
+    rows = [_predict_in_adjusted(adjustment)]
     if flight is not None and len(adjustment.state.telemetry):
-        rows.append(_in_others(adjustment, *flight))
+        rows.append(_predict_in_others(adjustment, *flight))
     return rows
 
 
-def _in_adjusted(adjustment: Adjustment) -> PixelRows:
+def _predict_in_adjusted(adjustment: Adjustment) -> PixelRows:
     """Predict labels in photos that have picks of other labels."""
     survey, state = adjustment.survey, adjustment.state
     free = np.ones((len(survey.frame_id), len(survey.label)), dtype=bool)
@@ -120,11 +124,11 @@ def _in_adjusted(adjustment: Adjustment) -> PixelRows:
     poses = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
     parameters = adjustment.problem.intrinsics(state)
     place = project_rows(survey.calibration, parameters, poses, world)
-    shown = in_photo(survey.calibration, place)
-    return rows_at(adjustment, frame[shown], label[shown])
+    shown = is_in_photo(survey.calibration, place)
+    return predict_rows(adjustment, frame[shown], label[shown])
 
 
-def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats, Floats]:
+def predict_pixels(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats, Floats]:
     """Predict pixels (n, 2) of labels in frames of the adjustment, with covariances (n, 2, 2).
 
     They are those of the adjusted point alone, without the error of a pick.
@@ -136,11 +140,11 @@ def pixels_at(adjustment: Adjustment, frame: Ints, label: Ints) -> tuple[Floats,
     frame, label
         (n,) each, by index.
     """
-    rows = rows_at(adjustment, frame, label)
+    rows = predict_rows(adjustment, frame, label)
     return rows.pixel_px, rows.covariance(adjustment)
 
 
-def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
+def predict_rows(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
     """Predict labels in frames of the adjustment; NaN behind the camera.
 
     Parameters
@@ -154,20 +158,20 @@ def rows_at(adjustment: Adjustment, frame: Ints, label: Ints) -> PixelRows:
     place = adjustment.pixels(frame, label)
     shown = np.isfinite(place).all(axis=1)
     points = problem.layout.point_columns(label), problem.plane_columns(label)
-    asked = seen(problem, points, frame, place, np.ones(n))
+    asked = collect_sightings(problem, points, frame, place, np.ones(n))
     pixel, jacobian = np.full((n, 2), np.nan), np.full((n, 2, asked.columns.shape[1]), np.nan)
     placed = problem.world_points(state, label[shown])
     # Observed at the predicted place (the image row where they appear), their residual is 0,
     # whatever the motion of the camera.
-    where = Seen(frame[shown], place[shown], np.ones(int(shown.sum())), asked.columns[shown])
-    block = rows_of_sightings(problem, state, where, placed)
+    where = Sightings(frame[shown], place[shown], np.ones(int(shown.sum())), asked.columns[shown])
+    block = compute_sighting_rows(problem, state, where, placed)
     if block is not None:
         pixel[shown], jacobian[shown] = place[shown] + block.residual, block.jacobian
     names = tuple(adjustment.survey.frame_id[f] for f in frame)
     return PixelRows(names, label, pixel, jacobian, asked.columns, np.zeros((n, 2, 6)))
 
 
-def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
+def propagate_pairs(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Floats:
     """Compute (n, 2, 2) covariances of n pairs of values.
 
     Parameters
@@ -190,7 +194,7 @@ def propagated(adjustment: Adjustment, columns: Ints, jacobian: Floats) -> Float
     return covariance
 
 
-def _in_others(
+def _predict_in_others(
     adjustment: Adjustment, prior: TelemetryPrior, track: Flight, names: tuple[str, ...]
 ) -> PixelRows:
     """Predict labels in photos without any pick, whose poses the adjusted flight gives."""
@@ -200,7 +204,7 @@ def _in_others(
     state, layout, survey = adjustment.state, adjustment.problem.layout, adjustment.survey
     if not chosen:
         nothing = np.empty(0, np.int64)
-        return rows_at(adjustment, nothing, nothing)
+        return predict_rows(adjustment, nothing, nothing)
     time_s = prior.time_s[rows]
     center, rotation, d_shared = predict_pose(
         exposures_by_time(track, chosen)(correct_time(state.telemetry, time_s, prior.middle_s)),
@@ -221,7 +225,7 @@ def _in_others(
     poses = RowPoses(center[frame], rotation[frame], sweep[frame])
     parameters = adjustment.problem.intrinsics(state)
     place = project_rows(survey.calibration, parameters, poses, world)
-    shown = in_photo(survey.calibration, place)
+    shown = is_in_photo(survey.calibration, place)
     frame, label, world = frame[shown], label[shown], world[shown]
     poses = RowPoses(*(part[shown] for part in poses))
     share = compute_row_share(place[shown, 1], survey.calibration.height_px)
@@ -259,7 +263,7 @@ def _in_others(
     return PixelRows(tuple(chosen[f] for f in frame), label, pixel, jacobian, columns, own)
 
 
-def in_photo(camera: Calibration, pixel_px: Floats) -> Bools:
+def is_in_photo(camera: Calibration, pixel_px: Floats) -> Bools:
     """Mark (N,) the pixels (N, 2) inside the image; NaN is outside."""
     size = np.array([camera.width_px, camera.height_px])
     with np.errstate(invalid="ignore"):
@@ -278,7 +282,7 @@ class KnownPixels(NamedTuple):
     covariance_px2: Floats
 
 
-def pixels_of_known_points(
+def predict_known_points(
     calibration: Calibration, poses: Poses, sweep: Floats, known: tuple[Floats, Floats]
 ) -> KnownPixels:
     """Predict every known point in every photo that should show it.
@@ -307,7 +311,7 @@ def pixels_of_known_points(
     center, rotation = poses.center_world_m, poses.world_from_camera
     of_rows = RowPoses(center[pose], rotation[pose], sweep[pose])
     place = project_rows(calibration, calibration.parameters, of_rows, world_m[point])
-    shown = np.flatnonzero(in_photo(calibration, place))
+    shown = np.flatnonzero(is_in_photo(calibration, place))
     pose, point = pose[shown], point[shown]
     of_row, turn = of_rows.at(compute_row_share(place[:, 1], calibration.height_px))
     from_world = np.swapaxes(rotation[pose] @ exp_so3(turn[shown]), 1, 2)

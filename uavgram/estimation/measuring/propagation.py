@@ -11,11 +11,11 @@ from scipy.sparse import csc_array
 
 from uavgram.estimation.measuring.kinds import (
     Measurand,
-    exact,
-    measurands,
+    compute_measurands,
+    make_unmeasured,
+    no_error,
     refers_to_ground,
     require_picked,
-    unmeasured,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -26,7 +26,7 @@ from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import Survey
 
-CANCELLED = 1e-12
+MIN_DERIVATIVE_SHARE = 1e-12
 """Share of its parts below which a derivative is only their rounding error."""
 
 UNITS = {
@@ -96,7 +96,7 @@ class _Sparse(NamedTuple):
 
 _NO_COLUMN: Ints = np.zeros(0, dtype=np.int64)
 _NO_STEP: Floats = np.zeros(0)
-_NOTHING = _Sparse(_NO_COLUMN, _NO_STEP)
+_NO_DERIVATIVES = _Sparse(_NO_COLUMN, _NO_STEP)
 
 
 def propagate(
@@ -126,16 +126,16 @@ def propagate(
     for request in requests:
         try:
             require_picked(request, place, picked)
-            found = _measured(adjustment, request, frames, place)
+            found = _measure(adjustment, request, frames, place)
         except UnmeasurableError as why:
-            found = [(row, _NOTHING) for row in unmeasured(request)]
+            found = [(row, _NO_DERIVATIVES) for row in make_unmeasured(request)]
             why_not.append((request.name, str(why)))
         rows += [row for row, _ in found]
         parts += [part for _, part in found]
-    gradient = _by_unknowns(parts, size)
+    gradient = _assemble_gradients(parts, size)
     # Error propagation: G^T S G, plus the covariance by other sources.
     solved = adjustment.minimum.factor.solve(gradient)
-    covariance = gradient.T @ solved + _of_others(rows)
+    covariance = gradient.T @ solved + _other_covariance(rows)
     without = [row.gradient is None for row in rows]
     covariance[without] = covariance[:, without] = np.nan
     return MeasuredValues(
@@ -143,7 +143,7 @@ def propagate(
     )
 
 
-def _measured(
+def _measure(
     adjustment: Adjustment,
     request: MeasurementRequest,
     frames: Frames,
@@ -157,7 +157,7 @@ def _measured(
     if refers_to_ground(request):
         feet, feet_jacobian, feet_unknowns = adjustment.ground_with_jacobian(label)
     found = []
-    for row in measurands(request, world, survey, frames, feet=feet):
+    for row in compute_measurands(request, world, survey, frames, feet=feet):
         # Chain rule: derivatives by points and ground points times theirs by the unknowns.
         by_points, by_feet = row.gradient, row.by_feet
         parts = [] if by_points is None else [(unknowns, by_points, jacobian)]
@@ -171,7 +171,7 @@ def _measured(
         found_at, which = np.unique(np.concatenate(columns), return_inverse=True)
         # Sum the derivatives by the same unknown: a point may occur twice in one outline.
         column = np.bincount(which, np.concatenate(steps), len(found_at)).astype(np.float64)
-        if not row.others and np.abs(column).max(initial=0.0) <= CANCELLED * largest:
+        if not row.others and np.abs(column).max(initial=0.0) <= MIN_DERIVATIVE_SHARE * largest:
             raise UnmeasurableError(
                 "nothing that was observed bears on it: its heights are all stated, or up is "
                 "only known as at right angles to the ground, for want of a flight log"
@@ -180,7 +180,7 @@ def _measured(
     return found
 
 
-def _by_unknowns(parts: list[_Sparse], size: int) -> csc_array:
+def _assemble_gradients(parts: list[_Sparse], size: int) -> csc_array:
     """Assemble the (size, M) gradients of all values."""
     ends = np.cumsum([0, *(len(part.column) for part in parts)])
     column = np.concatenate([_NO_COLUMN, *(part.column for part in parts)])
@@ -188,7 +188,7 @@ def _by_unknowns(parts: list[_Sparse], size: int) -> csc_array:
     return csc_array((step, column, ends), shape=(size, len(parts)))
 
 
-def _of_others(rows: list[Measurand]) -> Floats:
+def _other_covariance(rows: list[Measurand]) -> Floats:
     """Compute the (M, M) covariance by friction and times; values may share such a source."""
     sources = sorted({source for row in rows for source in row.others})
     if not sources:
@@ -197,12 +197,12 @@ def _of_others(rows: list[Measurand]) -> Floats:
     return np.asarray(others @ others.T)
 
 
-def values_at(
+def compute_values(
     problem: SurveyProblem,
     state: State,
     requests: tuple[MeasurementRequest, ...],
     frames: Frames,
-    error: Callable[[str], float] = exact,
+    error: Callable[[str], float] = no_error,
 ) -> Floats:
     """Compute (M,) values under another state of the unknowns; NaN if there is none.
 
@@ -223,13 +223,13 @@ def values_at(
         try:
             where = _places(problem, state, request)
         except UnmeasurableError:
-            values += [row.value for row in unmeasured(request)]
+            values += [row.value for row in make_unmeasured(request)]
         else:
             values += _values(request, *where, problem.survey, frames, error)
     return np.array(values)
 
 
-def values_of_each(
+def compute_values_of_request(
     problem: SurveyProblem, states: State, request: MeasurementRequest, frames: Frames
 ) -> Floats:
     """Compute (m, M) values of one request with all points picked, under each of m states.
@@ -247,7 +247,7 @@ def values_of_each(
     below = [None] * len(world) if feet is None else feet
     return np.array(
         [
-            _values(request, one, under, problem.survey, frames, exact)
+            _values(request, one, under, problem.survey, frames, no_error)
             for one, under in zip(world, below, strict=True)
         ]
     )
@@ -277,7 +277,7 @@ def _values(
 ) -> list[float]:
     """Compute values of a request from the positions of its points; NaN if there is none."""
     try:
-        found = measurands(request, world, survey, frames, error, feet)
+        found = compute_measurands(request, world, survey, frames, error, feet)
     except UnmeasurableError:
-        found = unmeasured(request)
+        found = make_unmeasured(request)
     return [row.value for row in found]

@@ -16,14 +16,14 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.kinds import kind_of
-from uavgram.estimation.survey.observations.lengths import taped_lines
+from uavgram.estimation.survey.observations.kinds import get_kind
+from uavgram.estimation.survey.observations.lengths import select_taped_lines
 from uavgram.estimation.survey.unknowns import Layout
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
 
 
-def by_size(adjustment: Adjustment) -> dict[str, Floats]:
+def scale_derivatives(adjustment: Adjustment) -> dict[str, Floats]:
     """Compute the change of residuals by a factor by which all measured sizes are too long.
 
     Returns
@@ -34,7 +34,7 @@ def by_size(adjustment: Adjustment) -> dict[str, Floats]:
         is smaller by the factor makes a residual larger by it.
     """
     blocks, rolling = adjustment.minimum.blocks, adjustment.survey.rolling
-    change = {kind: block.residual for kind, block in blocks.items() if kind_of(kind).by_size}
+    change = {kind: block.residual for kind, block in blocks.items() if get_kind(kind).by_size}
     if rolling is not None and rolling.by_photos:
         # At half the speed, twice the readout time gives the same rows.
         share = rolling.readout.value_s / rolling.readout.sigma_s
@@ -42,7 +42,7 @@ def by_size(adjustment: Adjustment) -> dict[str, Floats]:
     return change
 
 
-NOTHING = 0.3
+MAX_RELATIVE_SIGMA = 0.3
 """Relative sigma from which an observation does not contribute to the scale."""
 
 
@@ -65,20 +65,20 @@ class ScaleSigmas(NamedTuple):
     others: float
 
 
-def scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
+def compute_scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
     """Compute the sigmas of the scale by all observations, by the lengths, and by the others."""
-    everything = _of_extent(adjustment)
+    everything = _sigma_of_extent(adjustment)
     if "lengths" not in adjustment.minimum.blocks:
         return ScaleSigmas(everything, np.inf, everything)
     survey, line = adjustment.survey, adjustment.problem.line_index
-    own = _of_readings(survey, line)
-    return ScaleSigmas(everything, own, _of_others(adjustment))
+    own = _sigma_by_readings(survey, line)
+    return ScaleSigmas(everything, own, _sigma_by_others(adjustment))
 
 
-def _of_readings(survey: Survey, line: Ints) -> float:
+def _sigma_by_readings(survey: Survey, line: Ints) -> float:
     """Compute the sigma of a factor of all lengths by each tape's readings and its own scale."""
     readings = (survey.length_m[line] / survey.length_sigma_m[line]) ** 2
-    tapes = np.array(taped_lines(survey, line).tape)
+    tapes = np.array(select_taped_lines(survey, line).tape)
     told = [
         1.0 / (1.0 / float(readings[tapes == tape].sum()) + survey.scale_sigma_of(tape) ** 2)
         for tape in dict.fromkeys(tapes.tolist())
@@ -87,7 +87,7 @@ def _of_readings(survey: Survey, line: Ints) -> float:
     return float(np.sqrt(1.0 / sum(told)))
 
 
-def _of_others(adjustment: Adjustment) -> float:
+def _sigma_by_others(adjustment: Adjustment) -> float:
     """Compute the sigma of an unknown factor common to all readings, by all other observations.
 
     The factor is one more unknown in place of the tapes' scales, eliminated last: its remaining
@@ -106,7 +106,7 @@ def _of_others(adjustment: Adjustment) -> float:
         readings.residual, readings.columns[:, :width], readings.jacobian[:, :, :width]
     )
     blocks["lengths"] = _with_column(bare_readings, last + layout.tape, by_factor[:, None])
-    for kind, change in by_size(adjustment).items():
+    for kind, change in scale_derivatives(adjustment).items():
         blocks[kind] = _with_column(blocks[kind], last + layout.tape, change)
     # Shift the columns behind the tapes' scales.
     moved = [replace(b, columns=_without_tapes(b.columns, layout)) for b in blocks.values()]
@@ -132,7 +132,7 @@ def _without_tapes(columns: Ints, layout: Layout) -> Ints:
     return np.where(columns >= layout.first_readout, columns - layout.tape, columns)
 
 
-def _of_extent(adjustment: Adjustment) -> float:
+def _sigma_of_extent(adjustment: Adjustment) -> float:
     """Compute the relative sigma of the extent of all points about their mean; inf for one."""
     layout = adjustment.problem.layout
     world, jacobian, columns = adjustment.points_with_jacobian(np.arange(layout.points))
@@ -151,24 +151,24 @@ PARALLEL_RAD = np.deg2rad(12.0)
 """Largest root mean square deviation of lines from their mean direction that counts as parallel
 [rad]."""
 
-STRIP = 0.12
+MAX_STRIP_RATIO = 0.12
 """Width over length of a strip that holds the ends of all lines."""
 
-IN_LINE = 0.01
+MAX_LINE_RATIO = 0.01
 """The same ratio for ends that are on one line."""
 
-SHORT = 0.1
+MIN_LENGTH_RATIO = 0.1
 """Longest line over the extent of all points below which the lines are short."""
 
-ONE_POINT = 0.1
+MAX_RELATIVE_DISTANCE = 0.1
 """Median distance of the lines from one point, over their median length, that counts as passing
 near."""
 
-MOST_POINTS = 40
+MAX_POINTS = 40
 """Number of labels among which the next line is searched: the outermost ones."""
 
 
-def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, ...]:
+def describe_line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, ...]:
     """List the degeneracies of a set of lines on the ground; empty if they are well spread.
 
     Parameters
@@ -186,7 +186,7 @@ def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, .
     # Principal axes of the ends: width and length of the strip that holds them.
     spread = np.sqrt(np.maximum(np.linalg.eigvalsh(np.cov(ends.T)), 0.0))
     faults = []
-    if spread[0] <= IN_LINE * spread[1]:
+    if spread[0] <= MAX_LINE_RATIO * spread[1]:
         return ("the ends of all lines are in one line",)
     # Double angles, as a line has no sense of direction.
     angle = 2.0 * np.arctan2(along[:, 1], along[:, 0])
@@ -194,17 +194,17 @@ def line_faults(start_m: Floats, end_m: Floats, point_m: Floats) -> tuple[str, .
     # Root mean square of small deviations d: mean of cos 2d = 1 - 2 d^2.
     if mean >= 1.0 - 2.0 * PARALLEL_RAD**2:
         faults.append("all lines run in nearly one direction")
-    elif _through_one_point(start_m, along / length[:, None], length):
+    elif _pass_through_one_point(start_m, along / length[:, None], length):
         faults.append("all lines pass near one point")
-    if spread[0] <= STRIP * spread[1]:
+    if spread[0] <= MAX_STRIP_RATIO * spread[1]:
         faults.append("all lines are in one narrow strip")
     extent = np.ptp(point_m[np.isfinite(point_m[:, 0])], axis=0).max()
-    if length.max() <= SHORT * extent:
+    if length.max() <= MIN_LENGTH_RATIO * extent:
         faults.append("all lines are short compared with the scene")
     return tuple(faults)
 
 
-def _through_one_point(start: Floats, unit: Floats, length: Floats) -> bool:
+def _pass_through_one_point(start: Floats, unit: Floats, length: Floats) -> bool:
     """Return whether the extended lines pass near the point that is nearest to all of them."""
     if len(start) < 3:
         return False
@@ -212,7 +212,10 @@ def _through_one_point(start: Floats, unit: Floats, length: Floats) -> bool:
     # Least-squares intersection: normal . x = normal . start for every line.
     nearest, *_ = np.linalg.lstsq(normal, np.sum(normal * start, axis=1))
     off = np.abs(normal @ nearest - np.sum(normal * start, axis=1))
-    return bool(np.median(off) <= ONE_POINT * np.median(length) and off.max() <= 0.5 * length.min())
+    return bool(
+        np.median(off) <= MAX_RELATIVE_DISTANCE * np.median(length)
+        and off.max() <= 0.5 * length.min()
+    )
 
 
 class LineAdvice(NamedTuple):
@@ -236,7 +239,7 @@ class LineAdvice(NamedTuple):
     relative_sigma_after: float
 
 
-def next_line(adjustment: Adjustment) -> LineAdvice | None:
+def find_next_line(adjustment: Adjustment) -> LineAdvice | None:
     """Find the pair of labels whose taped distance would improve the scene's distances most.
 
     Every pair is a candidate except those already taped; a reading has the median sigma of the
@@ -250,7 +253,7 @@ def next_line(adjustment: Adjustment) -> LineAdvice | None:
     """
     survey = adjustment.survey
     used = adjustment.problem.line_index
-    label = _outermost(adjustment.state.point[:, :2])
+    label = _find_outermost(adjustment.state.point[:, :2])
     if len(label) < 3 or not len(used):
         return None
     world, covariance = adjustment.joint_points(label)
@@ -270,7 +273,9 @@ def next_line(adjustment: Adjustment) -> LineAdvice | None:
     sigma = float(np.median(survey.length_sigma_m[used]))
     # Reduction of the sum of relative variances by a reading of each distance.
     taken = np.sum(joint**2 / length[:, None] ** 2, axis=0) / (np.diag(joint) + sigma**2)
-    taken[_taped(label[first], label[second], survey.line_start[used], survey.line_end[used])] = 0
+    taken[
+        _find_taped(label[first], label[second], survey.line_start[used], survey.line_end[used])
+    ] = 0
     best = int(np.argmax(taken))
     before = float(np.trace(relative))
     number = len(length)
@@ -284,9 +289,9 @@ def next_line(adjustment: Adjustment) -> LineAdvice | None:
     )
 
 
-def distance_changes(adjustment: Adjustment, other: Adjustment) -> tuple[float, float]:
+def compute_distance_changes(adjustment: Adjustment, other: Adjustment) -> tuple[float, float]:
     """Compute relative changes of distances between labels in another solution: median, largest."""
-    label = _outermost(adjustment.state.point[:, :2])
+    label = _find_outermost(adjustment.state.point[:, :2])
     first, second = np.triu_indices(len(label), k=1)
     here, there = (
         np.linalg.norm(world[first] - world[second], axis=1)
@@ -297,13 +302,13 @@ def distance_changes(adjustment: Adjustment, other: Adjustment) -> tuple[float, 
     return (float(np.median(change)), float(change.max())) if len(change) else (0.0, 0.0)
 
 
-def _outermost(point: Floats) -> Ints:
+def _find_outermost(point: Floats) -> Ints:
     """Return labels in the survey's order; if there are many, those farthest from the middle."""
     from_middle = np.linalg.norm(point - np.median(point, axis=0), axis=1)
-    return np.sort(np.argsort(-from_middle, kind="stable")[:MOST_POINTS])
+    return np.sort(np.argsort(-from_middle, kind="stable")[:MAX_POINTS])
 
 
-def _taped(first: Ints, second: Ints, start: Ints, end: Ints) -> Ints:
+def _find_taped(first: Ints, second: Ints, start: Ints, end: Ints) -> Ints:
     """Return the pairs that are among the lines, in either direction."""
     size = 1 + max(int(a.max()) for a in (first, second, start, end))
     pair = np.minimum(first, second) * size + np.maximum(first, second)

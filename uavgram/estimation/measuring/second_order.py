@@ -27,22 +27,26 @@ from scipy.linalg import helmert
 from scipy.sparse import csc_array
 
 from uavgram.estimation.measuring.kinds import refers_to_ground
-from uavgram.estimation.measuring.propagation import MeasuredValues, values_at, values_of_each
+from uavgram.estimation.measuring.propagation import (
+    MeasuredValues,
+    compute_values,
+    compute_values_of_request,
+)
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.moved import Asked, moved, moved_alone
+from uavgram.estimation.survey.moved import Functionals, readjust_moved, readjust_moved_fully
 from uavgram.estimation.survey.neighbours import (
     Neighbourhood,
-    groups,
+    find_neighbourhood,
     is_small,
-    neighbourhood,
+    split_into_groups,
 )
-from uavgram.estimation.survey.unknowns import advance
-from uavgram.estimation.survey.unknowns import some as some_of
+from uavgram.estimation.survey.unknowns import advance_state
+from uavgram.estimation.survey.unknowns import select_states as some_of
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
 from uavgram.model.survey.observations import MeasurementRequest
 
-REACH = float(np.sqrt(3.0))
+MOVE_SIGMAS = float(np.sqrt(3.0))
 """Sigmas by which errors are moved, as in the unscented transform (Julier & Uhlmann 2004, with n +
 kappa = 3, which matches the fourth moment of the normal distribution)."""
 
@@ -54,24 +58,24 @@ class SecondOrderTerms(NamedTuple):
     variance: Floats
 
 
-def moves(directions: Floats) -> Floats:
+def make_moves(directions: Floats) -> Floats:
     """Return error moves, both ways: (d (d + 1), n) for d orthonormal directions (d, n).
 
     First along each direction, then along the sum of each two.
     """
     first, second = np.triu_indices(len(directions), 1)
     ways = np.concatenate([directions, directions[first] + directions[second]])
-    return REACH * np.concatenate([ways, -ways])
+    return MOVE_SIGMAS * np.concatenate([ways, -ways])
 
 
-def second_order_terms(values: Floats, middle: Floats) -> SecondOrderTerms:
-    """Compute terms from values (S, M) at `moves`, in their order, and (M,) without any move.
+def compute_second_order_terms(values: Floats, middle: Floats) -> SecondOrderTerms:
+    """Compute terms from values (S, M) at `make_moves`, in their order, and (M,) without any move.
 
     NaN if one of the values is.
     """
     ahead, behind = np.split(values - middle, 2)
     # Second differences along each direction and along each sum of two.
-    bent = (ahead + behind) / REACH**2
+    bent = (ahead + behind) / MOVE_SIGMAS**2
     count = (int(np.sqrt(8 * len(bent) + 1)) - 1) // 2
     first, second = np.triu_indices(count, 1)
     own = bent[:count]
@@ -82,16 +86,16 @@ def second_order_terms(values: Floats, middle: Floats) -> SecondOrderTerms:
     return SecondOrderTerms(0.5 * own.sum(axis=0), variance)
 
 
-FLAT = 1e-9
+MIN_VARIANCE_SHARE = 1e-9
 """Variance, as a share of the largest, below which directions do not move the points."""
 
-TOGETHER = 16
+GROUP_SIZE = 16
 """Number of requests near each other whose observations are moved together, by one solution."""
 
-TOGETHER_IN_SMALL = 256
+GROUP_SIZE_IN_SMALL = 256
 """The same for a small survey, which is all near: grouping by distance gains nothing there."""
 
-Wanted = Sequence[tuple[MeasurementRequest, Ints]]
+RequestRows = Sequence[tuple[MeasurementRequest, Ints]]
 """Requests, and the rows of their values."""
 
 
@@ -124,7 +128,7 @@ class _Direction(NamedTuple):
     whole: tuple[Floats, Floats]
 
 
-def curvature(
+def compute_curvature(
     adjustment: Adjustment,
     measured: MeasuredValues,
     frames: Frames,
@@ -155,40 +159,41 @@ def curvature(
         return found
     place = adjustment.state.point[:, :2]
     middle = [place[adjustment.label_rows(one.points)].mean(axis=0) for one, _ in wanted]
-    most = TOGETHER_IN_SMALL if is_small(adjustment.survey) else TOGETHER
-    for group in groups(np.array(middle), most):
-        _curved(adjustment, measured, [wanted[k] for k in group], frames, found)
+    most = GROUP_SIZE_IN_SMALL if is_small(adjustment.survey) else GROUP_SIZE
+    for group in split_into_groups(np.array(middle), most):
+        _compute_terms(adjustment, measured, [wanted[k] for k in group], frames, found)
     return found
 
 
-def _curved(
+def _compute_terms(
     adjustment: Adjustment,
     measured: MeasuredValues,
-    some: Wanted,
+    some: RequestRows,
     frames: Frames,
     found: Curvature,
 ) -> None:
     """Compute second-order terms of some requests whose observations are moved together."""
     labels = adjustment.label_rows([label for request, _ in some for label in request.points])
-    near = neighbourhood(adjustment, np.unique(labels))
+    near = find_neighbourhood(adjustment, np.unique(labels))
     directions = list(_directions(adjustment, near, measured, some))
-    ends = iter(_adjusted(adjustment, near, measured, some, directions, frames))
+    ends = iter(_readjust(adjustment, near, measured, some, directions, frames))
     towards = [min(len(rows), len(d.steps)) for d, (_, rows) in zip(directions, some, strict=True)]
-    plainly = [REACH * d.steps[first:] for d, first in zip(directions, towards, strict=True)]
-    values = _plainly(near, [request for request, _ in some], frames, plainly)
+    plainly = [MOVE_SIGMAS * d.steps[first:] for d, first in zip(directions, towards, strict=True)]
+    values = _move_linearly(near, [request for request, _ in some], frames, plainly)
     for first, others, (request, rows) in zip(towards, values, some, strict=True):
         pairs = [next(ends) for _ in range(first)] + others
         sources = {source for row in rows for source in measured.rows[row].others}
         for source in sorted(sources):
-            errors = (partial(_error_in, source, reach) for reach in (REACH, -REACH))
+            errors = (partial(_get_error, source, reach) for reach in (MOVE_SIGMAS, -MOVE_SIGMAS))
             one, other = (
-                values_at(near.problem, near.state, (request,), frames, error) for error in errors
+                compute_values(near.problem, near.state, (request,), frames, error)
+                for error in errors
             )
             pairs.append((one, other))
         _collect(np.array(pairs), measured, rows, found)
 
 
-def _plainly(
+def _move_linearly(
     near: Neighbourhood,
     requests: Sequence[MeasurementRequest],
     frames: Frames,
@@ -197,19 +202,21 @@ def _plainly(
     """Yield the values of each request at both ends of its linear steps."""
     ends = np.cumsum([0, *(2 * len(own) for own in steps)])
     both = np.concatenate([np.concatenate([own, -own]) for own in steps])
-    states = advance(near.problem.layout, near.state, both)
+    states = advance_state(near.problem.layout, near.state, both)
     for request, first, end in zip(requests, ends[:-1], ends[1:], strict=True):
         one = some_of(states, slice(first, end))
-        values = values_of_each(near.problem, one, request, frames) if end > first else ()
+        values = (
+            compute_values_of_request(near.problem, one, request, frames) if end > first else ()
+        )
         half = len(values) // 2
         yield list(zip(values[:half], values[half:], strict=True))
 
 
-def _adjusted(
+def _readjust(
     adjustment: Adjustment,
     near: Neighbourhood,
     measured: MeasuredValues,
-    some: Wanted,
+    some: RequestRows,
     directions: Sequence[_Direction],
     frames: Frames,
 ) -> Iterator[tuple[Floats, Floats]]:
@@ -223,37 +230,37 @@ def _adjusted(
         for k, (_, rows) in enumerate(some)
         for d in range(min(len(rows), len(directions[k].steps)))
     ]
-    steps = REACH * np.array([directions[k].steps[d] for k, d in which])
-    asked = Asked(
+    steps = MOVE_SIGMAS * np.array([directions[k].steps[d] for k, d in which])
+    asked = Functionals(
         gradient=(measured.gradient[:, every].toarray()[near.columns] / sigma).T,
         solved=(measured.solved[near.columns[:, None], every] / sigma).T,
         of=np.tile(of_row, (2 * len(which), 1)) == np.array(which + which)[:, :1],
     )
-    ends = moved(near, adjustment.minimum.factor, np.concatenate([steps, -steps]), asked)
+    ends = readjust_moved(near, adjustment.minimum.factor, np.concatenate([steps, -steps]), asked)
 
     def value(row: int, sign: float, k: int, d: int) -> Floats:
         request, rows = some[k]
         state, own = ends.states[row], of_row == k
         if state is not None:
             last = ends.rest[row, own] * sigma[own]
-            return np.asarray(values_at(near.problem, state, (request,), frames) + last)
+            return np.asarray(compute_values(near.problem, state, (request,), frames) + last)
         solved, makes = directions[k].whole
-        whole = moved_alone(adjustment, sign * REACH * (solved @ makes[:, d]))
+        whole = readjust_moved_fully(adjustment, sign * MOVE_SIGMAS * (solved @ makes[:, d]))
         if whole is None:
             return np.full(len(rows), np.nan)
-        return values_at(adjustment.problem, whole, (request,), frames)
+        return compute_values(adjustment.problem, whole, (request,), frames)
 
     for row, (k, d) in enumerate(which):
         yield value(row, 1.0, k, d), value(row + len(which), -1.0, k, d)
 
 
-def _error_in(one: str, reach: float, source: str) -> float:
+def _get_error(one: str, reach: float, source: str) -> float:
     """Return the error of a source, if only one has any."""
     return reach if source == one else 0.0
 
 
 def _directions(
-    adjustment: Adjustment, near: Neighbourhood, measured: MeasuredValues, some: Wanted
+    adjustment: Adjustment, near: Neighbourhood, measured: MeasuredValues, some: RequestRows
 ) -> Iterator[_Direction]:
     """Yield steps of the unknowns by observations that move by one sigma each, by request.
 
@@ -274,7 +281,7 @@ def _directions(
         sigma = np.where(sigma > 0, sigma, 1.0)
         # Whiten the covariance of the points (scaled to a unit diagonal), without null directions.
         variance, axes = np.linalg.eigh(joint / np.outer(sigma, sigma))
-        kept = variance > FLAT * variance.max()
+        kept = variance > MIN_VARIANCE_SHARE * variance.max()
         whitened = (axes[:, kept] / np.sqrt(variance[kept])) / sigma[:, None]
         towards = whitened.T @ (solved.T @ gradient)
         # QR: the first axes along the gradients of the values, the others orthogonal.
@@ -332,8 +339,8 @@ def _side_by_side(spreads: Sequence[tuple[Ints, Floats]], size: int) -> csc_arra
 def _collect(pairs: Floats, measured: MeasuredValues, rows: Ints, found: Curvature) -> None:
     """Compute second-order terms from the values (d, 2, rows) at both ends of each direction."""
     middle = measured.value[rows]
-    slope = (pairs[:, 0] - pairs[:, 1]) / (2.0 * REACH)
-    second = (pairs[:, 0] + pairs[:, 1] - 2.0 * middle) / REACH**2
+    slope = (pairs[:, 0] - pairs[:, 1]) / (2.0 * MOVE_SIGMAS)
+    second = (pairs[:, 0] + pairs[:, 1] - 2.0 * middle) / MOVE_SIGMAS**2
     found.bias[rows] = 0.5 * second.sum(axis=0)
     found.sigma[rows] = np.sqrt((slope**2 + 0.5 * second**2).sum(axis=0))
     found.curvature[rows] = np.abs(second).max(axis=0) / measured.sigma[rows]

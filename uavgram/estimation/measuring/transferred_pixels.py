@@ -17,22 +17,22 @@ import numpy as np
 from uavgram.estimation.measuring.predicted_pixels import (
     FlightOfPhotos,
     PixelRows,
-    propagated,
-    rows_at,
-    unpicked_rows,
+    compute_unpicked_rows,
+    predict_rows,
+    propagate_pairs,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
 
-PLACE = slice(0, 2)
+EAST_NORTH = slice(0, 2)
 """East and north among the unknowns of a point."""
 
-SMALLEST = 1e-9
+MIN_DETERMINANT = 1e-9
 """Determinant [px^2/m^2] below which a photo sees the ground edge-on."""
 
 
 @dataclass(frozen=True, eq=False)
-class Clicked:
+class PickedPixels:
     """Picks of m pixels (m, 2), each in a frame (m,) and of a label (m,) of the adjustment."""
 
     frame: Ints
@@ -41,7 +41,7 @@ class Clicked:
 
 
 @dataclass(frozen=True, eq=False)
-class Transferred:
+class TransferredPixels:
     """n picked pixels at their predicted places in other photos.
 
     Attributes
@@ -84,9 +84,9 @@ class Transferred:
         return np.asarray(flat.T @ adjustment.minimum.factor.solve(flat) + own @ own.T)
 
 
-def transferred(
-    adjustment: Adjustment, flight: FlightOfPhotos | None, clicked: Clicked
-) -> Transferred:
+def transfer_pixels(
+    adjustment: Adjustment, flight: FlightOfPhotos | None, clicked: PickedPixels
+) -> TransferredPixels:
     """Transfer picked pixels to every photo that should show them but has no pick of their label.
 
     Parameters
@@ -98,19 +98,20 @@ def transferred(
     clicked
         Picked pixels.
     """
-    here = rows_at(adjustment, clicked.frame, clicked.label)
+    here = predict_rows(adjustment, clicked.frame, clicked.label)
     parts = [
-        _carried(adjustment, here, there, clicked) for there in unpicked_rows(adjustment, flight)
+        _transfer(adjustment, here, there, clicked)
+        for there in compute_unpicked_rows(adjustment, flight)
     ]
     width = max(part.columns.shape[1] for part in parts)
-    parts = [_widened(part, width) for part in parts]
+    parts = [_pad(part, width) for part in parts]
     names = tuple(name for part in parts for name in part.frame_id)
     arrays = ("click", "pixel_px", "covariance_px2", "affine", "rise", "jacobian", "columns", "own")
     joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in arrays}
-    return Transferred(frame_id=names, **joined)
+    return TransferredPixels(frame_id=names, **joined)
 
 
-def _widened(part: Transferred, width: int) -> Transferred:
+def _pad(part: TransferredPixels, width: int) -> TransferredPixels:
     """Pad the derivatives with columns of zeros."""
     more = width - part.columns.shape[1]
     return replace(
@@ -120,29 +121,29 @@ def _widened(part: Transferred, width: int) -> Transferred:
     )
 
 
-def _carried(
-    adjustment: Adjustment, here: PixelRows, there: PixelRows, clicked: Clicked
-) -> Transferred:
+def _transfer(
+    adjustment: Adjustment, here: PixelRows, there: PixelRows, clicked: PickedPixels
+) -> TransferredPixels:
     """Transfer every picked pixel to the photos `there` that show its label."""
     click, row = np.nonzero(clicked.label[:, None] == there.label[None])
     at, to = here.jacobian[click], there.jacobian[row]
-    place = at[:, :, PLACE]
+    place = at[:, :, EAST_NORTH]
     area = place[:, 0, 0] * place[:, 1, 1] - place[:, 0, 1] * place[:, 1, 0]
     with np.errstate(invalid="ignore"):  # NaN: not visible
-        seen = np.asarray((np.abs(area) > SMALLEST) & np.isfinite(to.sum(axis=(1, 2))))
+        seen = np.asarray((np.abs(area) > MIN_DETERMINANT) & np.isfinite(to.sum(axis=(1, 2))))
     click, row, at, to = click[seen], row[seen], at[seen], to[seen]
     # A = J_target J_source^-1; the click's offset from the label's predicted pixel moves with A.
-    affine = to[:, :, PLACE] @ np.linalg.inv(at[:, :, PLACE])
+    affine = to[:, :, EAST_NORTH] @ np.linalg.inv(at[:, :, EAST_NORTH])
     beside = clicked.pixel_px[click] - here.pixel_px[click]
     moved = there.pixel_px[row] + np.einsum("nij,nj->ni", affine, beside)
     # Error of the transfer: (J_target - A J_source) by all unknowns.
     jacobian = np.concatenate([to, -affine @ at], axis=2)
     columns = np.concatenate([there.columns[row], here.columns[click]], axis=1)
     own = there.own[row]
-    covariance = own @ np.swapaxes(own, 1, 2) + propagated(adjustment, columns, jacobian)
+    covariance = own @ np.swapaxes(own, 1, 2) + propagate_pairs(adjustment, columns, jacobian)
     names = tuple(there.frame_id[k] for k in row)
     survey, up = adjustment.survey, slice(2, adjustment.problem.layout.point_size)
     rise = (to[:, :, up] - affine @ at[:, :, up]).sum(axis=2)  # 0 if no height is unknown
     is_known = (survey.height_above_m != 0.0) | survey.is_free
     rise[is_known[clicked.label[click]]] = 0.0
-    return Transferred(click, names, moved, covariance, affine, rise, jacobian, columns, own)
+    return TransferredPixels(click, names, moved, covariance, affine, rise, jacobian, columns, own)

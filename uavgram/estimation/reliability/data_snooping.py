@@ -13,44 +13,44 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
-from uavgram.estimation.reliability.test_statistics import Observed, cofactors
+from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
+from uavgram.estimation.reliability.test_statistics import TestedGroup, compute_cofactors
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.kinds import READINGS, kind_of
+from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 
-INSEPARABLE = 0.99
+MAX_CORRELATION = 0.99
 """Correlation of two test statistics from which their observations count as inseparable: for a
 blunder that the test finds with a probability of 80 %, it takes the wrong observation in 4 of 10
 cases (statistics of mean 4.13 and 0.99 * 4.13, and a difference of sigma sqrt(2 * 0.01))."""
 
-LEAST_REDUNDANCY = 0.02
+MIN_SUSPECT_REDUNDANCY = 0.02
 """Redundancy number of a reading below which it is not suspected: its error would have to be many
 times its sigma, and any small error of the model looks like that through so small a redundancy."""
 
-RIVAL = 2.0 * float(np.log(20.0))
+MAX_DIFFERENCE = 2.0 * float(np.log(20.0))
 """Difference of squared test statistics up to which the smaller has odds of more than 1 in 20 to be
 the wrong observation (likelihood ratio of one blunder here or there)."""
 
-REMAINDER = 0.1
+MIN_REMAINING_SHARE = 0.1
 """Smallest remaining error of a suspect, as a share of the part that previous blunders explain:
 large blunders leave the linear model, and smaller remainders may be their effect."""
 
-MOST_SUSPECTS = 30
+MAX_SUSPECTS = 30
 """Largest number of suspicions; with more of them, the model is wrong and not the observations."""
 
-LOOKED_AT = 0.3
+MIN_AXIS_CORRELATION = 0.3
 """Correlation of a single axis from which all axes of an observation are tested together."""
 
 
-def suspicions(
+def find_suspicions(
     adjustment: Adjustment,
-    groups: dict[str, Observed],
+    groups: dict[str, TestedGroup],
     significance: float,
 ) -> Iterator[Suspicion]:
-    """Yield observations that do not fit, largest statistic first; at most `MOST_SUSPECTS`.
+    """Yield observations that do not fit, largest statistic first; at most `MAX_SUSPECTS`.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def suspicions(
         `level_of_each`).
     """
     snooping = _Snooping(adjustment, groups, significance)
-    for _ in range(MOST_SUSPECTS):
+    for _ in range(MAX_SUSPECTS):
         suspicion = snooping.next_one()
         if suspicion is None:
             return
@@ -81,7 +81,7 @@ class _Axes:
     observation: Ints
 
     @classmethod
-    def of(cls, groups: dict[str, Observed]) -> _Axes:
+    def of(cls, groups: dict[str, TestedGroup]) -> _Axes:
         kind, row, axis, observation, first = [], [], [], [], 0
         for k, group in enumerate(groups.values()):
             n, a = group.w.shape
@@ -91,7 +91,7 @@ class _Axes:
             if group.thing is not None:
                 observation.append(first + np.repeat(group.thing, a))
             else:
-                whole = kind_of(group.kind).is_whole
+                whole = get_kind(group.kind).is_whole
                 observation.append(first + (row[-1] if whole else np.arange(n * a)))
             first = int(observation[-1].max(initial=first - 1)) + 1
         parts = (np.concatenate(p).astype(np.int64) for p in (kind, row, axis, observation))
@@ -110,7 +110,7 @@ class _Snooping:
     """
 
     adjustment: Adjustment
-    groups: dict[str, Observed]
+    groups: dict[str, TestedGroup]
     significance: float
     basis: list[Floats] = field(default_factory=list)
 
@@ -120,7 +120,7 @@ class _Snooping:
         self.whole = np.concatenate([g.redundancy.ravel() for g in groups])
         readings = [_place(self.axes.kinds, kind) for kind in READINGS]
         is_prior = ~np.isin(self.axes.kind, readings)
-        self.accusable = is_prior | (self.whole > LEAST_REDUNDANCY)
+        self.accusable = is_prior | (self.whole > MIN_SUSPECT_REDUNDANCY)
         self.variance = self.whole.copy()
         root = np.sqrt(self.whole)
         self.first_error = np.concatenate([g.w.ravel() for g in groups]) * root
@@ -131,7 +131,7 @@ class _Snooping:
         """Find the next suspicion and set its observation aside; None if all observations fit."""
         w = self._statistics()
         explained = np.abs(self.first_error - self.error)
-        blamed = (np.abs(w) > self.limit) & (np.abs(self.error) > REMAINDER * explained)
+        blamed = (np.abs(w) > self.limit) & (np.abs(self.error) > MIN_REMAINING_SHARE * explained)
         blamed &= self.accusable
         if not blamed.any():
             return None
@@ -144,10 +144,15 @@ class _Snooping:
         # The smaller the redundancy, the larger the error has to be. Gross errors of all orders of
         # magnitude are equally likely, so one n times as large in its own sigmas is n times less
         # likely.
-        ratio = self.whole[at] / np.maximum(self.whole, NO_REDUNDANCY)
-        is_likely = np.log(ratio) < RIVAL
+        ratio = self.whole[at] / np.maximum(self.whole, MIN_REDUNDANCY)
+        is_likely = np.log(ratio) < MAX_DIFFERENCE
         group &= is_likely
-        odds = (w[at] ** 2 - w**2 < RIVAL) & (np.abs(w) > self.limit) & self.accusable & is_likely
+        odds = (
+            (w[at] ** 2 - w**2 < MAX_DIFFERENCE)
+            & (np.abs(w) > self.limit)
+            & self.accusable
+            & is_likely
+        )
         rivals = np.setdiff1d(self.axes.observation[odds], self.axes.observation[group])
         suspicion = Suspicion(
             self.axes.member(at),
@@ -161,11 +166,11 @@ class _Snooping:
     def _likeliest(self, largest: Floats) -> int:
         """Return the axis to suspect: one of a reading, unless a prior is far more likely."""
         prior = ~np.isin(self.axes.kind, [_place(self.axes.kinds, kind) for kind in READINGS])
-        return int((largest**2 - np.where(prior & (largest > 0), RIVAL, 0.0)).argmax())
+        return int((largest**2 - np.where(prior & (largest > 0), MAX_DIFFERENCE, 0.0)).argmax())
 
     def _statistics(self) -> Floats:
         # An axis that is inseparable from the suspects so far is no longer tested.
-        checked = self.variance > np.maximum(NO_REDUNDANCY, (1 - INSEPARABLE**2) * self.whole)
+        checked = self.variance > np.maximum(MIN_REDUNDANCY, (1 - MAX_CORRELATION**2) * self.whole)
         return np.where(checked, self.error / np.sqrt(np.where(checked, self.variance, 1)), 0.0)
 
     def _covariances(self, at: int) -> Floats:
@@ -192,7 +197,7 @@ class _Snooping:
     def _inseparable(self, column: Floats, at: int) -> Bools:
         """Mark the axes of the observations that could explain all of the error along one axis."""
         pivot = column[at]
-        possible = self.variance > NO_REDUNDANCY
+        possible = self.variance > MIN_REDUNDANCY
         # Squared correlation of each axis with the suspected one; the largest for each observation.
         single = np.zeros(len(column))
         np.divide(column**2, self.variance * pivot, out=single, where=possible)
@@ -200,26 +205,26 @@ class _Snooping:
         whole = np.zeros(count)
         np.maximum.at(whole, self.axes.observation, single)
         for k, group in enumerate(self.groups.values()):
-            if kind_of(group.kind).is_joint:
+            if get_kind(group.kind).is_joint:
                 self._take_together(k, group, column, pivot, whole)
         whole[self.axes.observation[at]] = 1.0
-        alike = (whole > INSEPARABLE**2)[self.axes.observation]
+        alike = (whole > MAX_CORRELATION**2)[self.axes.observation]
         return np.asarray(alike & possible & self.accusable)
 
     def _take_together(
-        self, k: int, group: Observed, column: Floats, pivot: float, whole: Floats
+        self, k: int, group: TestedGroup, column: Floats, pivot: float, whole: Floats
     ) -> None:
         """Update the squared multiple correlations with all axes of promising observations."""
         n, a = group.w.shape
         place = np.flatnonzero(self.axes.kind == k).reshape(n, a)
         mine = column[place]
-        strong = mine**2 > LOOKED_AT**2 * self.variance[place] * pivot
-        rows = np.flatnonzero((strong & (self.variance[place] > NO_REDUNDANCY)).any(axis=1))
+        strong = mine**2 > MIN_AXIS_CORRELATION**2 * self.variance[place] * pivot
+        rows = np.flatnonzero((strong & (self.variance[place] > MIN_REDUNDANCY)).any(axis=1))
         if not len(rows):
             return
         block = group.block
         part = Block(block.residual[rows], block.columns[rows], block.jacobian[rows])
-        own = cofactors(part, self.adjustment.covariance)
+        own = compute_cofactors(part, self.adjustment.covariance)
         own = np.einsum("nra,nrs,nsb->nab", group.direction[rows], own, group.direction[rows])
         for known in self.basis:
             seen = known[place[rows]]
@@ -254,7 +259,7 @@ class _Snooping:
         places = np.flatnonzero(self.axes.observation == observation)
         for at in (first, *places[places != first].tolist()):
             if at != first:
-                if self.variance[at] <= max(NO_REDUNDANCY, 1e-3 * self.whole[at]):
+                if self.variance[at] <= max(MIN_REDUNDANCY, 1e-3 * self.whole[at]):
                     continue
                 column = self._covariances(at)
             # Condition all errors and variances on the axis: one step of a Cholesky decomposition.

@@ -16,31 +16,31 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
-from uavgram.estimation.reliability.redundancy import level_of_each, noncentrality
-from uavgram.estimation.reliability.test_statistics import Observed
+from uavgram.estimation.reliability.redundancy import compute_level, compute_noncentrality
+from uavgram.estimation.reliability.test_statistics import TestedGroup
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats, Ints
 
-UNCHECKED = 0.01
+MAX_UNCHECKED_REDUNDANCY = 0.01
 """Redundancy up to which an observation counts as unchecked: an error in it shows only from 41 of
 its sigmas (significance 0.001, power 80 %)."""
 
-FELT = 0.01
+MIN_EFFECT_SIGMAS = 0.01
 """Share of a measurement's sigma from which the effect of one sigma of an unchecked observation
 makes the measurement dependent on it."""
 
-UNSEEN_SIGMAS = 10.0
+UNDETECTED_SIGMAS = 10.0
 """Undetected change of a measurement by an error of a reading, in sigmas, beyond which the
 measurement counts as unchecked."""
 
-LARGEST_SIGMAS = 1e4
+MAX_ERROR_SIGMAS = 1e4
 """Largest possible error of a reading, in sigmas: that of a click anywhere in the photo."""
 
 ENTRIES_AT_ONCE = 2_000_000
 """Largest number of array entries in memory at a time."""
 
 
-class Worst(NamedTuple):
+class LargestEffects(NamedTuple):
     """Largest effects of the minimal detectable biases of one group of observations.
 
     Attributes
@@ -59,7 +59,7 @@ class Worst(NamedTuple):
     sigmas: Floats
 
 
-class Unseen(NamedTuple):
+class UndetectedError(NamedTuple):
     """Reading whose error may move a measurement far before any test detects it.
 
     Attributes
@@ -67,7 +67,8 @@ class Unseen(NamedTuple):
     member
         Reading, with the axis that moves the measurement most.
     sigmas
-        Size of that error, in sigmas of the reading; about `LARGEST_SIGMAS` if it shows in no test.
+        Size of that error, in sigmas of the reading; about `MAX_ERROR_SIGMAS` if it shows in no
+        test.
     change
         Change of the measurement, in its unit.
     """
@@ -77,7 +78,7 @@ class Unseen(NamedTuple):
     change: float
 
 
-class Weakest(NamedTuple):
+class WeakestObservations(NamedTuple):
     """Observations with the largest effects on one measurement.
 
     Attributes
@@ -95,15 +96,15 @@ class Weakest(NamedTuple):
     member: Member | None
     change: float
     unchecked: tuple[Member, ...]
-    unseen: tuple[Unseen, ...] = ()
+    unseen: tuple[UndetectedError, ...] = ()
 
 
-def external_reliability(
-    groups: dict[str, Observed],
+def compute_external_reliability(
+    groups: dict[str, TestedGroup],
     measured: MeasuredValues,
     significance: float,
     shown: Mapping[str, Floats] = MappingProxyType({}),
-) -> tuple[dict[str, Worst], tuple[Weakest, ...]]:
+) -> tuple[dict[str, LargestEffects], tuple[WeakestObservations, ...]]:
     """Compute effects of undetected errors, by observation and by measurement.
 
     Parameters
@@ -118,35 +119,37 @@ def external_reliability(
         For each group of readings (n, a, a) cofactor matrices: the part of their errors that shows
         in any test.
     """
-    worst: dict[str, Worst] = {}
+    worst: dict[str, LargestEffects] = {}
     count = len(measured.rows)
     best = np.full(count, -1.0)
-    weakest = [Weakest(None, np.nan, ()) for _ in range(count)]
+    weakest = [WeakestObservations(None, np.nan, ()) for _ in range(count)]
     sigma = np.nan_to_num(measured.sigma, nan=np.inf)  # no effect on missing values
     sigma = np.where(sigma > 0, sigma, np.inf)
     for kind, group in groups.items():
         parts = []
-        for rows in _portions(group, max(count, 1)):
-            change, unchecked = _changes(group, rows, measured, significance)
-            parts.append(_worst_of(change / sigma, change))
-            _weakest_of(kind, rows.start, change, unchecked / sigma, best, weakest)
+        for rows in _split_rows(group, max(count, 1)):
+            change, unchecked = _compute_changes(group, rows, measured, significance)
+            parts.append(_find_largest(change / sigma, change))
+            _find_weakest(kind, rows.start, change, unchecked / sigma, best, weakest)
             if kind in shown:
-                unseen = _unseen(group, rows, measured, shown[kind][rows], significance)
-                _add_unseen(kind, rows.start, *unseen, sigma, weakest)
-        worst[kind] = Worst(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+                unseen = _find_undetected(group, rows, measured, shown[kind][rows], significance)
+                _add_undetected(kind, rows.start, *unseen, sigma, weakest)
+        worst[kind] = LargestEffects(
+            *(np.concatenate(column) for column in zip(*parts, strict=True))
+        )
     by_size = (sorted(one.unseen, key=lambda each: -abs(each.change)) for one in weakest)
     ordered = zip(weakest, by_size, strict=True)
     return worst, tuple(one._replace(unseen=tuple(unseen)) for one, unseen in ordered)
 
 
-def _portions(group: Observed, count: int) -> list[slice]:
+def _split_rows(group: TestedGroup, count: int) -> list[slice]:
     n, _, k = group.block.jacobian.shape
     step = max(1, ENTRIES_AT_ONCE // (count * max(k, 1)))
     return [slice(first, min(first + step, n)) for first in range(0, max(n, 1), step)]
 
 
-def _changes(
-    group: Observed, rows: slice, measured: MeasuredValues, significance: float
+def _compute_changes(
+    group: TestedGroup, rows: slice, measured: MeasuredValues, significance: float
 ) -> tuple[Floats, Floats]:
     """Compute (n, a, M) changes by the biases of checked axes, and by one sigma of unchecked ones.
 
@@ -155,31 +158,31 @@ def _changes(
     response = group.block.times(rows, measured.solved)
     # Effect of one whitened sigma along each axis: d^T A S g.
     by_unit = group.direction[rows].swapaxes(1, 2) @ response
-    checked = group.redundancy[rows] > UNCHECKED
+    checked = group.redundancy[rows] > MAX_UNCHECKED_REDUNDANCY
     whitened = group.bias(significance)[rows] / group.scale[rows]
     by_bias = by_unit * np.where(checked, np.nan_to_num(whitened), 0.0)[..., None]
     known = np.isfinite(group.scale[rows])
     return by_bias, by_unit * (~checked & known)[..., None]
 
 
-def _worst_of(in_sigmas: Floats, change: Floats) -> Worst:
+def _find_largest(in_sigmas: Floats, change: Floats) -> LargestEffects:
     n, a, m = in_sigmas.shape
     if not m:
-        return Worst(np.full((n, a), -1), np.full((n, a), np.nan), np.zeros((n, a)))
+        return LargestEffects(np.full((n, a), -1), np.full((n, a), np.nan), np.zeros((n, a)))
     at = np.abs(in_sigmas).argmax(axis=2)
     sigmas = np.abs(np.take_along_axis(in_sigmas, at[..., None], axis=2)[..., 0])
     value = np.take_along_axis(change, at[..., None], axis=2)[..., 0]
     felt = sigmas > 0
-    return Worst(np.where(felt, at, -1), np.where(felt, value, np.nan), sigmas)
+    return LargestEffects(np.where(felt, at, -1), np.where(felt, value, np.nan), sigmas)
 
 
-def _weakest_of(
+def _find_weakest(
     kind: str,
     first: int,
     change: Floats,
     unchecked: Floats,
     best: Floats,
-    weakest: list[Weakest],
+    weakest: list[WeakestObservations],
 ) -> None:
     n, a, m = change.shape
     if not n:
@@ -191,13 +194,13 @@ def _weakest_of(
         member = Member(kind, first + int(at[i]) // a, int(at[i]) % a)
         weakest[i] = weakest[i]._replace(member=member, change=float(value[i]))
     largest = np.abs(unchecked).max(axis=1)
-    for row, i in np.argwhere(largest > FELT):
+    for row, i in np.argwhere(largest > MIN_EFFECT_SIGMAS):
         member = Member(kind, first + int(row), int(np.abs(unchecked[row, :, i]).argmax()))
         weakest[i] = weakest[i]._replace(unchecked=(*weakest[i].unchecked, member))
 
 
-def _unseen(
-    group: Observed, rows: slice, measured: MeasuredValues, shown: Floats, significance: float
+def _find_undetected(
+    group: TestedGroup, rows: slice, measured: MeasuredValues, shown: Floats, significance: float
 ) -> tuple[Floats, Floats]:
     """Compute (n, a, M) undetected errors in sigmas, and (n, M) changes of measurements by them.
 
@@ -205,20 +208,25 @@ def _unseen(
     """
     # Largest effect at the bound of detection: delta0 sqrt(g^T Q^-1 g), by the error delta0 Q^-1 g
     # / sqrt(g^T Q^-1 g).
-    bound = noncentrality(level_of_each(significance, group.tests))
+    bound = compute_noncentrality(compute_level(significance, group.tests))
     response = group.block.times(rows, measured.solved)
-    # `LARGEST_SIGMAS` bounds the error where it shows in no test at all.
-    limited = shown + (bound / LARGEST_SIGMAS) ** 2 * np.eye(shown.shape[1])
+    # `MAX_ERROR_SIGMAS` bounds the error where it shows in no test at all.
+    limited = shown + (bound / MAX_ERROR_SIGMAS) ** 2 * np.eye(shown.shape[1])
     along = np.linalg.solve(limited, response)
     size = np.sqrt(np.maximum(np.sum(response * along, axis=1), 0.0))
     return bound * along / np.where(size > 0, size, 1.0)[:, None], bound * size
 
 
-def _add_unseen(
-    kind: str, first: int, error: Floats, change: Floats, sigma: Floats, weakest: list[Weakest]
+def _add_undetected(
+    kind: str,
+    first: int,
+    error: Floats,
+    change: Floats,
+    sigma: Floats,
+    weakest: list[WeakestObservations],
 ) -> None:
-    for row, i in np.argwhere(change > UNSEEN_SIGMAS * sigma).tolist():
+    for row, i in np.argwhere(change > UNDETECTED_SIGMAS * sigma).tolist():
         own = error[row, :, i]
         member = Member(kind, first + row, int(np.abs(own).argmax()))
-        found = Unseen(member, float(np.linalg.norm(own)), float(change[row, i]))
+        found = UndetectedError(member, float(np.linalg.norm(own)), float(change[row, i]))
         weakest[i] = weakest[i]._replace(unseen=(*weakest[i].unseen, found))

@@ -15,24 +15,24 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import gammaincc, gammaln
 
-from uavgram.estimation.reliability.redundancy import most_gross
-from uavgram.estimation.solver.levenberg_marquardt import AT_REST, minimise
+from uavgram.estimation.reliability.redundancy import limit_gross_errors
+from uavgram.estimation.solver.levenberg_marquardt import MAX_UNDAMPED_REDUCTION, minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.observations.observation import Member
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Bools, Floats, Ints
 
-CHECKED = 0.01
+MIN_RESIDUAL_SHARE = 0.01
 """Smallest share of a direction that has to show in the residuals for its unknown to be tested."""
 
-SMALLEST = 1e-290
+MIN_PROBABILITY = 1e-290
 """Probability below which its logarithm is computed from the leading term of the tail."""
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class ObservationChange:
     """Effect of additional unknowns on the predictions of a group of observations.
 
     Attributes
@@ -50,7 +50,7 @@ class Moved:
     along: Floats
 
 
-class Explained(NamedTuple):
+class HypothesisTest(NamedTuple):
     """Test result of a hypothesis.
 
     Attributes
@@ -71,9 +71,11 @@ class Explained(NamedTuple):
     covariance: Floats
 
 
-def explained(
-    adjustment: Adjustment, hypotheses: Sequence[Sequence[Moved]], checked: float = CHECKED
-) -> tuple[Explained, ...]:
+def compare_hypotheses(
+    adjustment: Adjustment,
+    hypotheses: Sequence[Sequence[ObservationChange]],
+    checked: float = MIN_RESIDUAL_SHARE,
+) -> tuple[HypothesisTest, ...]:
     """Test how much of the misfits of an adjustment each hypothesis explains.
 
     Parameters
@@ -119,11 +121,15 @@ def explained(
     found = []
     for start, count, score, own in zip(first, counts, scores, plain, strict=False):
         span = slice(int(start), int(start) + count)
-        found.append(_explained(score, own, own - right[:, span].T @ solved[:, span], checked))
+        found.append(
+            _test_hypothesis(score, own, own - right[:, span].T @ solved[:, span], checked)
+        )
     return tuple(found)
 
 
-def _explained(score: Floats, plain: Floats, information: Floats, least: float) -> Explained:
+def _test_hypothesis(
+    score: Floats, plain: Floats, information: Floats, least: float
+) -> HypothesisTest:
     """Compute the result of one hypothesis from C^T v, C^T C and R."""
     # Scale the unknowns so that C^T C has a unit diagonal; the eigenvalues of R are then the shares
     # that show in the residuals, and smaller ones than `least` are left out.
@@ -138,10 +144,10 @@ def _explained(score: Floats, plain: Floats, information: Floats, least: float) 
     loose = np.abs(axes[:, ~checked]).max(axis=1, initial=0.0) > 1e-6
     covariance[loose, loose] = np.inf
     gain = float(np.sum((inverse.T @ score) ** 2 / share[checked]))
-    return Explained(gain, int(checked.sum()), value, covariance)
+    return HypothesisTest(gain, int(checked.sum()), value, covariance)
 
 
-def log_probability(gain: float, unknowns: int, count: int = 1) -> float:
+def compute_log_probability(gain: float, unknowns: int, count: int = 1) -> float:
     """Compute the log probability that one of `count` hypotheses explains as much by chance.
 
     Parameters
@@ -161,14 +167,14 @@ def log_probability(gain: float, unknowns: int, count: int = 1) -> float:
         return 0.0
     half = unknowns / 2.0
     probability = float(gammaincc(half, gain / 2.0))
-    if probability > SMALLEST:
+    if probability > MIN_PROBABILITY:
         tail = float(np.log(probability))
     else:  # leading term: Abramowitz and Stegun 6.5.32
         tail = -gain / 2.0 + (half - 1.0) * float(np.log(gain / 2.0)) - float(gammaln(half))
     return min(0.0, tail + float(np.log(count)))
 
 
-def set_aside(adjustment: Adjustment, members: Iterable[Member]) -> Adjustment:
+def adjust_without(adjustment: Adjustment, members: Iterable[Member]) -> Adjustment:
     """Adjust without some readings.
 
     Parameters
@@ -200,10 +206,10 @@ def set_aside(adjustment: Adjustment, members: Iterable[Member]) -> Adjustment:
         minimum = minimise(
             adjustment.state,
             evaluate,
-            lambda now, step: advance(layout, now, step),
+            lambda now, step: advance_state(layout, now, step),
             layout.size,
             layout.structure,
-            at_rest=AT_REST,
+            at_rest=MAX_UNDAMPED_REDUCTION,
         )
         rest = Adjustment(problem, minimum, minimum.factor.covariance())
     except SingularError:  # an unknown depends on these readings alone
@@ -226,7 +232,7 @@ def _kept(adjustment: Adjustment, members: Iterable[Member]) -> dict[str, Bools]
     return {
         kind: rows
         for kind, rows in keep.items()
-        if rows.any() and 0 < (~rows).sum() <= most_gross(len(rows))
+        if rows.any() and 0 < (~rows).sum() <= limit_gross_errors(len(rows))
     }
 
 

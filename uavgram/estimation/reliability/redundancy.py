@@ -14,19 +14,19 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtrc, ndtr, ndtri
 
-from uavgram.estimation.solver.normal_equations import AT_ONCE, Block, Covariance, Factor
+from uavgram.estimation.solver.normal_equations import MAX_RIGHT_SIDES, Block, Covariance, Factor
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.kinds import kind_of
+from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.model.arrays import Floats
 
-POWER = 0.80
+TEST_POWER = 0.80
 """Probability with which a bias of the minimal detectable size is found."""
 
-NO_REDUNDANCY = 1e-6
+MIN_REDUNDANCY = 1e-6
 """Redundancy number below which an observation is not checked by any other."""
 
 
-FAMILY = 10
+FAMILY_SIZE = 10
 """Number of tests of one kind that each have the stated significance; more tests share it."""
 
 
@@ -45,35 +45,37 @@ class Reliability(NamedTuple):
     w: Floats
 
 
-def reliability(block: Block, covariance: Covariance) -> Reliability:
+def compute_reliability(block: Block, covariance: Covariance) -> Reliability:
     """Compute redundancy numbers and standardised residuals of one group of observations."""
     redundancy = np.clip(1.0 - covariance.leverage(block), 0.0, 1.0)
-    checked = redundancy > NO_REDUNDANCY
+    checked = redundancy > MIN_REDUNDANCY
     w = np.where(checked, block.residual / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)
     return Reliability(redundancy, w)
 
 
-def critical_value(significance: float) -> float:
+def compute_critical_value(significance: float) -> float:
     """Return the two-sided critical value of a standardised residual."""
     return float(ndtri(1.0 - significance / 2.0))
 
 
-def level_of_each(significance: float, tests: int) -> float:
+def compute_level(significance: float, tests: int) -> float:
     """Return the significance of each test in a family of tests.
 
-    Up to `FAMILY` tests have the stated level; more tests share the level of that number
+    Up to `FAMILY_SIZE` tests have the stated level; more tests share the level of that number
     (Bonferroni), so that in a survey without errors hardly any of hundreds of picks is suspected by
     chance.
     """
-    return significance * min(1.0, FAMILY / max(tests, 1))
+    return significance * min(1.0, FAMILY_SIZE / max(tests, 1))
 
 
-def noncentrality(significance: float) -> float:
+def compute_noncentrality(significance: float) -> float:
     """Return the mean of |w| at which a bias is found with probability ``POWER``; 4.13 at 0.001."""
-    return critical_value(significance) + float(ndtri(POWER))
+    return compute_critical_value(significance) + float(ndtri(TEST_POWER))
 
 
-def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: float) -> Floats:
+def compute_minimal_detectable_bias(
+    redundancy: Floats, sigma: Floats, significance: float
+) -> Floats:
     """Compute the smallest error found with probability ``POWER``, in units of `sigma`, or NaN.
 
     Baarda 1968: sigma * delta0 / sqrt(r), delta0 = z(1 - alpha / 2) + z(power).
@@ -85,12 +87,12 @@ def minimal_detectable_bias(redundancy: Floats, sigma: Floats, significance: flo
     significance
         Significance of the test.
     """
-    checked = redundancy > NO_REDUNDANCY
+    checked = redundancy > MIN_REDUNDANCY
     root = np.sqrt(np.where(checked, redundancy, np.nan))
-    return np.asarray(sigma * noncentrality(significance) / root)
+    return np.asarray(sigma * compute_noncentrality(significance) / root)
 
 
-def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) -> Floats:
+def compute_power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) -> Floats:
     """Compute the probability with which the w-test of an observation finds an error of `bias`.
 
     Baarda 1968: w is normal about bias * sqrt(r) / sigma; the test has two sides.
@@ -103,7 +105,7 @@ def power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) 
         Significance of the test.
     """
     mean = np.abs(bias) * np.sqrt(redundancy) / sigma
-    limit = critical_value(significance)
+    limit = compute_critical_value(significance)
     return np.asarray(ndtr(mean - limit) + ndtr(-limit - mean))
 
 
@@ -120,15 +122,15 @@ class GroupFit(NamedTuple):
     probability: float
 
 
-EXACT_GROUP = 100
+MAX_EXACT_SIZE = 100
 """Number of observations up to which a group's full cofactor matrix is computed."""
 
-SIGNS = 4000
+MIN_SIGN_COUNT = 4000
 """Smallest number of random signs drawn for a larger group: at worst 2 % error of its degrees of
 freedom."""
 
 
-def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
+def compute_group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
     """Compute the variance factor of a group and its chi-square test.
 
     The residuals of one group have the cofactor matrix Q = I - A S A^T, which is no projector.
@@ -144,16 +146,16 @@ def group_fit(block: Block, factor: Factor, covariance: Covariance) -> GroupFit:
         Factor and covariance of the adjustment.
     """
     squares = float(np.sum(block.residual**2))
-    if block.residual.size <= EXACT_GROUP:
+    if block.residual.size <= MAX_EXACT_SIZE:
         cofactor = _cofactor(block, covariance)
         trace, trace_of_square = float(np.trace(cofactor)), float(np.sum(cofactor**2))
     else:
-        trace = float(reliability(block, covariance).redundancy.sum())
+        trace = float(compute_reliability(block, covariance).redundancy.sum())
         trace_of_square = _trace_of_square(block, factor)
-    if trace <= NO_REDUNDANCY:
+    if trace <= MIN_REDUNDANCY:
         return GroupFit(max(trace, 0.0), np.nan, 1.0)
     scale = trace_of_square / trace
-    return GroupFit(trace, squares / trace, upper_tail(squares / scale, trace / scale))
+    return GroupFit(trace, squares / trace, compute_upper_tail(squares / scale, trace / scale))
 
 
 def _trace_of_square(block: Block, factor: Factor) -> float:
@@ -163,9 +165,9 @@ def _trace_of_square(block: Block, factor: Factor) -> float:
     """
     n, r, _ = block.jacobian.shape
     rng = np.random.default_rng(0)  # fixed seed: reproducible
-    total, draws = 0.0, -(-SIGNS // (n * r))
-    for first in range(0, draws, AT_ONCE):
-        some = min(AT_ONCE, draws - first)
+    total, draws = 0.0, -(-MIN_SIGN_COUNT // (n * r))
+    for first in range(0, draws, MAX_RIGHT_SIDES):
+        some = min(MAX_RIGHT_SIDES, draws - first)
         signs = np.moveaxis(rng.choice([-1.0, 1.0], (some, n, r)), 0, 2)
         weights = np.swapaxes(block.jacobian, 1, 2) @ signs
         place = block.columns[:, :, None] * some + np.arange(some)
@@ -184,12 +186,12 @@ def _cofactor(block: Block, covariance: Covariance) -> Floats:
     return np.asarray(np.eye(n * r) - covariance.joint(columns, block.jacobian.reshape(n * r, k)))
 
 
-def upper_tail(squares: float, degrees: float) -> float:
+def compute_upper_tail(squares: float, degrees: float) -> float:
     """Return the probability that chi-square with `degrees` exceeds `squares`; 1 without any."""
-    return float(chdtrc(degrees, squares)) if degrees > NO_REDUNDANCY else 1.0
+    return float(chdtrc(degrees, squares)) if degrees > MIN_REDUNDANCY else 1.0
 
 
-def redundancy_of(adjustment: Adjustment, name: str) -> float:
+def compute_redundancy(adjustment: Adjustment, name: str) -> float:
     """Compute the share of the degrees of freedom of a group of observations."""
     block = adjustment.minimum.blocks[name]
     return block.residual.size - float(adjustment.covariance.leverage(block).sum())
@@ -213,24 +215,24 @@ class CoreFit(NamedTuple):
     probability: float
 
 
-def core_fit(adjustment: Adjustment) -> CoreFit:
+def compute_core_fit(adjustment: Adjustment) -> CoreFit:
     """Compute the sum of squares of the groups that show whether the model holds.
 
     These are the groups of picks and ground: priors of the telemetry are meant to be generous, and
     ties are independent of the ground.
     """
     blocks = adjustment.minimum.blocks
-    core = [name for name in blocks if kind_of(name).is_core]
+    core = [name for name in blocks if get_kind(name).is_core]
     squares = sum(float(np.sum(blocks[name].residual ** 2)) for name in core)
-    degrees = sum(redundancy_of(adjustment, name) for name in core)
-    return CoreFit(squares, degrees, upper_tail(squares, degrees))
+    degrees = sum(compute_redundancy(adjustment, name) for name in core)
+    return CoreFit(squares, degrees, compute_upper_tail(squares, degrees))
 
 
-MOST_OF_A_KIND = 0.4
+MAX_GROSS_SHARE = 0.4
 """Largest share of a kind's observations, or of the frames, that may be gross errors: with more,
 the kind would be less precise than stated, or the right ones could not be identified."""
 
 
-def most_gross(count: int) -> int:
+def limit_gross_errors(count: int) -> int:
     """Return the largest number of gross errors among `count` observations, at least one."""
-    return max(1, int(MOST_OF_A_KIND * count))
+    return max(1, int(MAX_GROSS_SHARE * count))

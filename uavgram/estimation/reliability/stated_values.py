@@ -25,17 +25,17 @@ CONVERSIONS = (
     (0.0254, "turned from inches into metres twice"),
 )
 
-CLOSE = 0.01
+MAX_RATIO_DIFFERENCE = 0.01
 """Relative difference up to which a ratio is that of a unit, however precise the ratio is."""
 
-FARTHEST = 0.2
+MAX_RATIO_DIFFERENCE_OF_ALL = 0.2
 """Upper bound of that difference, however imprecise the ratio is: any two of these ratios differ by
 more."""
 
-SIGMAS = 3.0
+MAX_RATIO_SIGMAS = 3.0
 
 
-def likely_mistake(ratio: float, relative_sigma: float) -> str:
+def explain_ratio(ratio: float, relative_sigma: float) -> str:
     """Return the mistake that explains a ratio of lengths, such as ``in feet``; empty if none does.
 
     Parameters
@@ -48,12 +48,14 @@ def likely_mistake(ratio: float, relative_sigma: float) -> str:
     known = [*((size, f"in {unit}") for size, unit in UNITS), *DECIMALS, *CONVERSIONS]
     off = np.abs(np.log(ratio / np.array([size for size, _ in known])))
     nearest = int(off.argmin())
-    if off[nearest] > min(max(CLOSE, SIGMAS * relative_sigma), FARTHEST):
+    if off[nearest] > min(
+        max(MAX_RATIO_DIFFERENCE, MAX_RATIO_SIGMAS * relative_sigma), MAX_RATIO_DIFFERENCE_OF_ALL
+    ):
         return ""
     return known[nearest][1]
 
 
-def mistake(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float) -> str:
+def explain_length(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float) -> str:
     """Find the probable mistake in a length; empty if no mistake fits.
 
     Parameters
@@ -66,23 +68,23 @@ def mistake(taped_m: float, taped_sigma_m: float, seen_m: float, sigma_m: float)
     if not seen_m > 0:
         return ""
     ratio = taped_m / seen_m
-    return likely_mistake(ratio, float(np.hypot(sigma_m, taped_sigma_m / ratio)) / seen_m)
+    return explain_ratio(ratio, float(np.hypot(sigma_m, taped_sigma_m / ratio)) / seen_m)
 
 
 FAR_M = 10_000.0
 """Distance beyond which a point is outside any survey [m]: its coordinates are those of another
 place."""
 
-EXCHANGED_SHARE = 0.1
+MAX_EXCHANGED_SHARE = 0.1
 """Largest share of a distance that remains when east and north are exchanged back."""
 
-MOSTLY = 0.6
+MIN_COMPONENT = 0.6
 """Smallest component of a unit vector along one axis that counts as its main direction."""
 
 SIDES = (("west", "east"), ("south", "north"), ("below", "above"))
 
 
-def displaced(off_m: Floats, sigma_m: Floats) -> str:
+def describe_displacement(off_m: Floats, sigma_m: Floats) -> str:
     """Describe distance, sigma and direction of stated coordinates from the estimated point.
 
     Parameters
@@ -94,10 +96,10 @@ def displaced(off_m: Floats, sigma_m: Floats) -> str:
     direction = off_m / distance
     sigma = float(np.linalg.norm(sigma_m * direction))
     size = f"{distance / 1000:.4g} km" if distance > FAR_M else f"{distance:.4g} m"
-    return f"{size} from where it was found (sigma {sigma:.2g} m), {_whither(direction)}"
+    return f"{size} from where it was found (sigma {sigma:.2g} m), {_describe_direction(direction)}"
 
 
-def likely_fault(stated_m: Floats, found_m: Floats) -> str:
+def explain_coordinates(stated_m: Floats, found_m: Floats) -> str:
     """Return the probable mistake in wrong coordinates, in brackets; empty if none is likely.
 
     Parameters
@@ -107,16 +109,16 @@ def likely_fault(stated_m: Floats, found_m: Floats) -> str:
     """
     off_m = float(np.linalg.norm(stated_m - found_m))
     turned_off_m = float(np.linalg.norm(stated_m[[1, 0, 2]] - found_m))
-    if turned_off_m < EXCHANGED_SHARE * off_m:
+    if turned_off_m < MAX_EXCHANGED_SHARE * off_m:
         return " (east and north exchanged?)"
     is_far = off_m > FAR_M
     return " (latitude and longitude swapped, a wrong sign, another system?)" if is_far else ""
 
 
-def _whither(direction: Floats) -> str:
+def _describe_direction(direction: Floats) -> str:
     """Describe the direction of a unit vector (3,)."""
     axis = int(np.abs(direction).argmax())
-    if abs(direction[axis]) < MOSTLY:
+    if abs(direction[axis]) < MIN_COMPONENT:
         return "to no one side"
     side = SIDES[axis][int(direction[axis] > 0)]
     return f"mostly {side}" if axis == 2 else f"mostly to the {side}"

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import (
-    NO_REDUNDANCY,
-    critical_value,
-    level_of_each,
-    minimal_detectable_bias,
-    reliability,
+    MIN_REDUNDANCY,
+    compute_critical_value,
+    compute_level,
+    compute_minimal_detectable_bias,
+    compute_reliability,
 )
 from uavgram.estimation.solver.normal_equations import Block, Covariance
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -24,7 +24,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
-class Observed:
+class TestedGroup:
     """Group of n observations of r correlated numbers each, with possible errors along a axes.
 
     Attributes
@@ -61,16 +61,16 @@ class Observed:
     @property
     def checked(self) -> Bools:
         """(n, a) mask of the axes that are checked by other observations."""
-        return np.asarray(self.redundancy > NO_REDUNDANCY)
+        return np.asarray(self.redundancy > MIN_REDUNDANCY)
 
     def bias(self, significance: float) -> Floats:
         """Compute (n, a) minimal detectable biases in the units of `scale`; NaN where unchecked."""
-        level = level_of_each(significance, self.tests)
-        return minimal_detectable_bias(self.redundancy, self.scale, level)
+        level = compute_level(significance, self.tests)
+        return compute_minimal_detectable_bias(self.redundancy, self.scale, level)
 
     def limit(self, significance: float) -> float:
         """Return the size of the test statistic beyond which an observation is suspected."""
-        return critical_value(level_of_each(significance, self.tests))
+        return compute_critical_value(compute_level(significance, self.tests))
 
     def response(self, step: Floats) -> Floats:
         """Compute (n, r, ...) changes of whitened residuals by a step (size, ...)."""
@@ -78,7 +78,7 @@ class Observed:
         return np.asarray(moved, dtype=np.float64)
 
 
-def observed(adjustment: Adjustment) -> dict[str, Observed]:
+def compute_test_statistics(adjustment: Adjustment) -> dict[str, TestedGroup]:
     """Compute the test statistics of all groups that are tested, by the names of the groups."""
     covariance, groups = adjustment.covariance, {}
     for kind, observation in adjustment.problem.observations.items():
@@ -87,15 +87,15 @@ def observed(adjustment: Adjustment) -> dict[str, Observed]:
         rows = observation.tested(adjustment.minimum.blocks[kind])
         whitening = observation.whitening()
         if whitening is not None:
-            group = _correlated(kind, rows, covariance, whitening)
+            group = _test_correlated(kind, rows, covariance, whitening)
         else:
             sigma = observation.sigma(adjustment.minimum)
-            group = _independent(kind, rows, covariance, sigma)
+            group = _test_independent(kind, rows, covariance, sigma)
         groups[kind] = replace(group, thing=observation.things())
-    return _with_families(groups)
+    return _set_families(groups)
 
 
-def _with_families(groups: dict[str, Observed]) -> dict[str, Observed]:
+def _set_families(groups: dict[str, TestedGroup]) -> dict[str, TestedGroup]:
     """Set the number of tests of each group; all priors together are one family."""
     prior = sum(group.w.size for kind, group in groups.items() if kind not in READINGS)
     return {
@@ -104,15 +104,19 @@ def _with_families(groups: dict[str, Observed]) -> dict[str, Observed]:
     }
 
 
-def _independent(kind: str, block: Block, covariance: Covariance, sigma: Floats) -> Observed:
+def _test_independent(
+    kind: str, block: Block, covariance: Covariance, sigma: Floats
+) -> TestedGroup:
     n, r = block.residual.shape
-    numbers = reliability(block, covariance)
+    numbers = compute_reliability(block, covariance)
     direction = np.broadcast_to(np.eye(r), (n, r, r))
     scale = np.broadcast_to(sigma, (n, r))
-    return Observed(kind, block, direction, scale, numbers.redundancy, numbers.w, 0)
+    return TestedGroup(kind, block, direction, scale, numbers.redundancy, numbers.w, 0)
 
 
-def _correlated(kind: str, block: Block, covariance: Covariance, whitening: Floats) -> Observed:
+def _test_correlated(
+    kind: str, block: Block, covariance: Covariance, whitening: Floats
+) -> TestedGroup:
     """Compute a group of correlated numbers; `whitening` (n, r, a) whitens their errors.
 
     Notes
@@ -124,31 +128,33 @@ def _correlated(kind: str, block: Block, covariance: Covariance, whitening: Floa
     known = np.isfinite(length) & (length > 0)
     size = np.where(known, length, np.inf)
     direction = whitening / size[:, None, :]
-    cofactor = cofactors(block, covariance)
+    cofactor = compute_cofactors(block, covariance)
     # Redundancy along each axis: d^T Q d.
     redundancy = np.einsum("nra,nrs,nsa->na", direction, cofactor, direction, optimize=True)
     redundancy = np.clip(redundancy, 0.0, 1.0)
-    checked = redundancy > NO_REDUNDANCY
+    checked = redundancy > MIN_REDUNDANCY
     error = np.einsum("nra,nr->na", direction, block.residual)
     w = np.where(checked, error / np.sqrt(np.where(checked, redundancy, 1.0)), 0.0)
-    return Observed(kind, block, direction, np.where(known, 1.0 / size, np.nan), redundancy, w, 0)
+    return TestedGroup(
+        kind, block, direction, np.where(known, 1.0 / size, np.nan), redundancy, w, 0
+    )
 
 
-def cofactors(block: Block, covariance: Covariance) -> Floats:
+def compute_cofactors(block: Block, covariance: Covariance) -> Floats:
     """Compute (n, r, r) cofactor matrices I - A S A^T of each observation's whitened residuals."""
     joint = covariance.blocks(block.columns)
     leverage = np.einsum("nrk,nkl,nsl->nrs", block.jacobian, joint, block.jacobian, optimize=True)
     return np.asarray(np.eye(block.residual.shape[1]) - leverage)
 
 
-def falls_without(block: Block, covariance: Covariance) -> Floats:
+def compute_reductions(block: Block, covariance: Covariance) -> Floats:
     """Compute the (n,) reductions of the sum of squares without each observation (linear model).
 
     r^T Q^-1 r of its whitened residuals and their cofactor matrix; 0 along unchecked directions.
     """
-    redundancy, axes = np.linalg.eigh(cofactors(block, covariance))
+    redundancy, axes = np.linalg.eigh(compute_cofactors(block, covariance))
     along = np.einsum("nra,nr->na", axes, block.residual)
-    checked = redundancy > NO_REDUNDANCY
+    checked = redundancy > MIN_REDUNDANCY
     return np.asarray(
         np.sum(np.where(checked, along**2, 0.0) / np.where(checked, redundancy, 1.0), axis=1)
     )

@@ -18,26 +18,26 @@ from scipy.special import binom, chdtrc
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.solver.sparse.structure import Structure
-from uavgram.estimation.solver.weighted import Weighted
+from uavgram.estimation.solver.weighted import WeightedProblem
 from uavgram.model.arrays import Floats, Ints
 
-SMALLEST, LARGEST = 0.02, 50.0
+MIN_FACTOR, MAX_FACTOR = 0.02, 50.0
 """Smallest and largest factor considered."""
 
-ITERATIONS = 25
+MAX_ITERATIONS = 25
 """Largest number of iterations of the search; it usually needs fewer than ten."""
 
-FLAT, LITTLE = 1e-3, 1e-7
+MAX_SLOPE, MIN_RELATIVE_GAIN = 1e-3, 1e-7
 """Derivative, and relative gain of a step, below which the search ends."""
 
-FARTHEST, HALVES = 2.0, 0.5 ** np.arange(12)
+MAX_LOG_STEP, STEP_SHARES = 2.0, 0.5 ** np.arange(12)
 """Largest change of a logarithm in one step, and shares of a step that are tried."""
 
-LEAST_CURVATURE = 0.5
+MIN_CURVATURE = 0.5
 """Smallest second derivative that the search begins with."""
 
 
-class Component(NamedTuple):
+class VarianceComponent(NamedTuple):
     """Variance component: a common factor of the sigmas of some observations.
 
     Attributes
@@ -53,10 +53,10 @@ class Component(NamedTuple):
     block: str
     rows: Ints | None = None
     weight: float = 0.0
-    smallest: float = SMALLEST
+    smallest: float = MIN_FACTOR
 
 
-class Estimated(NamedTuple):
+class EstimatedComponents(NamedTuple):
     """Estimated components.
 
     Attributes
@@ -73,7 +73,9 @@ class Estimated(NamedTuple):
     log_likelihood: float
 
 
-def of_one_group(squares: float, redundancy: float, component: Component) -> Estimated:
+def estimate_single(
+    squares: float, redundancy: float, component: VarianceComponent
+) -> EstimatedComponents:
     """Estimate the factor of one component from its residuals in units of the stated sigmas.
 
     Parameters
@@ -88,10 +90,12 @@ def of_one_group(squares: float, redundancy: float, component: Component) -> Est
     weight = redundancy + component.weight
     # Closed-form maximum: (v^T v + prior weight) / (redundancy + prior weight).
     factor = max(np.sqrt((squares + component.weight) / weight), component.smallest)
-    return Estimated(np.array([factor]), np.array([1.0 / np.sqrt(2.0 * weight)]), float("nan"))
+    return EstimatedComponents(
+        np.array([factor]), np.array([1.0 / np.sqrt(2.0 * weight)]), float("nan")
+    )
 
 
-def probability_at_boundary(gain: float, variances: int) -> float:
+def compute_boundary_probability(gain: float, variances: int) -> float:
     """Compute the probability that variances gain this log-likelihood if all of them are zero.
 
     A variance that is zero is estimated larger in only one of two surveys: twice the gain is
@@ -107,7 +111,7 @@ def probability_at_boundary(gain: float, variances: int) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
+class LinearisedObservations:
     """Observations linearised about a state.
 
     Attributes
@@ -122,21 +126,23 @@ class Linearised:
     size: int
     structure: Structure
 
-    def estimate(self, components: Sequence[Component], first: Floats) -> Estimated:
+    def estimate(
+        self, components: Sequence[VarianceComponent], first: Floats
+    ) -> EstimatedComponents:
         """Estimate the likeliest factors, starting from values (C,)."""
-        lower = np.log([max(one.smallest, SMALLEST) for one in components])
-        surprise = _Surprise(self, components)
-        found, here = _minimum(surprise, np.log(first), lower, float(np.log(LARGEST)))
+        lower = np.log([max(one.smallest, MIN_FACTOR) for one in components])
+        surprise = _NegativeLogLikelihood(self, components)
+        found, here = _minimise(surprise, np.log(first), lower, float(np.log(MAX_FACTOR)))
         information = surprise.information(found, here.slope)
         sigma = 1.0 / np.sqrt(np.maximum(information, 1e-12))
-        return Estimated(np.exp(found), sigma, -0.5 * here.value)
+        return EstimatedComponents(np.exp(found), sigma, -0.5 * here.value)
 
-    def log_likelihood(self, components: Sequence[Component], factor: Floats) -> float:
+    def log_likelihood(self, components: Sequence[VarianceComponent], factor: Floats) -> float:
         """Compute the marginal log-likelihood of given factors (C,)."""
-        return -0.5 * _Surprise(self, components).at(np.log(factor)).value
+        return -0.5 * _NegativeLogLikelihood(self, components).at(np.log(factor)).value
 
 
-class _Height(NamedTuple):
+class _Expansion(NamedTuple):
     """Value of a function, its derivatives (C,), and approximate second derivatives (C,)."""
 
     value: float
@@ -144,16 +150,18 @@ class _Height(NamedTuple):
     curvature: Floats
 
 
-class _Surprise:
+class _NegativeLogLikelihood:
     """Minus twice the marginal log-likelihood, as a function of the logarithms of the factors."""
 
-    def __init__(self, linear: Linearised, components: Sequence[Component]) -> None:
-        own, rest = _parted(linear.blocks, components)
-        self._weighted = Weighted(own, rest, linear.size, linear.structure)
+    def __init__(
+        self, linear: LinearisedObservations, components: Sequence[VarianceComponent]
+    ) -> None:
+        own, rest = _split_by_component(linear.blocks, components)
+        self._weighted = WeightedProblem(own, rest, linear.size, linear.structure)
         self._size = np.array([block.residual.size for block in own])
         self._prior = np.array([one.weight for one in components])
 
-    def at(self, log_factor: Floats) -> _Height:
+    def at(self, log_factor: Floats) -> _Expansion:
         """Compute its value and its derivatives by the logarithms.
 
         v^T v + log det N + 2 sum n log s, with the priors. The derivative by log s of a component
@@ -165,7 +173,7 @@ class _Surprise:
         value = fit.cost + fit.log_determinant
         value += float(2.0 * self._size @ log_factor + self._prior @ (2.0 * log_factor + stated))
         slope = 2.0 * (self._size - fit.leverage - fit.squares) + 2.0 * self._prior * (1.0 - stated)
-        return _Height(value, slope, 4.0 * (fit.squares + self._prior * stated))
+        return _Expansion(value, slope, 4.0 * (fit.squares + self._prior * stated))
 
     def information(self, at: Floats, slope: Floats) -> Floats:
         """Compute (C,) half the second derivative by each logarithm, by differencing the first."""
@@ -173,9 +181,9 @@ class _Surprise:
         return np.asarray(np.array(ahead) - slope) / (2.0 * 0.02)
 
 
-def _minimum(
-    surprise: _Surprise, first: Floats, lower: Floats, upper: float
-) -> tuple[Floats, _Height]:
+def _minimise(
+    surprise: _NegativeLogLikelihood, first: Floats, lower: Floats, upper: float
+) -> tuple[Floats, _Expansion]:
     """Minimise between bounds by BFGS, halving steps that lead uphill; return place and value.
 
     Nocedal and Wright 2006, "Numerical optimization", sec. 6.1. (scipy's takes as long to load as
@@ -183,15 +191,15 @@ def _minimum(
     """
     place = np.clip(first, lower, upper)
     here = surprise.at(place)
-    inverse = np.diag(1.0 / np.maximum(here.curvature, LEAST_CURVATURE))
-    for _ in range(ITERATIONS):
+    inverse = np.diag(1.0 / np.maximum(here.curvature, MIN_CURVATURE))
+    for _ in range(MAX_ITERATIONS):
         # Factors at a bound whose slope points outwards are held there.
         is_held = ((place <= lower) & (here.slope > 0)) | ((place >= upper) & (here.slope < 0))
         slope = np.where(is_held, 0.0, here.slope)
-        if np.abs(slope).max() < FLAT:
+        if np.abs(slope).max() < MAX_SLOPE:
             break
-        step = np.where(is_held, 0.0, np.clip(-inverse @ slope, -FARTHEST, FARTHEST))
-        for share in HALVES:
+        step = np.where(is_held, 0.0, np.clip(-inverse @ slope, -MAX_LOG_STEP, MAX_LOG_STEP))
+        for share in STEP_SHARES:
             there_place = np.clip(place + share * step, lower, upper)
             there = surprise.at(there_place)
             # Armijo condition of sufficient decrease.
@@ -206,13 +214,13 @@ def _minimum(
             inverse = turn @ inverse @ turn.T + np.outer(moved, moved) / (moved @ bent)
         gained = here.value - there.value
         place, here = there_place, there
-        if gained < LITTLE * max(abs(here.value), 1.0):
+        if gained < MIN_RELATIVE_GAIN * max(abs(here.value), 1.0):
             break
     return place, here
 
 
-def _parted(
-    blocks: Mapping[str, Block], components: Sequence[Component]
+def _split_by_component(
+    blocks: Mapping[str, Block], components: Sequence[VarianceComponent]
 ) -> tuple[list[Block], list[Block]]:
     """Split the observations into those of each component, and all others."""
     own = [
@@ -227,7 +235,7 @@ def _parted(
     return own, [block for block in rest.values() if len(block.residual)]
 
 
-def _all_rows(components: Iterable[Component], block: Block, name: str) -> Ints:
+def _all_rows(components: Iterable[VarianceComponent], block: Block, name: str) -> Ints:
     """Return the rows of a group that belong to any component."""
     every = np.arange(len(block.residual))
     found = [every if one.rows is None else one.rows for one in components if one.block == name]

@@ -15,35 +15,35 @@ from uavgram.model.arrays import Floats
 from uavgram.model.simulation import PhotoDesign
 
 
-def common_count(design: PhotoDesign) -> int:
+def count_common_errors(design: PhotoDesign) -> int:
     """Return the number of common errors."""
     return (
         _columns(design.camera_root) + _columns(design.ground_root) + bool(design.tape_scale_sigma)
     )
 
 
-def of_ground(design: PhotoDesign) -> slice:
+def ground_slice(design: PhotoDesign) -> slice:
     """Return the slice of the errors of the ground; those of the camera come before it."""
     first = _columns(design.camera_root)
     return slice(first, first + _columns(design.ground_root))
 
 
-def ground_at(design: PhotoDesign, stated: Floats, common: Floats) -> Floats:
+def compute_ground(design: PhotoDesign, stated: Floats, common: Floats) -> Floats:
     """Compute the height of the ground at the origin and its slopes, (3, B).
 
     Parameters
     ----------
     design, common
-        As for `parameters_at`.
+        As for `compute_parameters`.
     stated
         (3, B) prior values of them.
     """
     if design.ground_root is None:
         return stated
-    return np.asarray(stated + design.ground_root @ common[of_ground(design)])
+    return np.asarray(stated + design.ground_root @ common[ground_slice(design)])
 
 
-def raised(design: PhotoDesign, change: Floats, place: Floats) -> Floats:
+def compute_rise(design: PhotoDesign, change: Floats, place: Floats) -> Floats:
     """Compute the rise (E, B) of the ground under places by changed errors [m].
 
     Parameters
@@ -57,11 +57,11 @@ def raised(design: PhotoDesign, change: Floats, place: Floats) -> Floats:
     """
     if design.ground_root is None:
         return np.zeros(place.shape[1:])
-    height, east, north = design.ground_root @ change[of_ground(design)]
+    height, east, north = design.ground_root @ change[ground_slice(design)]
     return np.asarray(height + east * place[0] + north * place[1])
 
 
-def parameters_at(design: PhotoDesign, common: Floats) -> Floats:
+def compute_parameters(design: PhotoDesign, common: Floats) -> Floats:
     """Return the camera's parameters: (P,) if it is exact, else (P, B).
 
     Parameters
@@ -77,31 +77,33 @@ def parameters_at(design: PhotoDesign, common: Floats) -> Floats:
     return np.asarray(stated[:, None] + design.camera_root @ common[: _columns(design.camera_root)])
 
 
-def tape_scale(design: PhotoDesign, common: Floats) -> Floats:
+def compute_tape_scale(design: PhotoDesign, common: Floats) -> Floats:
     """Return the (B,) reading of one metre, as in `estimation/survey/observations/lengths.py`.
 
     Parameters
     ----------
     design, common
-        As for `parameters_at`.
+        As for `compute_parameters`.
     """
     if not design.tape_scale_sigma:
         return np.ones(common.shape[1])
     return np.asarray(1.0 / (1.0 + design.tape_scale_sigma * common[-1]))
 
 
-def sight_shifts(design: PhotoDesign, parameters: Floats, rotation: Floats, ray: Floats) -> Floats:
+def compute_pixel_shifts(
+    design: PhotoDesign, parameters: Floats, rotation: Floats, ray: Floats
+) -> Floats:
     """Compute shifts (2, E, K, B) of the pixels of places by the camera's errors, in sigmas.
 
     Parameters
     ----------
     design, parameters
-        As for `parameters_at`.
+        As for `compute_parameters`.
     rotation, ray
         (3, 3, B), (3, E, B) from the camera to the places.
     """
     ends, size = ray.shape[1:]
-    out = np.zeros((2, ends, common_count(design), size))
+    out = np.zeros((2, ends, count_common_errors(design), size))
     if design.camera_root is None:
         return out
     right, down, ahead = (np.einsum("ib,ieb->eb", rotation[:, k], ray) for k in range(3))
@@ -114,7 +116,7 @@ def sight_shifts(design: PhotoDesign, parameters: Floats, rotation: Floats, ray:
     return out
 
 
-def by_common(
+def compute_common_effects(
     design: PhotoDesign,
     by_error: Floats,
     shifts: Floats,
@@ -130,9 +132,9 @@ def by_common(
     by_error
         (2, 2, L, B) effects of the errors of the two ends, u and v, on these readings.
     shifts
-        Result of `sight_shifts`.
+        Result of `compute_pixel_shifts`.
     lengths
-        (L, B) between the ends [m], and result of `tape_scale`.
+        (L, B) between the ends [m], and result of `compute_tape_scale`.
     rises
         (2, L, B) effects of raising the ground under one end on these readings, and (2, E, B) the
         places.
@@ -144,10 +146,10 @@ def by_common(
     if design.camera_root is not None:
         for own, at in zip(by_error, design.line.T, strict=True):
             out -= np.einsum("jlb,jlkb->lkb", own, shifts[:, at])
-    columns = of_ground(design)
+    columns = ground_slice(design)
     unit = np.eye(out.shape[1])[:, :, None]
     for k in range(columns.start, columns.stop):
-        rise = raised(design, unit[:, k], place)
+        rise = compute_rise(design, unit[:, k], place)
         for own, at in zip(by_rise, design.line.T, strict=True):
             out[:, k] += own * rise[at]
     # reading = length / (1 + sigma k): its derivative by k is -sigma length scale^2.

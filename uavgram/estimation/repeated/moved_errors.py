@@ -10,20 +10,20 @@ import numpy as np
 
 from uavgram.estimation.measuring.second_order import (
     SecondOrderTerms,
-    moves,
-    second_order_terms,
+    compute_second_order_terms,
+    make_moves,
 )
-from uavgram.estimation.repeated.common_errors import of_ground
+from uavgram.estimation.repeated.common_errors import ground_slice
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
-FLAT = 1e-9
+MIN_VARIANCE_SHARE = 1e-9
 """Variance, as a share of the largest, below which directions move no length."""
 
 
-def second_order(
+def compute_second_order(
     design: PhotoDesign, exact: PhotoDraws, pairs: Ints, by_error: Floats, shifts: Floats
 ) -> SecondOrderTerms:
     """Compute second-order terms of measured lengths by moving all errors and readjusting.
@@ -39,14 +39,14 @@ def second_order(
         (2, E, K) shifts of the sightings by shared errors, in sigmas.
     """
     directions = _directions(design, pairs, by_error)
-    moved = np.concatenate([moves(directions), np.zeros((1, by_error.shape[1]))])
-    draws = observed(design, exact, moved, shifts)
+    moved = np.concatenate([make_moves(directions), np.zeros((1, by_error.shape[1]))])
+    draws = add_errors(design, exact, moved, shifts)
     start = exact.center_world_m[0], exact.world_from_camera[0]
     found = adjust_photos(design, draws, start)
     ends = found.place_m[:, pairs]
     length = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2)
     length[~found.converged] = np.nan
-    return second_order_terms(length[:-1], length[-1])
+    return compute_second_order_terms(length[:-1], length[-1])
 
 
 def _directions(design: PhotoDesign, pairs: Ints, by_error: Floats) -> Floats:
@@ -65,10 +65,10 @@ def _directions(design: PhotoDesign, pairs: Ints, by_error: Floats) -> Floats:
     for end in (0, 1):
         for k in (0, 1):
             own[2 * end + k, picks[np.intersect1d(pairs[:, end], loose), k]] = 1.0
-    return np.concatenate([axes[spread**2 > FLAT * spread[0] ** 2], own])
+    return np.concatenate([axes[spread**2 > MIN_VARIANCE_SHARE * spread[0] ** 2], own])
 
 
-def observed(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floats) -> PhotoDraws:
+def add_errors(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floats) -> PhotoDraws:
     """Return the observations with errors.
 
     Parameters
@@ -78,7 +78,7 @@ def observed(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floa
     moved
         (S, n) the errors.
     shifts
-        As in `second_order`.
+        As in `compute_second_order`.
     """
     ends, known = len(design.height_m), len(design.line)
     reading, pick, pose, shared = np.split(
@@ -90,9 +90,9 @@ def observed(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floa
         length = length / (1.0 - design.tape_scale_sigma * shared[:, -1:])
     ground = exact.ground
     if design.ground_root is not None:
-        ground = ground + shared[:, of_ground(design)] @ design.ground_root.T
+        ground = ground + shared[:, ground_slice(design)] @ design.ground_root.T
     # Prior pose: errors of sigma 1 times the inverse root of its information.
-    off = pose @ np.linalg.pinv(root_of(design.information))
+    off = pose @ np.linalg.pinv(compute_root(design.information))
     return PhotoDraws(
         pixel_px=exact.pixel_px + design.pixel_sigma_px[:, None] * pick,
         length_m=length,
@@ -102,7 +102,7 @@ def observed(design: PhotoDesign, exact: PhotoDraws, moved: Floats, shifts: Floa
     )
 
 
-def root_of(information: Floats) -> Floats:
+def compute_root(information: Floats) -> Floats:
     """Compute an (n, n) root of a positive semidefinite matrix: it is root times root^T."""
     value, axes = np.linalg.eigh(information)
     return np.asarray(axes * np.sqrt(np.maximum(value, 0.0)))

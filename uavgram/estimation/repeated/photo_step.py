@@ -15,14 +15,14 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.repeated.common_errors import (
-    by_common,
-    ground_at,
-    parameters_at,
-    raised,
-    sight_shifts,
-    tape_scale,
+    compute_common_effects,
+    compute_ground,
+    compute_parameters,
+    compute_pixel_shifts,
+    compute_rise,
+    compute_tape_scale,
 )
-from uavgram.estimation.repeated.turns import turned
+from uavgram.estimation.repeated.turns import rotate
 from uavgram.estimation.solver.batched import backward, cholesky, forward
 from uavgram.geometry.camera.lens import distort, split_components
 from uavgram.model.arrays import Floats, Ints
@@ -39,7 +39,7 @@ class Draws(NamedTuple):
     ground: Floats
 
 
-def draws_last(draws: PhotoDraws) -> Draws:
+def put_draws_last(draws: PhotoDraws) -> Draws:
     """Return the draws with the draw as the last axis."""
     return Draws(
         *(
@@ -64,8 +64,8 @@ class State(NamedTuple):
     common: Floats
 
 
-class Line(NamedTuple):
-    """Linearisation, and the cost (B,) at its state.
+class PhotoLinearisation(NamedTuple):
+    """PhotoLinearisation, and the cost (B,) at its state.
 
     Attributes
     ----------
@@ -106,7 +106,7 @@ class Line(NamedTuple):
     by_turn: Floats
 
 
-def places_of(design: PhotoDesign, draws: Draws, state: State) -> Floats:
+def compute_places(design: PhotoDesign, draws: Draws, state: State) -> Floats:
     """Return the ends (3, E, B) on the ground of the state.
 
     Parameters
@@ -114,13 +114,13 @@ def places_of(design: PhotoDesign, draws: Draws, state: State) -> Floats:
     design, draws, state
         Of B draws.
     """
-    height, *slope = ground_at(design, draws.ground, state.common)
+    height, *slope = compute_ground(design, draws.ground, state.common)
     x, y = state.place
     up = height + slope[0] * x + slope[1] * y + design.height_m[:, None]
     return np.stack([x, y, up])
 
 
-def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
+def linearise(design: PhotoDesign, draws: Draws, state: State) -> PhotoLinearisation:
     """Linearise the photo of each draw at a state.
 
     Parameters
@@ -128,18 +128,18 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
     design, draws, state
         Of B draws.
     """
-    rotation, by_turn = turned(draws.rotation, state.turn)
-    slope = ground_at(design, draws.ground, state.common)[1:]
-    world = places_of(design, draws, state)
+    rotation, by_turn = rotate(draws.rotation, state.turn)
+    slope = compute_ground(design, draws.ground, state.common)[1:]
+    world = compute_places(design, draws, state)
     ray = world - state.center[:, None]
     falling = ray[2] - slope[0] * ray[0] - slope[1] * ray[1]
-    parameters = parameters_at(design, state.common)
-    error, to_place = _sighted(design, draws, rotation, (ray, slope), parameters)
+    parameters = compute_parameters(design, state.common)
+    error, to_place = _compute_sightings(design, draws, rotation, (ray, slope), parameters)
     start, end = design.line.T
     leg = world[:, end] - world[:, start]
     length = np.sqrt(np.einsum("klb,klb->lb", leg, leg))
     unit = leg / length
-    scale = tape_scale(design, state.common)
+    scale = compute_tape_scale(design, state.common)
     # Gradient of the readings by the places along the ground: unit vector plus slope times up.
     along = np.stack([unit[k] + unit[2] * slope[k] for k in (0, 1)]) * scale
     jacobian = _by_pose(slope, along, (ray, falling), (start, end), by_turn)
@@ -149,7 +149,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
             for sign, at in ((-1.0, start), (1.0, end))
         ]
     )
-    shifts = sight_shifts(design, parameters, rotation, ray)
+    shifts = compute_pixel_shifts(design, parameters, rotation, ray)
     # Raising the ground moves a place along its ray, by ray / falling for each metre.
     by_rise = np.stack(
         [
@@ -157,7 +157,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
             for sign, at in ((-1.0, start), (1.0, end))
         ]
     )
-    shared = by_common(design, by_error, shifts, (length, scale), (by_rise, world[:2]))
+    shared = compute_common_effects(design, by_error, shifts, (length, scale), (by_rise, world[:2]))
     # Misclosure at e = 0: reading minus prediction, plus the effects of the present errors.
     misfit = draws.length - scale * length
     off = misfit / design.length_sigma_m[:, None]
@@ -176,7 +176,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
     normal = np.einsum("lib,ljb->ijb", by_pose, by_pose) + known[:, :, None]
     cost = (error**2).sum(axis=(0, 1)) + (off**2).sum(axis=0) + (apart * pulled).sum(axis=0)
     cost += (state.common**2).sum(axis=0)
-    return Line(
+    return PhotoLinearisation(
         cost=cost,
         normal=normal,
         right=np.einsum("lib,lb->ib", by_pose, missed) - pulled,
@@ -196,7 +196,7 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> Line:
     )
 
 
-def moved(design: PhotoDesign, line: Line, state: State, step: Floats) -> State:
+def apply_step(design: PhotoDesign, line: PhotoLinearisation, state: State, step: Floats) -> State:
     """Apply steps of the poses; errors and places follow by back substitution.
 
     Parameters
@@ -220,8 +220,8 @@ def moved(design: PhotoDesign, line: Line, state: State, step: Floats) -> State:
     turn = np.einsum("ijb,jb->ib", line.by_turn, step[3:])
     ray, slope = line.ray, line.slope
     # Place: P (shift + turn x ray - rise), plus the effect of the sighting's error.
-    shift = _shifted(step[:3], turn, ray)
-    rise = raised(design, common, state.place)
+    shift = _rotate_and_shift(step[:3], turn, ray)
+    rise = compute_rise(design, common, state.place)
     fall = (shift[2] - slope[0] * shift[0] - slope[1] * shift[1] - rise) / line.falling
     place = np.einsum("kjeb,jeb->keb", line.to_place, seen) + shift[:2] - ray[:2] * fall
     return State(
@@ -232,7 +232,7 @@ def moved(design: PhotoDesign, line: Line, state: State, step: Floats) -> State:
     )
 
 
-def _shifted(shift: Floats, turn: Floats, ray: Floats) -> Floats:
+def _rotate_and_shift(shift: Floats, turn: Floats, ray: Floats) -> Floats:
     """Compute ``shift + turn x ray``, (3, E, B)."""
     out = np.empty_like(ray)
     for i in range(3):
@@ -241,7 +241,7 @@ def _shifted(shift: Floats, turn: Floats, ray: Floats) -> Floats:
     return out
 
 
-def _sighted(
+def _compute_sightings(
     design: PhotoDesign,
     draws: Draws,
     rotation: Floats,

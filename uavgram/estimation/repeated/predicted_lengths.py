@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.measuring.second_order import SecondOrderTerms
-from uavgram.estimation.repeated.common_errors import common_count, of_ground
-from uavgram.estimation.repeated.moved_errors import root_of, second_order
-from uavgram.estimation.repeated.photo_step import State, draws_last, linearise
+from uavgram.estimation.repeated.common_errors import count_common_errors, ground_slice
+from uavgram.estimation.repeated.moved_errors import compute_root, compute_second_order
+from uavgram.estimation.repeated.photo_step import State, linearise, put_draws_last
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
@@ -74,8 +74,8 @@ def predict_lengths(
         (M, 2) ends of the measured lengths. An end without a known length belongs to one of them
         only.
     """
-    slopes = slopes_of(design, exact, place_m, pairs)
-    of_plane = of_ground(design)
+    slopes = compute_slopes(design, exact, place_m, pairs)
+    of_plane = ground_slice(design)
     known, first = len(design.line), 2 * len(place_m) + len(design.line) + 6
     at = [known, first - 6, first, first + of_plane.start, first + of_plane.stop]
     # Variance by each error: squared slope; summed by source.
@@ -85,7 +85,7 @@ def predict_lengths(
     )
     return PredictedLengths(
         variance=slopes.variance,
-        bent=second_order(design, exact, pairs, slopes.by_error, slopes.shifts),
+        bent=compute_second_order(design, exact, pairs, slopes.by_error, slopes.shifts),
         lengths=lengths,
         picks=picks,
         beforehand=beforehand,
@@ -95,7 +95,7 @@ def predict_lengths(
     )
 
 
-class Slopes(NamedTuple):
+class LengthSlopes(NamedTuple):
     """Derivatives of adjusted lengths by the errors of the observations.
 
     Attributes
@@ -114,7 +114,9 @@ class Slopes(NamedTuple):
     shifts: Floats
 
 
-def slopes_of(design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints) -> Slopes:
+def compute_slopes(
+    design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: Ints
+) -> LengthSlopes:
     """Compute the slopes of the adjustment at the truth.
 
     Parameters
@@ -130,9 +132,9 @@ def slopes_of(design: PhotoDesign, exact: PhotoDraws, place_m: Floats, pairs: In
     # Gain of the estimate: rows (prior information + H^T R^-1 H)^-1.
     gain = rows @ np.linalg.inv(before + weighted.T @ weighted)
     pose, picks, common = np.split(gain, [6, 6 + 2 * ends], axis=1)
-    parts = [gain @ weighted.T, picks, pose @ root_of(design.information), common]
+    parts = [gain @ weighted.T, picks, pose @ compute_root(design.information), common]
     variance = np.einsum("mi,mi->m", gain[known:], rows[known:])
-    return Slopes(np.concatenate(parts, axis=1), variance, shifts)
+    return LengthSlopes(np.concatenate(parts, axis=1), variance, shifts)
 
 
 def _rows(
@@ -146,8 +148,8 @@ def _rows(
         length_sigma_m=np.concatenate([design.length_sigma_m, np.ones(len(pairs))]),
     )
     reading = np.concatenate([exact.length_m[0], np.ones(len(pairs))])
-    draws = draws_last(exact)._replace(length=reading[:, None])
-    common = np.zeros((common_count(design), 1))
+    draws = put_draws_last(exact)._replace(length=reading[:, None])
+    common = np.zeros((count_common_errors(design), 1))
     state = State(exact.center_world_m.T, np.zeros((3, 1)), place_m.T[..., None], common)
     line = linearise(every, draws, state)
     rows = np.zeros((len(every.line), 6 + 2 * ends + len(common)))

@@ -16,20 +16,20 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.repeated.common_errors import common_count
+from uavgram.estimation.repeated.common_errors import count_common_errors
 from uavgram.estimation.repeated.photo_step import (
     Draws,
-    Line,
+    PhotoLinearisation,
     State,
-    draws_last,
+    apply_step,
+    compute_places,
     linearise,
-    moved,
-    places_of,
+    put_draws_last,
 )
-from uavgram.estimation.repeated.turns import turned
+from uavgram.estimation.repeated.turns import rotate
 from uavgram.estimation.solver.batched import (
-    Ends,
-    Linear,
+    Linearisation,
+    Minima,
     backward,
     cholesky,
     forward,
@@ -41,14 +41,14 @@ from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign, PhotoDraws, PhotoPosesFound
 
-BLOCK = 2000
+BLOCK_SIZE = 2000
 """Draws at a time: enough that the overhead of Python is negligible, few enough for the cache."""
 
-SETTLED = 1e-14
+MIN_REDUCTION = 1e-14
 """Expected reduction of the sum of squares by the last step: the remaining one is smaller by
 another factor of ten to a thousand."""
 
-NEWTON_STEPS, DAMPED_STEPS, LITTLE_DAMPING = 12, 200, 1e-9
+NEWTON_STEPS, DAMPED_STEPS, SMALL_DAMPING = 12, 200, 1e-9
 """Largest number of steps: first regardless of the sum of squares and with hardly any damping; the
 few draws that do not converge start again with damped steps."""
 
@@ -74,8 +74,8 @@ def adjust_photos(
     """
     count = len(draws.length_m)
     found = [
-        _adjust_block(design, _some(draws, slice(first, first + BLOCK)), start)
-        for first in range(0, count, BLOCK)
+        _adjust_block(design, _some(draws, slice(first, first + BLOCK_SIZE)), start)
+        for first in range(0, count, BLOCK_SIZE)
     ]
     names = vars(found[0])
     return PhotoPosesFound(
@@ -83,7 +83,9 @@ def adjust_photos(
     )
 
 
-def ground_places(design: PhotoDesign, draws: PhotoDraws, poses: tuple[Floats, Floats]) -> Floats:
+def intersect_ground(
+    design: PhotoDesign, draws: PhotoDraws, poses: tuple[Floats, Floats]
+) -> Floats:
     """Intersect the ends' pixels with the prior ground: (B, E, 3), or NaN.
 
     Parameters
@@ -116,17 +118,17 @@ def _adjust_block(
     design: PhotoDesign, drawn: PhotoDraws, start: tuple[Floats, Floats] | None
 ) -> PhotoPosesFound:
     """Adjust draws that fit the processor's cache together."""
-    problem = _Problem(design, draws_last(drawn))
-    first = _first(design, drawn, start)
+    problem = _Problem(design, put_draws_last(drawn))
+    first = _make_initial_state(design, drawn, start)
     ends = minimise_each(
-        problem, first, NEWTON_STEPS, settled=SETTLED, damping=LITTLE_DAMPING, descending=False
+        problem, first, NEWTON_STEPS, settled=MIN_REDUCTION, damping=SMALL_DAMPING, descending=False
     )
     left = np.flatnonzero(~ends.converged & np.isfinite(first.place).all(axis=(0, 1)))
     if len(left):
         again = _Problem(design, problem.part(left))
         begun = tuple(value[..., left] for value in first)
-        ends.put(left, minimise_each(again, begun, DAMPED_STEPS, settled=SETTLED), again.axis)
-    return _found(design, problem.draws, ends)
+        ends.put(left, minimise_each(again, begun, DAMPED_STEPS, settled=MIN_REDUCTION), again.axis)
+    return _make_result(design, problem.draws, ends)
 
 
 class _Problem:
@@ -144,32 +146,34 @@ class _Problem:
             self._some = which, Draws(*(value[..., which] for value in self.draws))
         return self._some[1]
 
-    def linearise(self, which: Ints, state: Unknowns) -> Linear:
+    def linearise(self, which: Ints, state: Unknowns) -> Linearisation:
         """Linearise some draws (b,) at a state."""
         line = linearise(self.design, self.part(which), State(*state))
-        return Linear(line.cost, np.moveaxis(line.normal, -1, 0), -line.right.T, line)
+        return Linearisation(line.cost, np.moveaxis(line.normal, -1, 0), -line.right.T, line)
 
-    def move(self, state: Unknowns, linear: Linear, step: Floats) -> Unknowns:
+    def move(self, state: Unknowns, linear: Linearisation, step: Floats) -> Unknowns:
         """Apply steps (b, 6) to a state."""
-        return moved(self.design, Line(*linear.rest), State(*state), step.T)
+        return apply_step(self.design, PhotoLinearisation(*linear.rest), State(*state), step.T)
 
 
-def _first(design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] | None) -> State:
+def _make_initial_state(
+    design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] | None
+) -> State:
     """Return the initial state, with the draws' ends where their sightings meet the ground."""
     center, rotation = draws.center_world_m, draws.world_from_camera
     turn = np.zeros_like(center)
     if start is not None:
         turn = log_so3(np.swapaxes(rotation, 1, 2) @ start[1])
         center, rotation = (np.repeat(one[None], len(center), axis=0) for one in start)
-    place = ground_places(design, draws, (center, rotation))
-    common = np.zeros((common_count(design), len(center)))
+    place = intersect_ground(design, draws, (center, rotation))
+    common = np.zeros((count_common_errors(design), len(center)))
     return State(center.T.copy(), turn.T.copy(), place[..., :2].transpose(2, 1, 0).copy(), common)
 
 
-def _found(design: PhotoDesign, draws: Draws, ends: Ends) -> PhotoPosesFound:
+def _make_result(design: PhotoDesign, draws: Draws, ends: Minima) -> PhotoPosesFound:
     """Return the poses with covariances of δcentre and of a rotation in the camera's axes."""
     state, at_rest = State(*ends.state), ends.converged
-    rotation, by_turn = turned(draws.rotation, state.turn)
+    rotation, by_turn = rotate(draws.rotation, state.turn)
     root = cholesky(np.ascontiguousarray(np.moveaxis(ends.normal, 0, -1)))
     unit = np.repeat(np.eye(6)[:, :, None], len(at_rest), axis=2)
     covariance = backward(root, forward(root, unit))
@@ -182,7 +186,7 @@ def _found(design: PhotoDesign, draws: Draws, ends: Ends) -> PhotoPosesFound:
         center_world_m=state.center.T,
         world_from_camera=rotation.transpose(2, 0, 1),
         covariance=np.where(at_rest[:, None, None], covariance, np.nan),
-        place_m=places_of(design, draws, state).transpose(2, 1, 0),
+        place_m=compute_places(design, draws, state).transpose(2, 1, 0),
         common=state.common.T,
         cost=np.where(at_rest, ends.cost, np.nan),
         converged=at_rest,

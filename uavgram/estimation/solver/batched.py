@@ -20,7 +20,7 @@ import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, Ints
 
-MANY = 40
+MIN_BATCH = 40
 """Number of systems from which they are solved together rather than one after the other by
 LAPACK."""
 
@@ -75,29 +75,29 @@ def solve_each(matrix: Floats, right: Floats) -> Floats:
     right
         (B, n).
     """
-    if len(matrix) < MANY:
+    if len(matrix) < MIN_BATCH:
         return np.asarray(np.linalg.solve(matrix, right[..., None])[..., 0])
     lower = cholesky(np.ascontiguousarray(np.moveaxis(matrix, 0, -1)))
     return np.asarray(backward(lower, forward(lower, np.ascontiguousarray(right.T))).T)
 
 
-ITERATIONS = 60
-DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-15, 1e10
+MAX_ITERATIONS = 60
+DAMPING, MIN_DAMPING, MAX_DAMPING = 1e-3, 1e-15, 1e10
 
-SETTLED = 1e-10
+MIN_REDUCTION = 1e-10
 """Expected reduction of the sum of squares by the last step: 1e-5 sigma of any unknown."""
 
-ROUNDING = 1e-14
+ROUNDING_SHARE = 1e-14
 """Share of the sum of squares below which its reduction disappears in rounding."""
 
-UNSEEN = 1e-10
+MIN_VISIBLE_REDUCTION = 1e-10
 """Expected reduction below which rounding decides whether the sum of squares falls: such a step is
 always taken, for it is as good as Newton's."""
 
-STUCK = 1e-4
+MAX_GRADIENT = 1e-4
 """Squared gradient, in sigmas, up to which a problem that no step improves counts as solved."""
 
-BLIND = 1e-12
+MIN_DIAGONAL_SHARE = 1e-12
 """Share of the normal matrix's trace that keeps a system solvable in spite of an undetermined
 unknown."""
 
@@ -109,7 +109,7 @@ State = tuple[Floats, ...]
 """Unknowns of b problems, one array for each kind."""
 
 
-class Linear(NamedTuple):
+class Linearisation(NamedTuple):
     """Linearisation of b problems at a state.
 
     Attributes
@@ -133,7 +133,7 @@ class Linear(NamedTuple):
     compared: Floats | None = None
 
 
-class Problem(Protocol):
+class BatchedProblem(Protocol):
     """Interface of B problems with u unknowns each."""
 
     @property
@@ -141,11 +141,11 @@ class Problem(Protocol):
         """Axis of states and of `Linear.rest` that counts the problems: 0 or -1."""
         ...
 
-    def linearise(self, which: Ints, state: State) -> Linear:
+    def linearise(self, which: Ints, state: State) -> Linearisation:
         """Linearise problems `which` (b,) at a state of these b."""
         ...
 
-    def move(self, state: State, linear: Linear, step: Floats) -> State:
+    def move(self, state: State, linear: Linearisation, step: Floats) -> State:
         """Apply steps, also to the eliminated unknowns.
 
         Parameters
@@ -161,7 +161,7 @@ class Problem(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Explicit:
+class ExplicitProblem:
     """Problems given by their residuals and Jacobians, without elimination.
 
     Attributes
@@ -176,11 +176,11 @@ class Explicit:
     update: Callable[[State, Floats], State]
     axis: int = 0
 
-    def linearise(self, which: Ints, state: State) -> Linear:
+    def linearise(self, which: Ints, state: State) -> Linearisation:
         """Multiply the Jacobians of problems `which` (b,) at a state."""
-        return normal_equations(*self.rows(which, state))
+        return compute_normal_equations(*self.rows(which, state))
 
-    def move(self, state: State, linear: Linear, step: Floats) -> State:  # noqa: ARG002
+    def move(self, state: State, linear: Linearisation, step: Floats) -> State:  # noqa: ARG002
         """Apply steps.
 
         Parameters
@@ -195,17 +195,17 @@ class Explicit:
         return self.update(state, step)
 
 
-def normal_equations(residual: Floats, jacobian: Floats) -> Linear:
+def compute_normal_equations(residual: Floats, jacobian: Floats) -> Linearisation:
     """Compute the normal equations of residuals (b, r) and Jacobians (b, r, u)."""
     transposed = jacobian.swapaxes(1, 2)
-    return Linear(
+    return Linearisation(
         np.einsum("br,br->b", residual, residual),
         transposed @ jacobian,
         (transposed @ residual[..., None])[..., 0],
     )
 
 
-class Ends(NamedTuple):
+class Minima(NamedTuple):
     """Results of B minimisations.
 
     Attributes
@@ -228,7 +228,7 @@ class Ends(NamedTuple):
     converged: Bools
     steps: Ints
 
-    def put(self, rows: Ints, other: Ends, axis: int) -> None:
+    def put(self, rows: Ints, other: Minima, axis: int) -> None:
         """Replace the results of some problems; the steps add up.
 
         Parameters
@@ -241,17 +241,17 @@ class Ends(NamedTuple):
             Axis of the state: `Problem.axis`.
         """
         for whole, part in zip(self.state, other.state, strict=True):
-            _along(whole, axis)[rows] = _along(part, axis)
+            _put_problems_first(whole, axis)[rows] = _put_problems_first(part, axis)
         self.cost[rows], self.normal[rows] = other.cost, other.normal
         self.converged[rows] = other.converged
         self.steps[rows] += other.steps
 
-    def lowest_first(self, starts: int) -> Ends:
+    def lowest_first(self, starts: int) -> Minima:
         """Sort each group of `starts` neighbouring minima by cost: (B / starts, starts, ...)."""
         groups = len(self.cost) // starts
         order = np.argsort(self.cost.reshape(groups, starts), axis=1, kind="stable")
         at = np.arange(groups)[:, None] * starts + order
-        return Ends(
+        return Minima(
             tuple(part[at] for part in self.state),
             self.cost[at],
             self.normal[at],
@@ -261,14 +261,14 @@ class Ends(NamedTuple):
 
 
 def minimise_each(
-    problem: Problem,
+    problem: BatchedProblem,
     start: State,
-    iterations: int = ITERATIONS,
+    iterations: int = MAX_ITERATIONS,
     *,
-    settled: float = SETTLED,
+    settled: float = MIN_REDUCTION,
     damping: float = DAMPING,
     descending: bool = True,
-) -> Ends:
+) -> Minima:
     """Minimise the sum of squares of each problem from its start.
 
     Parameters
@@ -307,7 +307,7 @@ def minimise_each(
     def put(done: Bools, state: State) -> None:
         rows = active[done]
         for whole, part in zip(end, state, strict=True):
-            _along(whole, axis)[rows] = _along(part, axis)[done]
+            _put_problems_first(whole, axis)[rows] = _put_problems_first(part, axis)[done]
         cost[rows], normal[rows] = linear.cost[done], linear.normal[done]
 
     kept = np.isfinite(linear.cost)
@@ -315,8 +315,8 @@ def minimise_each(
     for iteration in range(iterations + 1):
         if not kept.all():
             rows = np.flatnonzero(kept)
-            active, scale, here = active[rows], scale[rows], _some(here, rows, axis)
-            linear = _some_linear(linear, rows, axis)
+            active, scale, here = active[rows], scale[rows], _select(here, rows, axis)
+            linear = _select_linear(linear, rows, axis)
         if not len(active):
             break
         if iteration == iterations:
@@ -325,38 +325,38 @@ def minimise_each(
         step, fall = _damped_steps(linear, scale)
         # Squared gradient in sigmas, estimated from the damped reduction.
         gain = fall * (1.0 + scale)
-        rests = _at_rest(linear, scale, step, fall, settled)
+        rests = _mark_last(linear, scale, step, fall, settled)
         steps[active] += 1
         there = problem.move(here, linear, step)
-        stuck = ~rests & (scale > MOST_DAMPING)
+        stuck = ~rests & (scale > MAX_DAMPING)
         if rests.any() or stuck.any():
             put(rests, there)
             put(stuck, here)
-            converged[active] = rests | (stuck & (gain < STUCK))
+            converged[active] = rests | (stuck & (gain < MAX_GRADIENT))
             rows = np.flatnonzero(~(rests | stuck))
             active, scale, gain = active[rows], scale[rows], gain[rows]
-            here, there = _some(here, rows, axis), _some(there, rows, axis)
-            linear = _some_linear(linear, rows, axis)
+            here, there = _select(here, rows, axis), _select(there, rows, axis)
+            linear = _select_linear(linear, rows, axis)
             if not len(active):
                 break
         found = problem.linearise(active, there)
         compared = found.cost if found.compared is None else found.compared
         better = compared <= linear.cost
-        better |= np.isfinite(found.cost) & ((gain < UNSEEN) | (not descending))
+        better |= np.isfinite(found.cost) & ((gain < MIN_VISIBLE_REDUCTION) | (not descending))
         # Less damping after a success, more after a failure.
-        scale = np.where(better, np.maximum(scale / 8.0, LEAST_DAMPING), 5.0 * scale)
-        here = _chosen(better, there, here, axis)
-        linear = _linear(
-            _chosen(better, found[:3], linear[:3], 0),
-            _chosen(better, found.rest, linear.rest, axis),
+        scale = np.where(better, np.maximum(scale / 8.0, MIN_DAMPING), 5.0 * scale)
+        here = _choose(better, there, here, axis)
+        linear = _linearise(
+            _choose(better, found[:3], linear[:3], 0),
+            _choose(better, found.rest, linear.rest, axis),
         )
         kept = np.isfinite(linear.cost)
-    return Ends(end, cost, normal, converged, steps)
+    return Minima(end, cost, normal, converged, steps)
 
 
 def minimise_trimmed(
     misses: Callable[[State], Floats],
-    weighted: Callable[[Floats], Problem],
+    weighted: Callable[[Floats], BatchedProblem],
     start: State,
     limit: float,
 ) -> tuple[State, Floats]:
@@ -399,59 +399,63 @@ def minimise_trimmed(
     return best, least
 
 
-def _damped_steps(linear: Linear, damping: Floats) -> tuple[Floats, Floats]:
+def _damped_steps(linear: Linearisation, damping: Floats) -> tuple[Floats, Floats]:
     """Compute steps (b, u), and their expected reductions (b,) of the sums of squares."""
     # Scale to a unit diagonal, so that the damping is in each unknown's own scale.
     own = np.einsum("bii->bi", linear.normal)
-    scale = 1.0 / np.sqrt(np.maximum(own, BLIND * own.sum(axis=1, keepdims=True) + 1e-300))
+    scale = 1.0 / np.sqrt(
+        np.maximum(own, MIN_DIAGONAL_SHARE * own.sum(axis=1, keepdims=True) + 1e-300)
+    )
     whitened = linear.normal * (scale[:, :, None] * scale[:, None, :])
     size = whitened.shape[1]
-    whitened.reshape(len(whitened), -1)[:, :: size + 1] += (damping + BLIND)[:, None]
+    whitened.reshape(len(whitened), -1)[:, :: size + 1] += (damping + MIN_DIAGONAL_SHARE)[:, None]
     step = -scale * solve_each(whitened, linear.gradient * scale)
     return step, -np.einsum("bi,bi->b", step, linear.gradient)
 
 
-def _at_rest(linear: Linear, damping: Floats, step: Floats, fall: Floats, settled: float) -> Bools:
+def _mark_last(
+    linear: Linearisation, damping: Floats, step: Floats, fall: Floats, settled: float
+) -> Bools:
     """Mark the steps (b, u) that are the last; these are replaced by undamped ones.
 
     A damped step along a hardly determined direction is short everywhere.
     """
-    limit = np.maximum(settled, ROUNDING * linear.cost)
+    limit = np.maximum(settled, ROUNDING_SHARE * linear.cost)
     rests = fall < limit
-    rows = np.flatnonzero(rests & (damping > LEAST_DAMPING))
+    rows = np.flatnonzero(rests & (damping > MIN_DAMPING))
     if len(rows):
-        few = _linear(_some(linear[:3], rows, 0), ())
-        newton, fall = _damped_steps(few, np.full(len(rows), LEAST_DAMPING))
+        few = _linearise(_select(linear[:3], rows, 0), ())
+        newton, fall = _damped_steps(few, np.full(len(rows), MIN_DAMPING))
         rests[rows] = fall < limit[rows]
         last = rests[rows]
         step[rows[last]] = newton[last]
     return rests
 
 
-def _along(array: Floats, axis: int) -> Floats:
+def _put_problems_first(array: Floats, axis: int) -> Floats:
     """Return a view of an array with its problems along the first axis."""
     return array if axis == 0 else np.moveaxis(array, axis, 0)
 
 
-def _some(arrays: State, rows: Ints, axis: int) -> State:
+def _select(arrays: State, rows: Ints, axis: int) -> State:
     return tuple(array.take(rows, axis=axis) for array in arrays)
 
 
-def _some_linear(linear: Linear, rows: Ints, axis: int) -> Linear:
+def _select_linear(linear: Linearisation, rows: Ints, axis: int) -> Linearisation:
     """Return the normal equations of some problems."""
-    return _linear(_some(linear[:3], rows, 0), _some(linear.rest, rows, axis))
+    return _linearise(_select(linear[:3], rows, 0), _select(linear.rest, rows, axis))
 
 
-def _linear(equations: State, rest: State) -> Linear:
+def _linearise(equations: State, rest: State) -> Linearisation:
     cost, normal, gradient = equations
-    return Linear(cost, normal, gradient, rest)
+    return Linearisation(cost, normal, gradient, rest)
 
 
-def _chosen(better: Bools, new: State, old: State, axis: int) -> State:
+def _choose(better: Bools, new: State, old: State, axis: int) -> State:
     """Return the new arrays of problems that became better (b,), the old ones of all others."""
     if better.all():
         return new
     rows = np.flatnonzero(better)
     for whole, part in zip(old, new, strict=True):
-        _along(whole, axis)[rows] = _along(part, axis)[rows]
+        _put_problems_first(whole, axis)[rows] = _put_problems_first(part, axis)[rows]
     return old

@@ -14,51 +14,51 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
-from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, cost_of
+from uavgram.estimation.solver.normal_equations import Block, Factor, NormalEquations, compute_cost
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats
 
 State = TypeVar("State")
 
-CONVERGED = 1e-10
+MIN_REDUCTION = 1e-10
 """Predicted reduction of the weighted sum of squares below which the iteration ends: its square
 root is the length of the step in units of the unknowns' own sigmas."""
 
-CONVERGED_EACH = 1e-13
+MIN_REDUCTION_EACH = 1e-13
 """The same per unknown, in large systems."""
 
-ROUNDING = 1e-14
+ROUNDING_SHARE = 1e-14
 """Share of the sum of squares below which its reduction is lost in rounding and the iteration
 ends."""
 
-AT_REST = 1e-4
+MAX_UNDAMPED_REDUCTION = 1e-4
 """Undamped predicted reduction (a hundredth of a sigma, squared) up to which a result counts as
 converged; kinks of the interpolated flight keep it from being exactly zero."""
 
-MANY = 10_000
+LARGE_SYSTEM = 10_000
 """Number of unknowns of a large system, from which that limit grows with their number."""
 
-CLOSE = 0.1
+MAX_REUSE_REDUCTION = 0.1
 """Predicted reduction per unknown (a third of a sigma, squared) below which the normal matrix
 hardly changes: its factor is kept for the next steps, as long as they achieve the predicted
 reduction."""
 
-KEPT = 0.5
+MIN_ACHIEVED_SHARE = 0.5
 """Share of the predicted reduction that must be achieved for a factor to be kept."""
 
-SHRINKS = 0.7
+MAX_REDUCTION_RATIO = 0.7
 """Ratio of the predicted reductions of two successive steps, the later one with a kept factor,
 above which the next step needs a new factor: along weakly determined directions a kept one
 converges slowly."""
 
-UNDAMPED = 1e-8
+MAX_REUSE_DAMPING = 1e-8
 """Damping up to which a factor is kept for more than one step: the steps are as good as
 Newton's."""
 
-REFUSED_EACH = 5e-9
+MAX_REFUSED_REDUCTION_EACH = 5e-9
 """Predicted reduction per unknown up to which a step that hardly reduces the sum of squares is the
 last: it fails at kinks of the interpolated flight, and in large systems each try costs a
-factorisation. Smaller if a sharper minimum than `CONVERGED` is requested."""
+factorisation. Smaller if a sharper minimum than `MIN_REDUCTION` is requested."""
 
 MAX_ITERATIONS = 80
 MAX_DAMPING = 1e12
@@ -95,7 +95,7 @@ def minimise(
     size: int,
     structure: Structure | None = None,
     most: int = MAX_ITERATIONS,
-    at_rest: float = CONVERGED,
+    at_rest: float = MIN_REDUCTION,
     slack: float = 0.0,
     first: dict[str, Block] | None = None,
 ) -> Minimum[State]:
@@ -146,9 +146,12 @@ def minimise(
     blocks = first or evaluate(state)
     if blocks is None:
         raise ValueError("the first values are impossible")
-    normal, cost = NormalEquations(list(blocks.values()), size, structure), cost_of(blocks.values())
-    refused = REFUSED_EACH * size * min(1.0, at_rest / CONVERGED)
-    at_rest = max(at_rest, CONVERGED_EACH * size)
+    normal, cost = (
+        NormalEquations(list(blocks.values()), size, structure),
+        compute_cost(blocks.values()),
+    )
+    refused = MAX_REFUSED_REDUCTION_EACH * size * min(1.0, at_rest / MIN_REDUCTION)
+    at_rest = max(at_rest, MIN_REDUCTION_EACH * size)
     damping, growth = 1e-9, 2.0
     iteration = 0
     factor: Factor | None = None
@@ -159,11 +162,11 @@ def minimise(
         factor = factor or normal.factor(damping, slack)
         step = -factor.solve(normal.gradient)
         predicted = factor.predicted_fall(step, normal.gradient)
-        if predicted < max(at_rest, ROUNDING * cost) or damping > MAX_DAMPING:
+        if predicted < max(at_rest, ROUNDING_SHARE * cost) or damping > MAX_DAMPING:
             break
         trial = update(state, step)
         trial_blocks = evaluate(trial)
-        trial_cost = np.inf if trial_blocks is None else cost_of(trial_blocks.values())
+        trial_cost = np.inf if trial_blocks is None else compute_cost(trial_blocks.values())
         # Gain ratio: actual over predicted reduction.
         gain = (cost - trial_cost) / predicted
         if trial_blocks is not None and gain > 0:
@@ -176,17 +179,22 @@ def minimise(
             damping, growth = damping * growth, 2.0 * growth
             # With less damping than that the same step would be refused again, each time at the
             # cost of a factorisation.
-            while size > MANY and damping < UNDAMPED:
+            while size > LARGE_SYSTEM and damping < MAX_REUSE_DAMPING:
                 damping, growth = damping * growth, 2.0 * growth
-        if fresh and gain < KEPT and predicted < refused:
+        if fresh and gain < MIN_ACHIEVED_SHARE and predicted < refused:
             break
-        crawls = not fresh and predicted > SHRINKS * before
+        crawls = not fresh and predicted > MAX_REDUCTION_RATIO * before
         # Keep the factor only near the minimum, while its steps achieve the predicted reduction.
-        if predicted > CLOSE * size or gain < KEPT or damping > UNDAMPED or crawls:
+        if (
+            predicted > MAX_REUSE_REDUCTION * size
+            or gain < MIN_ACHIEVED_SHARE
+            or damping > MAX_REUSE_DAMPING
+            or crawls
+        ):
             factor = None
         before = predicted
     factor = normal.factor(slack)
     # Newton's decrement without damping: reduction to the minimum of the linear model.
     decrement = float(normal.gradient @ factor.solve(normal.gradient))
-    is_at_rest = decrement < AT_REST * max(1.0, size / MANY)
+    is_at_rest = decrement < MAX_UNDAMPED_REDUCTION * max(1.0, size / LARGE_SYSTEM)
     return Minimum(state, blocks, factor, cost, iteration, is_at_rest)

@@ -109,17 +109,17 @@ class DenseStack:
         return np.asarray(flat, dtype=np.float64).reshape(rows, size)
 
 
-DENSE_ENTRIES = 250_000
+MAX_DENSE_ENTRIES = 250_000
 """Number of entries of a Jacobian up to which a dense one costs less than the overhead of sparse
 matrices."""
 
-AT_ONCE = 32
+MAX_RIGHT_SIDES = 32
 """Number of right-hand sides that are solved for together."""
 
-ROWS_AT_ONCE = 2000
+MAX_ROWS_AT_ONCE = 2000
 """Number of rows whose covariances are gathered together."""
 
-SINGULAR = 1e-13
+MIN_PIVOT = 1e-13
 """Smallest pivot of the scaled normal matrix (unit diagonal) that still contains information."""
 
 
@@ -203,16 +203,16 @@ class NormalEquations:
     ) -> None:
         self.size = size
         self._blocks = blocks
-        self.gradient = gradient_of(blocks, size)
+        self.gradient = compute_gradient(blocks, size)
         rows = sum(b.residual.size for b in blocks)
-        self.is_dense = rows * size <= DENSE_ENTRIES
+        self.is_dense = rows * size <= MAX_DENSE_ENTRIES
         self._structure = structure or Structure.plain(size)
         self.plan = plan
 
     @cached_property
     def cost(self) -> float:
         """Weighted sum of squared residuals."""
-        return cost_of(self._blocks)
+        return compute_cost(self._blocks)
 
     @cached_property
     def normal(self) -> Floats | BlockMatrix:
@@ -282,20 +282,20 @@ class Plan:
         return Symbolic(self.assembly.pattern)
 
 
-def cost_of(blocks: Iterable[Block]) -> float:
+def compute_cost(blocks: Iterable[Block]) -> float:
     """Compute the weighted sum of squared residuals."""
     return float(sum(np.vdot(b.residual, b.residual) for b in blocks))
 
 
-def gradient_of(blocks: Iterable[Block], size: int) -> Floats:
+def compute_gradient(blocks: Iterable[Block], size: int) -> Floats:
     """Compute J^T r of all blocks, (..., size), with the leading axes of the residuals, if any."""
     gradient = np.zeros(size)
     for block in blocks:
-        gradient = gradient + gathered(block.columns, block.pulled(block.residual), size)
+        gradient = gradient + sum_by_unknown(block.columns, block.pulled(block.residual), size)
     return gradient
 
 
-def gathered(columns: Ints, product: Floats, size: int) -> Floats:
+def sum_by_unknown(columns: Ints, product: Floats, size: int) -> Floats:
     """Sum (..., size) contributions by unknown.
 
     Parameters
@@ -333,11 +333,11 @@ class Factor:
             if isinstance(normal, np.ndarray):
                 scaled = normal * (self._scale[:, None] * self._scale)
                 scaled.flat[:: self.size + 1] += damping
-                self._factor = DenseFactor(scaled, SINGULAR)
+                self._factor = DenseFactor(scaled, MIN_PIVOT)
                 return
             assert plan is not None  # noqa: S101  (it came with the block matrix)
             matrix = normal.scaled(self._scale, damping)
-            self._factor = SparseFactor(matrix, plan.symbolic, SINGULAR)
+            self._factor = SparseFactor(matrix, plan.symbolic, MIN_PIVOT)
         except NotPositiveError as error:
             raise SingularError(error.index) from None
 
@@ -359,8 +359,8 @@ class Factor:
             return np.asarray(self._factor.solve(right * scale) * scale)
         columns = right.reshape(self.size, -1)
         found = np.empty(columns.shape)
-        for start in range(0, columns.shape[1], AT_ONCE):
-            some = slice(start, start + AT_ONCE)
+        for start in range(0, columns.shape[1], MAX_RIGHT_SIDES):
+            some = slice(start, start + MAX_RIGHT_SIDES)
             scaled = columns[:, some] * self._scale[:, None]
             found[:, some] = self._factor.solve(scaled) * self._scale[:, None]
         return found.reshape(right.shape)
@@ -368,8 +368,8 @@ class Factor:
     def _solve_sparse(self, right: csc_array) -> Floats:
         """Solve for sparse columns a few at a time: dense ones of many would fill the memory."""
         found = np.empty(right.shape)
-        for start in range(0, right.shape[1], AT_ONCE):
-            some = slice(start, start + AT_ONCE)
+        for start in range(0, right.shape[1], MAX_RIGHT_SIDES):
+            some = slice(start, start + MAX_RIGHT_SIDES)
             found[:, some] = self.solve(right[:, some].toarray())
         return found
 
@@ -401,8 +401,8 @@ class Factor:
 
     def _solved(self, columns: Ints, gradients: Floats) -> Iterator[tuple[slice, Floats, Floats]]:
         """Yield gradients as columns (size, m) and their solutions, a few functions at a time."""
-        for start in range(0, len(columns), AT_ONCE):
-            some = slice(start, start + AT_ONCE)
+        for start in range(0, len(columns), MAX_RIGHT_SIDES):
+            some = slice(start, start + MAX_RIGHT_SIDES)
             at = (columns[some], np.arange(len(columns[some]))[:, None])
             right = np.zeros((self.size, len(columns[some])))
             np.add.at(right, at, gradients[some])  # a function may name an unknown twice
@@ -463,8 +463,8 @@ class Covariance:
         """Compute (n, r) leverages of a block: shares of residuals absorbed by the unknowns."""
         if block not in self._leverage:
             found = np.empty(block.residual.shape)
-            for start in range(0, len(found), ROWS_AT_ONCE):
-                part = slice(start, start + ROWS_AT_ONCE)
+            for start in range(0, len(found), MAX_ROWS_AT_ONCE):
+                part = slice(start, start + MAX_ROWS_AT_ONCE)
                 jacobian = block.jacobian[part]
                 joint = self.blocks(block.columns[part])
                 # Diagonal of A S A^T.

@@ -17,14 +17,14 @@ from uavgram.estimation.solver.normal_equations import (
     Factor,
     NormalEquations,
     Plan,
-    gradient_of,
+    compute_gradient,
 )
-from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix, weighted_sum
+from uavgram.estimation.solver.sparse.block_matrix import BlockMatrix, add_weighted
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.model.arrays import Floats
 
 
-class Fit(NamedTuple):
+class WeightedFit(NamedTuple):
     """Minimum of a weighted problem.
 
     Attributes
@@ -43,7 +43,7 @@ class Fit(NamedTuple):
     leverage: Floats
 
 
-class Weighted:
+class WeightedProblem:
     """Linear observations, some groups of which have weights.
 
     Parameters
@@ -61,7 +61,7 @@ class Weighted:
     ) -> None:
         self._groups = groups
         each = [*([one] for one in groups), list(rest)]
-        self._gradient = np.array([gradient_of(blocks, size) for blocks in each])
+        self._gradient = np.array([compute_gradient(blocks, size) for blocks in each])
         self._rest_cost = NormalEquations(list(rest), size).cost
         every = [*groups, *rest]
         self._plan: Plan | None = None
@@ -82,7 +82,7 @@ class Weighted:
                 for group in range(len(each))
             ]
 
-    def fit(self, weight: Floats) -> Fit:
+    def fit(self, weight: Floats) -> WeightedFit:
         """Solve for the minimum with weights (C,).
 
         Raises
@@ -92,15 +92,15 @@ class Weighted:
         """
         every = np.append(weight, 1.0)
         gradient = every @ self._gradient
-        normal = _added(every, self._normal)
+        normal = _add(every, self._normal)
         factor = Factor(normal, self._plan, normal.diagonal(), 0.0)
         # One Gauss-Newton step: exact, as the problem is linear.
         step = -factor.solve(gradient)
         inverse = factor.inverse_on_pattern()
         leverage = [_inner(one, inverse) for one in self._normal[:-1]]
         cost = [float(np.vdot(one.residual, one.residual)) for one in self._groups]
-        squares = [np.sum(_after(one, step) ** 2) for one in self._groups]
-        return Fit(
+        squares = [np.sum(_compute_residuals(one, step) ** 2) for one in self._groups]
+        return WeightedFit(
             cost=float(weight @ cost + self._rest_cost + gradient @ step),
             log_determinant=factor.log_determinant(),
             squares=weight * squares,
@@ -108,11 +108,11 @@ class Weighted:
         )
 
 
-def _added(weight: Floats, parts: Sequence[Floats] | Sequence[BlockMatrix]) -> Floats | BlockMatrix:
+def _add(weight: Floats, parts: Sequence[Floats] | Sequence[BlockMatrix]) -> Floats | BlockMatrix:
     """Add matrices, each times its weight."""
     blocks = [one for one in parts if isinstance(one, BlockMatrix)]
     if blocks:
-        return weighted_sum(weight, blocks)
+        return add_weighted(weight, blocks)
     return np.asarray(sum(w * one for w, one in zip(weight, parts, strict=True)))
 
 
@@ -123,6 +123,6 @@ def _inner(one: Floats | BlockMatrix, other: Floats | BlockMatrix) -> float:
     return float(np.vdot(np.asarray(one), np.asarray(other)))
 
 
-def _after(block: Block, step: Floats) -> Floats:
+def _compute_residuals(block: Block, step: Floats) -> Floats:
     """Compute the residuals after a step of the unknowns, in the linear model."""
     return np.asarray(block.residual + np.einsum("nrk,nk->nr", block.jacobian, step[block.columns]))

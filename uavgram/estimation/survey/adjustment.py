@@ -11,11 +11,11 @@ import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Covariance, Factor
-from uavgram.estimation.survey.ground_planes import relief_basis
+from uavgram.estimation.survey.ground_planes import compute_relief_basis
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.lengths import Taped, unlearnt
+from uavgram.estimation.survey.observations.lengths import TapedLengths, compute_unlearnt
 from uavgram.estimation.survey.observations.observation import Suspicion
-from uavgram.estimation.survey.observations.sightings import sweep_of
+from uavgram.estimation.survey.observations.sightings import compute_readout_motion
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -39,7 +39,7 @@ class Placed(NamedTuple):
     columns: Ints
 
 
-def within_survey(factor: Factor, points: Placed, rows: Ints, own: Floats) -> Floats:
+def compute_relative_covariance(factor: Factor, points: Placed, rows: Ints, own: Floats) -> Floats:
     """Compute covariances (n, D, D) of some points without the common shift and turn of all points.
 
     The shape of the scene is independent of its position and heading, which receivers and compasses
@@ -151,7 +151,7 @@ class Adjustment:
 
     def sweep(self) -> Floats:
         """Compute (F, 6) motions of the camera during the readout of each photo: see `RowPoses`."""
-        return sweep_of(self.survey, self.state)
+        return compute_readout_motion(self.survey, self.state)
 
     def relief_m(self, area: int) -> float:
         """Compute the RMS of an area's smooth departures from its plane, at its points [m]."""
@@ -159,7 +159,7 @@ class Adjustment:
         if relief is None or not own.any():
             return 0.0
         coefficient = self.state.relief[self.problem.ground.relief_rows(area)]
-        height = relief_basis(relief, self.state.point[own, :2]).value @ coefficient
+        height = compute_relief_basis(relief, self.state.point[own, :2]).value @ coefficient
         return float(np.sqrt(np.mean(height**2)))
 
     def departure_m(self, area: int) -> float:
@@ -180,14 +180,14 @@ class Adjustment:
         return world, np.einsum("nij,njk,nlk->nil", jacobian, joint, jacobian, optimize=True)
 
     def relative_points(self) -> Floats:
-        """Compute covariances (K, 2, 2) of east, north within the survey: see `within_survey`."""
+        """Compute covariances (K, 2, 2) of east, north by `compute_relative_covariance`."""
         layout = self.problem.layout
         label = np.arange(layout.points)
         planar = layout.point_columns(label)[:, :2]
         gradient = np.broadcast_to(np.eye(2), (layout.points, 2, 2))
         points = Placed(self.state.point[:, :2], gradient, planar)
         own = self.covariance.blocks(planar)
-        return within_survey(self.minimum.factor, points, label, own)
+        return compute_relative_covariance(self.minimum.factor, points, label, own)
 
     def relative_points_in_space(self, label: Ints) -> Floats:
         """Compute covariances (n, 3, 3) of east, north and up of some points within the survey.
@@ -198,7 +198,7 @@ class Adjustment:
         gradient = points.gradient[label]
         joint = self.covariance.blocks(points.columns[label])
         own = np.einsum("nij,njk,nlk->nil", gradient, joint, gradient, optimize=True)
-        return within_survey(self.minimum.factor, points, label, own)
+        return compute_relative_covariance(self.minimum.factor, points, label, own)
 
     def joint_points(self, label: Ints) -> tuple[Floats, Floats]:
         """Compute positions (n, 3) of some points, and their joint covariance (3n, 3n)."""
@@ -251,15 +251,15 @@ class Adjustment:
         joint[:, 6:, 6:] = with_shared[shared]
         return np.asarray(to_lens @ joint @ to_lens.T)
 
-    def readings(self, taped: Taped) -> tuple[Floats, Floats]:
+    def readings(self, taped: TapedLengths) -> tuple[Floats, Floats]:
         """Predict tape readings (n,) and their standard deviations, those of scales included."""
         reading, gradient, unknowns = self.problem.readings(self.state, taped)
         variance = self.minimum.factor.variances(unknowns, gradient)
         return reading, np.sqrt(variance + (self.unlearnt(taped, reading) ** 2).sum(axis=1))
 
-    def unlearnt(self, taped: Taped, reading_m: Floats) -> Floats:
+    def unlearnt(self, taped: TapedLengths, reading_m: Floats) -> Floats:
         """Return (n, U) errors of readings by tapes without an adjusted length (see `tapes`)."""
-        return unlearnt(self.problem.tapes, taped, reading_m, self.survey.scale_sigma_of)
+        return compute_unlearnt(self.problem.tapes, taped, reading_m, self.survey.scale_sigma_of)
 
     def points_with_jacobian(self, label: Ints) -> tuple[Floats, Floats, Ints]:
         """Return points (n, 3), their Jacobians (n, 3, k), and the k unknowns (n, k) of each."""

@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 
 
-def trend_inflation(time_s: Floats, shortest_s: float, longest_s: float) -> float:
+def compute_trend_inflation(time_s: Floats, shortest_s: float, longest_s: float) -> float:
     """Compute the factor of the variance by which independent errors represent correlated ones.
 
     The error that all instants have in common is a bias with an unknown of its own. The most

@@ -9,7 +9,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 
 
-def departures(adjustment: Adjustment) -> tuple[Floats, Floats]:
+def compute_departures(adjustment: Adjustment) -> tuple[Floats, Floats]:
     """Compute the heights of the ground under all points over the plane of their area.
 
     Roughness and relief together: heights of the points over the plane, minus the stated heights.
@@ -38,7 +38,7 @@ def departures(adjustment: Adjustment) -> tuple[Floats, Floats]:
     return departure, np.sqrt(np.maximum(variance, 0.0))
 
 
-def heights_above_ground(adjustment: Adjustment) -> tuple[Floats, Floats]:
+def compute_heights(adjustment: Adjustment) -> tuple[Floats, Floats]:
     """Compute the heights of all points over the smooth ground below, as stated or estimated.
 
     The ground right below a point may depart from the smooth one by its roughness, which the sigma
@@ -50,7 +50,7 @@ def heights_above_ground(adjustment: Adjustment) -> tuple[Floats, Floats]:
         Both 0 for points on the ground.
     """
     survey, problem = adjustment.survey, adjustment.problem
-    height, sigma = heights_at(adjustment, adjustment.state), np.zeros(len(survey.label))
+    height, sigma = compute_heights_at(adjustment, adjustment.state), np.zeros(len(survey.label))
     roughness = np.array([ground.roughness_sigma_m for ground in survey.grounds])[survey.area]
     own = np.union1d(problem.third.stated, problem.third.free)
     if len(own):
@@ -60,7 +60,7 @@ def heights_above_ground(adjustment: Adjustment) -> tuple[Floats, Floats]:
     return height, sigma
 
 
-def heights_at(adjustment: Adjustment, state: State) -> Floats:
+def compute_heights_at(adjustment: Adjustment, state: State) -> Floats:
     """Return the (K,) heights over the smooth ground below, at a state of the unknowns."""
     height = np.array(adjustment.survey.height_above_m)
     own = np.union1d(adjustment.problem.third.stated, adjustment.problem.third.free)

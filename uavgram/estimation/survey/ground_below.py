@@ -17,7 +17,7 @@ class GroundBelow(NamedTuple):
     ----------
     feet
         (k, 3) places on it [m].
-    told
+    is_determined
         (k,) whether the point determines its place on the ground: the point is on the ground, or at
         a height over it that is stated without a sigma. Then the foot moves with the point.
     sigma_m
@@ -26,11 +26,11 @@ class GroundBelow(NamedTuple):
     """
 
     feet: Floats
-    told: Bools
+    is_determined: Bools
     sigma_m: Floats
 
 
-def ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> GroundBelow:
+def find_ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> GroundBelow:
     """Compute the places on the ground below points, some of which are known to be on it.
 
     Parameters
@@ -42,7 +42,11 @@ def ground_below(survey: Survey, label: Ints, points: Floats, feet: Floats) -> G
     points, feet
         (k, 3) points, and the places on the smooth ground straight below them [m].
     """
-    told = np.asarray((survey.height_sigma_m[label] == 0) & ~survey.is_free[label])
+    is_determined = np.asarray((survey.height_sigma_m[label] == 0) & ~survey.is_free[label])
     roughness = np.array([survey.grounds[a].roughness_sigma_m for a in survey.area[label]])
     below = points - np.outer(survey.height_above_m[label], [0.0, 0.0, 1.0])
-    return GroundBelow(np.where(told[:, None], below, feet), told, np.where(told, 0.0, roughness))
+    return GroundBelow(
+        np.where(is_determined[:, None], below, feet),
+        is_determined,
+        np.where(is_determined, 0.0, roughness),
+    )

@@ -65,10 +65,10 @@ class GroundPlanes:
         self.pivot_m = np.array(np.broadcast_to(pivot_m, (len(grounds), 2)), dtype=np.float64)
         self._grounds = grounds
         self._area = survey.area
-        self._fixed = fixed_planes(survey)
+        self._fixed = count_fixed_planes(survey)
         self._planes = PLANE_SIZE * (len(grounds) - self._fixed)
         self._reliefs = list(_reliefs(grounds))
-        self.size = self._planes + relief_size(survey)
+        self.size = self._planes + count_relief(survey)
 
     def at(self, planes: Floats, relief: Floats, label: Ints, east_north_m: Floats) -> SurfaceAt:
         """Compute the ground of n labels at their places (n, 2); for many states with leading axes.
@@ -99,7 +99,7 @@ class GroundPlanes:
         for place, first, shape in self._reliefs:
             rows = np.flatnonzero(area == place)
             there = east_north_m[..., rows, :]
-            basis = relief_basis(shape, there.reshape(-1, 2))
+            basis = compute_relief_basis(shape, there.reshape(-1, 2))
             value = basis.value.reshape(*there.shape[:-1], shape.size)
             gradient = basis.gradient.reshape(*value.shape, 2)
             coefficient = relief[..., None, first : first + shape.size]
@@ -162,12 +162,12 @@ def _reliefs(grounds: tuple[Ground, ...]) -> Iterator[tuple[int, int, Relief]]:
             first += ground.relief.size
 
 
-def relief_size(survey: Survey) -> int:
+def count_relief(survey: Survey) -> int:
     """Return the number R of coefficients of all areas' relief."""
     return sum(shape.size for _, _, shape in _reliefs(survey.grounds))
 
 
-def relief_basis(relief: Relief, east_north_m: Floats) -> Basis:
+def compute_relief_basis(relief: Relief, east_north_m: Floats) -> Basis:
     """Compute the basis functions of a relief at places (n, 2)."""
     if relief.kind == "quadratic":
         return quadratic_basis(east_north_m, relief.knots_m[0], relief.scale_m)
@@ -180,19 +180,19 @@ def _root(relief: Relief) -> Floats:
     return knots_root(relief.knots_m, relief.scale_m)
 
 
-def fixed_planes(survey: Survey) -> int:
+def count_fixed_planes(survey: Survey) -> int:
     """Return how many planes, counted from the first, are the gauge and no unknowns: 1 or 0."""
     return int(survey.gauge == "plane")
 
 
-def first_planes(grounds: tuple[Ground, ...], height_m: float) -> Floats:
+def make_first_planes(grounds: tuple[Ground, ...], height_m: float) -> Floats:
     """Return (3A,) level initial planes: the first at `height_m`, others at the stated offsets."""
     planes = np.zeros((len(grounds), PLANE_SIZE))
     planes[:, 0] = height_m + np.array([g.height_m - grounds[0].height_m for g in grounds])
     return planes.ravel()
 
 
-def area_centroids(survey: Survey, point_m: Floats) -> Floats:
+def compute_area_centroids(survey: Survey, point_m: Floats) -> Floats:
     """Return (A, 2) medians of the points (K, 2) of each area; robust to points near the horizon.
 
     An area whose points were all left out gets the median of all points.

@@ -15,11 +15,11 @@ from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.ground_planes import GroundPlanes
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.ground import ThirdCoordinate
-from uavgram.estimation.survey.observations.kinds import observations_of
-from uavgram.estimation.survey.observations.known import things_of_rows
-from uavgram.estimation.survey.observations.lengths import Taped, tape_rows, tapes_of
-from uavgram.estimation.survey.observations.telemetry import telemetry_prior
-from uavgram.estimation.survey.unknowns import Layout, State, layout_of
+from uavgram.estimation.survey.observations.kinds import list_observations
+from uavgram.estimation.survey.observations.known import find_things_of_rows
+from uavgram.estimation.survey.observations.lengths import TapedLengths, find_tape_rows, list_tapes
+from uavgram.estimation.survey.observations.telemetry import compute_telemetry_prior
+from uavgram.estimation.survey.unknowns import Layout, State, make_layout
 from uavgram.geometry.motion.rotation import lengths_of
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -45,16 +45,16 @@ class SurveyProblem:
         self.third = ThirdCoordinate.of(survey)
         self.line_index = np.flatnonzero(line_used)
         self.known = tuple(t for t in survey.known if ALL_KINDS[t.kind].is_observation(survey, t))
-        self.intrinsic_basis = covariance_root(survey.calibration.covariance)
-        self.tapes = tapes_of(survey, self.line_index)
+        self.intrinsic_basis = compute_covariance_root(survey.calibration.covariance)
+        self.tapes = list_tapes(survey, self.line_index)
         point_size = 3 if self.third.is_unknown or survey.ties.points else 2
         intrinsics = self.intrinsic_basis.shape[1]
-        self.layout: Layout = layout_of(survey, point_size, intrinsics, len(self.tapes))
+        self.layout: Layout = make_layout(survey, point_size, intrinsics, len(self.tapes))
         telemetry = survey.telemetry
         if telemetry is not None:
             self.telemetry_whitening = np.linalg.inv(np.linalg.cholesky(telemetry.covariance))
-            self.telemetry_mean, self.telemetry_sigma = telemetry_prior(telemetry)
-        self.observations = observations_of(self)
+            self.telemetry_mean, self.telemetry_sigma = compute_telemetry_prior(telemetry)
+        self.observations = list_observations(self)
 
     @property
     def pivot_m(self) -> Floats:
@@ -143,21 +143,21 @@ class SurveyProblem:
     @cached_property
     def known_thing(self) -> Ints:
         """(R,) index of the known thing of each row of their group, among those that take part."""
-        return things_of_rows(self.survey, self.known)
+        return find_things_of_rows(self.survey, self.known)
 
-    def readings(self, state: State, taped: Taped) -> tuple[Floats, Floats, Ints]:
+    def readings(self, state: State, taped: TapedLengths) -> tuple[Floats, Floats, Ints]:
         """Predict tape readings (n,), with gradients (n, k) and the unknowns' columns (n, k).
 
         A tape that takes no part in the adjustment is assumed to be correct.
         """
         return *self.read(state, taped), self.columns_of_readings(taped)
 
-    def read(self, state: State, taped: Taped) -> tuple[Floats, Floats]:
+    def read(self, state: State, taped: TapedLengths) -> tuple[Floats, Floats]:
         """Predict tape readings (n,), with gradients (n, k)."""
         length, jacobian = self._between(state, taped.start, taped.end, taped.level)
         if not self.tapes:
             return length, jacobian
-        row = tape_rows(self.tapes, taped.tape)
+        row = find_tape_rows(self.tapes, taped.tape)
         there = row >= 0
         # reading = length / (1 + scale); its derivative by the scale is -length / (1 + scale)^2.
         ratio = 1.0 / (1.0 + np.where(there, state.tape[..., row], 0.0))
@@ -165,12 +165,12 @@ class SurveyProblem:
         gradient = np.concatenate([jacobian * ratio[..., None], by_scale[..., None]], axis=-1)
         return length * ratio, gradient
 
-    def columns_of_readings(self, taped: Taped) -> Ints:
+    def columns_of_readings(self, taped: TapedLengths) -> Ints:
         """Return the (n, k) unknowns of tape readings."""
         columns = self._end_columns(taped.start, taped.end)
         if not self.tapes:
             return columns
-        row = np.maximum(tape_rows(self.tapes, taped.tape), 0)
+        row = np.maximum(find_tape_rows(self.tapes, taped.tape), 0)
         return np.concatenate([columns, (self.layout.first_tape + row)[:, None]], axis=1)
 
     def lengths_between(
@@ -213,7 +213,7 @@ class SurveyProblem:
         return np.concatenate([*points, self.plane_columns(start), self.plane_columns(end)], axis=1)
 
 
-def covariance_root(covariance: Floats) -> Floats:
+def compute_covariance_root(covariance: Floats) -> Floats:
     """Compute a (P, r) matrix L with L L^T = covariance; r leaves out exactly known parameters.
 
     The eigenvalues are those of the correlation matrix, so that pixels and distortion coefficients

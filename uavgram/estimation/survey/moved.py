@@ -4,8 +4,8 @@
 Newton"), which cost an evaluation and a back substitution each. Where they do not converge fast,
 because the normal matrix has changed too much, the full iteration continues from there.
 
-`moved` takes such steps for many movements at once. Near by the likelihood is evaluated at every
-step; observations farther away keep the linear model. With x = x0 + s + d, where s is the
+`readjust_moved` takes such steps for many movements at once. Near by the likelihood is evaluated at
+every step; observations farther away keep the linear model. With x = x0 + s + d, where s is the
 first-order effect of the movement,
 
     d = - N^-1 sum over rows near by of  J(x)^T (r(x) - e) - J0^T (r0 + J0 d).
@@ -23,27 +23,31 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from uavgram.estimation.solver.levenberg_marquardt import AT_REST, CONVERGED, minimise
+from uavgram.estimation.solver.levenberg_marquardt import (
+    MAX_UNDAMPED_REDUCTION,
+    MIN_REDUCTION,
+    minimise,
+)
 from uavgram.estimation.solver.normal_equations import (
     Block,
     Factor,
     SingularError,
-    gathered,
-    gradient_of,
+    compute_gradient,
+    sum_by_unknown,
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.neighbours import Neighbourhood
-from uavgram.estimation.survey.unknowns import State, advance, some
+from uavgram.estimation.survey.unknowns import State, advance_state, select_states
 from uavgram.model.arrays import Bools, Floats, Ints
 
-FAST = 0.5
+MAX_STEP_RATIO = 0.5
 """Ratio of the squared lengths of successive steps above which a new normal matrix is cheaper."""
 
 
 def refit(
     adjustment: Adjustment,
     errors: Mapping[str, Floats],
-    at_rest: float = CONVERGED,
+    at_rest: float = MIN_REDUCTION,
 ) -> State | None:
     """Estimate the state that fits observations with errors; None if there is none.
 
@@ -62,21 +66,21 @@ def refit(
     before = state
     blocks: Mapping[str, Block] | None = adjustment.minimum.blocks
     while blocks is not None:
-        moved = with_errors(blocks, errors)
-        gradient = gradient_of(moved.values(), layout.size)
+        moved = add_errors(blocks, errors)
+        gradient = compute_gradient(moved.values(), layout.size)
         step = -factor.solve(gradient)
         # Squared length of the step in sigmas: step^T N step.
         length = float(-gradient @ step)
-        if length > FAST * previous:
-            return _in_full(adjustment, state, errors, at_rest, moved)
-        before, state, previous = state, advance(layout, state, step), length
+        if length > MAX_STEP_RATIO * previous:
+            return _refit_all(adjustment, state, errors, at_rest, moved)
+        before, state, previous = state, advance_state(layout, state, step), length
         if length < at_rest:
             return state
         blocks = adjustment.problem.evaluate(state)
-    return _in_full(adjustment, before, errors, at_rest)
+    return _refit_all(adjustment, before, errors, at_rest)
 
 
-def with_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> dict[str, Block]:
+def add_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> dict[str, Block]:
     """Return the blocks of observations with these errors added."""
     return {
         name: Block(block.residual - errors[name], block.columns, block.jacobian)
@@ -86,7 +90,7 @@ def with_errors(blocks: Mapping[str, Block], errors: Mapping[str, Floats]) -> di
     }
 
 
-def _in_full(
+def _refit_all(
     adjustment: Adjustment,
     start: State,
     errors: Mapping[str, Floats],
@@ -97,16 +101,16 @@ def _in_full(
 
     def evaluate(state: State) -> dict[str, Block] | None:
         blocks = problem.evaluate(state)
-        return None if blocks is None else with_errors(blocks, errors)
+        return None if blocks is None else add_errors(blocks, errors)
 
     try:
         minimum = minimise(
             start,
             evaluate,
-            lambda state, step: advance(layout, state, step),
+            lambda state, step: advance_state(layout, state, step),
             layout.size,
             layout.structure,
-            at_rest=min(at_rest, 0.1 * AT_REST),
+            at_rest=min(at_rest, 0.1 * MAX_UNDAMPED_REDUCTION),
             first=first,
         )
     except SingularError:
@@ -114,47 +118,47 @@ def _in_full(
     return minimum.state if minimum.converged else None
 
 
-STRAIGHT = 0.005
+MAX_NONLINEARITY_AT_END = 0.005
 """Largest squared departure of the observations from the linear model, in sigmas, with which the
 first step is the last: further steps would change the requested functions by about as many of their
 sigmas."""
 
-UNFELT = 0.005
+MAX_LAST_CHANGE = 0.005
 """Largest change of a requested function by the last step, in its sigmas."""
 
-NEAR = 0.01
+MAX_LAST_STEP = 0.01
 """Largest squared length of the last step, in sigmas."""
 
-MOVED_AT_REST = 1e-3
+MAX_LAST_STEP_OF_ALL = 1e-3
 """Squared length, in sigmas, of the last step when the whole survey is adjusted anew."""
 
-CROOKED = 2.0
+MAX_NONLINEARITY = 2.0
 """Squared departure from the linear model, in sigmas, from which such steps do not converge: the
 whole survey is adjusted instead."""
 
-LOST = 100.0
-"""Limit like `CROOKED` after the first step: a step may diverge once, and return by mixing with
-others."""
+MAX_NONLINEARITY_LATER = 100.0
+"""Limit like `MAX_NONLINEARITY` after the first step: a step may diverge once, and return by mixing
+with others."""
 
-MOST = 20
+MAX_STEPS = 20
 """Largest number of steps."""
 
-HISTORY = 6
+HISTORY_SIZE = 6
 """Number of steps that are mixed."""
 
-REPEATED = 1e-10
+DIAGONAL_SHARE = 1e-10
 """Share of the step lengths that is added to the diagonal, so that steps that repeat each other
 count as different."""
 
-TINY = 1e-300
+ZERO_STEP = 1e-300
 """Squared length of a zero step."""
 
-ENTRIES = 250_000
+MAX_ENTRIES = 250_000
 """Numbers in the derivatives of all states that are evaluated together: 2 MB, which caches hold."""
 
 
 @dataclass(frozen=True, eq=False)
-class Moved:
+class Readjustments:
     """Results of m adjustments of moved observations.
 
     Attributes
@@ -171,7 +175,7 @@ class Moved:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class Functionals:
     """Requested functions of the unknowns near by.
 
     Attributes
@@ -189,7 +193,9 @@ class Asked:
     of: Bools
 
 
-def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> Moved:
+def readjust_moved(
+    near: Neighbourhood, factor: Factor, steps: Floats, asked: Functionals
+) -> Readjustments:
     """Adjust observations that moved by the equivalent of `steps`.
 
     Parameters
@@ -205,37 +211,41 @@ def moved(near: Neighbourhood, factor: Factor, steps: Floats, asked: Asked) -> M
     """
     count, base = len(steps), near.problem.evaluate(near.state)
     assert base is not None  # noqa: S101  (the adjustment stands there)
-    plane = _Plane.of(base, steps.shape[1])
+    plane = _LinearModel.of(base, steps.shape[1])
     found: list[State | None] = [None] * count
     rest = np.full((count, len(asked.gradient)), np.nan)
-    left, way = np.arange(count), _Way.from_here(steps.shape)
-    for taken in range(MOST):
-        states = advance(near.problem.layout, near.state, steps[left] + way.beyond)
-        gradient, bent = _unexplained(near, plane, states, steps[left], way.beyond)
+    left, way = np.arange(count), _Iteration.from_here(steps.shape)
+    for taken in range(MAX_STEPS):
+        states = advance_state(near.problem.layout, near.state, steps[left] + way.beyond)
+        gradient, bent = _compute_departures(near, plane, states, steps[left], way.beyond)
         # Effect of the next step on the requested functions: g^T (-N^-1 gradient - beyond).
         ahead = -gradient @ asked.solved.T - way.beyond @ asked.gradient.T
         # Nearly linear movements end at once; very nonlinear or impossible ones do not converge.
-        is_last = (bent < STRAIGHT) & (taken == 0)
-        further = np.flatnonzero(~is_last & (bent < (LOST if taken else CROOKED)))
+        is_last = (bent < MAX_NONLINEARITY_AT_END) & (taken == 0)
+        further = np.flatnonzero(
+            ~is_last & (bent < (MAX_NONLINEARITY_LATER if taken else MAX_NONLINEARITY))
+        )
         drive = gradient[further] + way.force[further]
         # step = -N^-1 drive
         right = np.zeros((factor.size, len(further)))
         right[near.columns] = -drive.T
         step = factor.solve(right)[near.columns].T
         felt = np.abs(np.where(asked.of[left[further]], ahead[further], 0.0)).max(axis=1)
-        rests = (felt < UNFELT) & (-(drive * step).sum(axis=1) < NEAR) & (taken > 0)
+        rests = (
+            (felt < MAX_LAST_CHANGE) & (-(drive * step).sum(axis=1) < MAX_LAST_STEP) & (taken > 0)
+        )
         is_last[further[rests]] = True
         for row in np.flatnonzero(is_last).tolist():
-            found[left[row]] = some(states, row)
+            found[left[row]] = select_states(states, row)
         rest[left[is_last]] = ahead[is_last]
         if rests.all():
             break
         way = way.further(further[~rests], drive[~rests], step[~rests])
         left = left[further[~rests]]
-    return Moved(found, rest)
+    return Readjustments(found, rest)
 
 
-class _Way(NamedTuple):
+class _Iteration(NamedTuple):
     """Current positions of m iterations, and their last steps.
 
     Attributes
@@ -254,11 +264,11 @@ class _Way(NamedTuple):
     past: tuple[tuple[Floats, ...], ...]
 
     @classmethod
-    def from_here(cls, shape: tuple[int, ...]) -> _Way:
+    def from_here(cls, shape: tuple[int, ...]) -> _Iteration:
         """Start with the first step alone."""
         return cls(np.zeros(shape), np.zeros(shape), ())
 
-    def further(self, rows: Ints, drive: Floats, step: Floats) -> _Way:
+    def further(self, rows: Ints, drive: Floats, step: Floats) -> _Iteration:
         """Compute the next positions of some iterations from steps (r, n) and gradients (r, n).
 
         The next position is the mixture of the last steps' ends whose remaining step would be
@@ -267,27 +277,29 @@ class _Way(NamedTuple):
         has changed.
         """
         before = (tuple(one[rows] for one in each) for each in self.past)
-        past = (*before, (self.beyond[rows], self.force[rows], drive, step))[-HISTORY:]
+        past = (*before, (self.beyond[rows], self.force[rows], drive, step))[-HISTORY_SIZE:]
         beyond, force = self.beyond[rows] + step, self.force[rows] - drive
         if len(past) > 1:
             by = [np.diff(np.stack(each, axis=1), axis=1) for each in zip(*past, strict=True)]
             by_beyond, by_force, by_drive, by_step = by
             # Inner products s^T N s' of steps s = -N^-1 g: -g^T s'
             joint = -by_step @ np.swapaxes(by_drive, 1, 2)
-            part = _solved(0.5 * (joint + np.swapaxes(joint, 1, 2)), -by_drive @ step[..., None])
+            part = _solve_small(
+                0.5 * (joint + np.swapaxes(joint, 1, 2)), -by_drive @ step[..., None]
+            )
             beyond = beyond - (part * (by_beyond + by_step)).sum(axis=1)
             force = force - (part * (by_force - by_drive)).sum(axis=1)
-        return _Way(beyond, force, past)
+        return _Iteration(beyond, force, past)
 
 
-def _solved(joint: Floats, right: Floats) -> Floats:
+def _solve_small(joint: Floats, right: Floats) -> Floats:
     """Solve small systems (m, h, h) for (m, h, 1), also where steps repeat each other."""
-    scale = 1.0 / np.sqrt(np.maximum(np.einsum("mii->mi", joint), TINY))[..., None]
-    scaled = joint * scale * np.swapaxes(scale, 1, 2) + REPEATED * np.eye(joint.shape[1])
+    scale = 1.0 / np.sqrt(np.maximum(np.einsum("mii->mi", joint), ZERO_STEP))[..., None]
+    scaled = joint * scale * np.swapaxes(scale, 1, 2) + DIAGONAL_SHARE * np.eye(joint.shape[1])
     return np.asarray(np.linalg.solve(scaled, right * scale) * scale)
 
 
-class _Plane(NamedTuple):
+class _LinearModel(NamedTuple):
     """Linear model of all rows near by, group by group.
 
     Attributes
@@ -305,7 +317,7 @@ class _Plane(NamedTuple):
     observed: Floats
 
     @classmethod
-    def of(cls, blocks: Mapping[str, Block], size: int) -> _Plane:
+    def of(cls, blocks: Mapping[str, Block], size: int) -> _LinearModel:
         """Return the linear model of an adjustment's blocks."""
         observed = [np.full(b.residual.size, float(name != "gauge")) for name, b in blocks.items()]
         return cls(
@@ -319,8 +331,8 @@ class _Plane(NamedTuple):
         return np.asarray((self.jacobian @ steps.T).T)
 
 
-def _unexplained(
-    near: Neighbourhood, plane: _Plane, states: State, steps: Floats, beyond: Floats
+def _compute_departures(
+    near: Neighbourhood, plane: _LinearModel, states: State, steps: Floats, beyond: Floats
 ) -> tuple[Floats, Floats]:
     """Compute the departures of m states from the linear model: gradients (m, n) and sizes (m,).
 
@@ -329,20 +341,22 @@ def _unexplained(
     """
     count = len(steps)
     gradient, bent = np.full(steps.shape, np.nan), np.full(count, np.nan)
-    at_once = max(1, ENTRIES // plane.jacobian.nnz)
+    at_once = max(1, MAX_ENTRIES // plane.jacobian.nnz)
     waiting = [np.arange(first, min(first + at_once, count)) for first in range(0, count, at_once)]
     while waiting:
         rows = waiting.pop()
-        there = near.problem.evaluate(some(states, rows))
+        there = near.problem.evaluate(select_states(states, rows))
         if there is not None:
-            gradient[rows], bent[rows] = _off_linear(plane, there, steps[rows], beyond[rows])
+            gradient[rows], bent[rows] = _departure_gradients(
+                plane, there, steps[rows], beyond[rows]
+            )
         elif len(rows) > 1:  # bisect to isolate the impossible state
             waiting += [rows[: len(rows) // 2], rows[len(rows) // 2 :]]
     return gradient, bent
 
 
-def _off_linear(
-    plane: _Plane, there: Mapping[str, Block], steps: Floats, beyond: Floats
+def _departure_gradients(
+    plane: _LinearModel, there: Mapping[str, Block], steps: Floats, beyond: Floats
 ) -> tuple[Floats, Floats]:
     """Compute gradients (m, n) of departures from the linear model, and squared lengths (m,)."""
     count, size = steps.shape
@@ -355,17 +369,17 @@ def _off_linear(
     for block in there.values():
         n, r = block.residual.shape[1:]
         own = found[:, first : first + n * r].reshape(count, n, r)
-        gradient += gathered(block.columns, block.pulled(own), size)
+        gradient += sum_by_unknown(block.columns, block.pulled(own), size)
         first += n * r
     off = found - expected
     return gradient, np.einsum("mr,mr->m", off, off)
 
 
-def moved_alone(adjustment: Adjustment, step: Floats) -> State | None:
+def readjust_moved_fully(adjustment: Adjustment, step: Floats) -> State | None:
     """Adjust the whole survey to observations moved by the equivalent of a step (size,)."""
     errors = {
         name: np.einsum("nrk,nk->nr", block.jacobian, step[block.columns])
         for name, block in adjustment.minimum.blocks.items()
         if name != "gauge"
     }
-    return refit(adjustment, errors, MOVED_AT_REST)
+    return refit(adjustment, errors, MAX_LAST_STEP_OF_ALL)

@@ -14,14 +14,14 @@ from uavgram.estimation.survey.observations.observation import (
 from uavgram.estimation.survey.observations.pixels import Pixels
 from uavgram.model.naming import listed
 
-COUNTS = ("none", "one", "both", "all three", "all four", "all five", "all six")
+COUNT_WORDS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
-MOST_RIVALS = 4
+MAX_RIVALS = 4
 """Largest number of other possible blunders that are named."""
 
 
 @dataclass(frozen=True, eq=False)
-class Names:
+class ObservationNames:
     """Names of the observations of an adjusted survey.
 
     Attributes
@@ -56,7 +56,7 @@ class Names:
         """List all possible causes: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
         parts: list[str] = []
         by_frame: dict[str, list[str]] = {}
-        for member in (suspicion.accused, *suspicion.group):
+        for member in (suspicion.suspect, *suspicion.group):
             observation = self.of(member)
             if isinstance(observation, Pixels):
                 frame, label = observation.place(member.row)
@@ -68,19 +68,19 @@ class Names:
             parts.append(f"{picks} of {listed(labels, None)} in {frame!r}")
         return " or the ".join(parts)
 
-    def look(self, suspicion: Suspicion) -> str:
+    def advice(self, suspicion: Suspicion) -> str:
         """Return ``no test separates them: look at all three``; empty for a single observation."""
         count = 1 + len(suspicion.group)
         if count == 1:
             return ""
-        words = COUNTS[count] if count < len(COUNTS) else f"all {count}"
+        words = COUNT_WORDS[count] if count < len(COUNT_WORDS) else f"all {count}"
         return f"no test separates them: look at {words}"
 
     def rivals(self, suspicion: Suspicion) -> str:
         """List the other possible causes as a sentence; empty if the outlier is located."""
         if not suspicion.rivals:
             return ""
-        named = [self.cause(m) for m in suspicion.rivals[:MOST_RIVALS]]
+        named = [self.cause(m) for m in suspicion.rivals[:MAX_RIVALS]]
         more = len(suspicion.rivals) - len(named)
         others = f" or one of {more} others" if more else ""
         return (

@@ -27,15 +27,15 @@ from uavgram.model.arrays import Bools, Floats, Ints, rows_of
 from uavgram.model.survey.survey import Survey
 from uavgram.model.survey.ties import Sightings
 
-NEIGHBOURS = 5
+NEIGHBOUR_COUNT = 5
 """Neighbours of a point: an odd number, so that the median is one of them; two badly determined
 neighbours do not change it."""
 
-MOST_SOLVED = 2_000
+MAX_SOLVED = 2_000
 """Largest number of distances that are each solved for where the inverse is not available as a
 whole; beyond it their variances are taken from draws of all unknowns."""
 
-DRAWS = 128
+DRAW_COUNT = 128
 """Number of draws: the standard deviation of a sigma from so many is 6 %: 1 / sqrt(2 n)."""
 
 _AT_ONCE, _SEED = 32, 20
@@ -64,7 +64,7 @@ class Neighbours:
         return np.asarray(np.median(self.distance_sigma_m, axis=1))
 
 
-def neighbours(adjustment: Adjustment) -> Neighbours:
+def find_neighbours(adjustment: Adjustment) -> Neighbours:
     """Find the nearest points of every point, and the sigmas of the distances to them.
 
     Parameters
@@ -81,7 +81,7 @@ def neighbours(adjustment: Adjustment) -> Neighbours:
     """
     count = adjustment.problem.layout.points
     place, gradient, columns = adjustment.points_with_jacobian(np.arange(count))
-    row = _nearest(place)
+    row = _find_nearest(place)
     if not row.size:
         return Neighbours(row, np.zeros(row.shape))
     here = np.repeat(np.arange(count), row.shape[1])
@@ -105,10 +105,10 @@ def neighbours(adjustment: Adjustment) -> Neighbours:
     return Neighbours(row, np.sqrt(variance)[which.ravel()].reshape(row.shape))
 
 
-def _nearest(place_m: Floats) -> Ints:
+def _find_nearest(place_m: Floats) -> Ints:
     """Return the (K, k) nearest others of places (K, 3)."""
     count = len(place_m)
-    wanted = min(NEIGHBOURS, count - 1)
+    wanted = min(NEIGHBOUR_COUNT, count - 1)
     if wanted < 1:
         return np.zeros((count, 0), dtype=np.int64)
     found = np.asarray(cKDTree(place_m).query(place_m, wanted + 1)[1], dtype=np.int64)
@@ -124,13 +124,15 @@ def _variances(adjustment: Adjustment, columns: Ints, by: Floats) -> Floats:
     if not factor.sparse:
         joint = adjustment.covariance.blocks(columns)
         return np.asarray(np.einsum("ni,nij,nj->n", by, joint, by))
-    if len(columns) <= MOST_SOLVED:
+    if len(columns) <= MAX_SOLVED:
         return factor.variances(columns, by)
-    return drawn_variances(factor, adjustment.minimum.blocks.values(), columns, by)
+    return estimate_variances(factor, adjustment.minimum.blocks.values(), columns, by)
 
 
-def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: Floats) -> Floats:
-    """Estimate variances (n,) of linear functions from `DRAWS` draws of all unknowns.
+def estimate_variances(
+    factor: Factor, blocks: Iterable[Block], columns: Ints, by: Floats
+) -> Floats:
+    """Estimate variances (n,) of linear functions from `DRAW_COUNT` draws of all unknowns.
 
     Parameters
     ----------
@@ -143,7 +145,7 @@ def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: 
     rng = np.random.default_rng(_SEED)
     rows = [block.sparse(factor.size) for block in blocks]
     total = np.zeros(len(columns))
-    for _ in range(DRAWS // _AT_ONCE):
+    for _ in range(DRAW_COUNT // _AT_ONCE):
         right = np.zeros((factor.size, _AT_ONCE))
         for jacobian in rows:
             right += jacobian.T @ rng.standard_normal((jacobian.shape[0], _AT_ONCE))
@@ -153,17 +155,17 @@ def drawn_variances(factor: Factor, blocks: Iterable[Block], columns: Ints, by: 
         for k in range(by.shape[1]):  # one at a time, to save memory
             value += by[:, [k]] * drawn[columns[:, k]]
         total += np.sum(value**2, axis=1)
-    return total / DRAWS
+    return total / DRAW_COUNT
 
 
-RINGS = 2
+RING_COUNT = 2
 """Rings of photos: those that show the points, and those that share points with them."""
 
-FEW = 40
+MAX_PHOTOS_FOR_WHOLE = 40
 """Number of photos up to which a survey is its own neighbourhood: a part of it would cost as
 much."""
 
-MOST = 0.5
+MAX_PART_SHARE = 0.5
 """Share of the photos above which a part is not worth its cost."""
 
 
@@ -186,7 +188,7 @@ class Neighbourhood:
     state: State
 
 
-def neighbourhood(adjustment: Adjustment, label: Ints) -> Neighbourhood:
+def find_neighbourhood(adjustment: Adjustment, label: Ints) -> Neighbourhood:
     """Return the surroundings of some points: all of a small survey.
 
     A survey without a world of its own is small, and fixed by its first photo.
@@ -198,15 +200,19 @@ def neighbourhood(adjustment: Adjustment, label: Ints) -> Neighbourhood:
     if is_small(survey):
         return whole
     near = _frames_around(survey, label)
-    if np.count_nonzero(near) > MOST * frames:
+    if np.count_nonzero(near) > MAX_PART_SHARE * frames:
         return whole
-    seen = replace(survey, matches=_within(survey.matches, near), ties=_within(survey.ties, near))
+    seen = replace(
+        survey,
+        matches=_find_sightings(survey.matches, near),
+        ties=_find_sightings(survey.ties, near),
+    )
     return _part(adjustment, select_picks(seen, near[survey.pick_frame]))
 
 
 def is_small(survey: Survey) -> bool:
     """Return whether the whole survey is the neighbourhood of any of its points."""
-    return len(survey.frame_id) <= FEW or survey.gauge == "plane"
+    return len(survey.frame_id) <= MAX_PHOTOS_FOR_WHOLE or survey.gauge == "plane"
 
 
 def _frames_around(survey: Survey, label: Ints) -> Bools:
@@ -219,13 +225,13 @@ def _frames_around(survey: Survey, label: Ints) -> Bools:
     asked = np.zeros(labels + ties.points, dtype=np.bool_)
     asked[label] = True
     near = np.zeros(len(survey.frame_id), dtype=np.bool_)
-    for _ in range(RINGS):
+    for _ in range(RING_COUNT):
         near[frame[asked[point]]] = True
         asked[point[near[frame]]] = True
     return near
 
 
-def _within(sightings: Sightings, near: Bools) -> Sightings:
+def _find_sightings(sightings: Sightings, near: Bools) -> Sightings:
     """Keep the sightings in photos near by; the indices of the points do not change."""
     return replace(sightings, **rows_of(sightings, np.flatnonzero(near[sightings.frame]), "n"))
 
@@ -265,7 +271,7 @@ def _part(adjustment: Adjustment, part: Selection) -> Neighbourhood:
     )
 
 
-def groups(place_m: Floats, most: int) -> list[Ints]:
+def split_into_groups(place_m: Floats, most: int) -> list[Ints]:
     """Split places (n, 2) into groups of up to `most` rows by halving along the longer axis."""
     waiting, found = [np.arange(len(place_m))], []
     while waiting:

@@ -79,7 +79,7 @@ class Observations:
 
 
 @dataclass(frozen=True, eq=False)
-class Truth:
+class SimulatedTruth:
     """Adjusted survey that is taken for the truth, with random numbers for errors about it."""
 
     problem: SurveyProblem

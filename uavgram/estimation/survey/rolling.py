@@ -12,19 +12,19 @@ from uavgram.model.camera.tags import UNKNOWN_READOUT, Readout
 from uavgram.model.flight.log import Track
 from uavgram.model.survey.survey import RollingShutter, Survey
 
-FELT_PX = 0.05
+MIN_SHIFT_PX = 0.05
 """Smallest shift of rows at the edge of any photo for which the readout time is kept [px]: a tenth
 of a good pick's noise."""
 
-NONE = Readout(value_s=0.0, sigma_s=0.0)
+GLOBAL_SHUTTER = Readout(value_s=0.0, sigma_s=0.0)
 """Readout of all rows at once."""
 
-LEAST_SIGMA_S = 1e-6
+MIN_SIGMA_S = 1e-6
 """Smallest sigma of a readout time that is stated as exact [s]: an unknown needs a sigma, and no
 camera is as steady."""
 
 
-def with_readout(survey: Survey, shared: Floats) -> Survey:
+def add_readout(survey: Survey, shared: Floats) -> Survey:
     """Return the survey with the data for the readout time, or without them where it has no effect.
 
     The readout time is left out if the photos come without a track, if the camera is known to take
@@ -39,19 +39,19 @@ def with_readout(survey: Survey, shared: Floats) -> Survey:
     """
     readout = survey.calibration.readout or UNKNOWN_READOUT
     telemetry, track = survey.telemetry, survey.track
-    if telemetry is None or not isinstance(track, Track) or readout == NONE:
+    if telemetry is None or not isinstance(track, Track) or readout == GLOBAL_SHUTTER:
         return replace(survey, rolling=None)
     motion = np.zeros((len(survey.frame_id), 6))
     names = [survey.frame_id[k] for k in telemetry.frame_index]
     motion[telemetry.frame_index] = camera_motion(track, telemetry, names, shared)
     longest_s = abs(readout.value_s) + readout.sigma_s
-    if edge_shift_px(survey, longest_s * motion) < FELT_PX:
+    if estimate_edge_shift_px(survey, longest_s * motion) < MIN_SHIFT_PX:
         return replace(survey, rolling=None)
-    known = replace(readout, sigma_s=max(readout.sigma_s, LEAST_SIGMA_S))
+    known = replace(readout, sigma_s=max(readout.sigma_s, MIN_SIGMA_S))
     return replace(survey, rolling=RollingShutter(readout=known, motion=motion))
 
 
-def edge_shift_px(survey: Survey, sweep: Floats) -> float:
+def estimate_edge_shift_px(survey: Survey, sweep: Floats) -> float:
     """Estimate the largest shift of pixels at the upper and lower edge by sweeps (F, 6) [px]."""
     if survey.seeds is None or not len(sweep):
         return 0.0

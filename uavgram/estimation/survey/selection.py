@@ -41,7 +41,7 @@ class Selection:
 def select_picks(survey: Survey, keep: Bools) -> Selection:
     """Keep the picks in `keep` (P,), and everything that depends only on these."""
     picks = np.flatnonzero(keep)
-    frames = np.union1d(survey.pick_frame[picks], _tied_only(survey))
+    frames = np.union1d(survey.pick_frame[picks], _find_tied_frames(survey))
     labels, pick_label = np.unique(survey.pick_label[picks], return_inverse=True)
     new_label = np.full(len(survey.label), -1)
     new_label[labels] = np.arange(len(labels))
@@ -52,15 +52,15 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     start, end = new_label[survey.line_start], new_label[survey.line_end]
     lines = np.flatnonzero((start >= 0) & (end >= 0))
     control = np.flatnonzero(new_label[survey.control_label] >= 0)
-    matches, chains = _some_sightings(survey.matches, new_frame, new_pick)
+    matches, chains = _select_sightings(survey.matches, new_frame, new_pick)
     beside = survey.ties.constraints.of_labels(new_label)
-    ties, tied = _some_sightings(replace(survey.ties, constraints=beside), new_frame, new_pick)
+    ties, tied = _select_sightings(replace(survey.ties, constraints=beside), new_frame, new_pick)
     reduced = replace(
         survey,
         frame_id=tuple(survey.frame_id[i] for i in frames),
         **rows_of(survey, frames, "f"),
         seeds=None if survey.seeds is None else survey.seeds.take(frames),
-        telemetry=_some_telemetry(survey, new_frame),
+        telemetry=_select_telemetry(survey, new_frame),
         rolling=survey.rolling and replace(survey.rolling, **rows_of(survey.rolling, frames, "f")),
         **rows_of(survey, labels, "k"),
         **rows_of(survey, picks, "p")
@@ -68,7 +68,7 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
         target_pick=new_pick[survey.target_pick][new_pick[survey.target_pick] >= 0],
         matches=matches,
         ties=ties,
-        **_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
+        **_select_some_lines(survey, lines) | {"line_start": start[lines], "line_end": end[lines]},
         known=tuple(one for old in survey.known if (one := old.relabelled(new_label)) is not None),
         **rows_of(survey, control, "c")
         | {"control_label": new_label[survey.control_label[control]]},
@@ -76,13 +76,13 @@ def select_picks(survey: Survey, keep: Bools) -> Selection:
     return Selection(reduced, picks, lines, frames, labels, chains, tied)
 
 
-def _tied_only(survey: Survey) -> Ints:
+def _find_tied_frames(survey: Survey) -> Ints:
     """Return the frames with sightings of tie points but without any pick."""
     tied = np.union1d(survey.matches.frame, survey.ties.frame)
     return np.setdiff1d(tied, survey.pick_frame)
 
 
-def _some_sightings(
+def _select_sightings(
     sightings: Sightings, new_frame: Ints, new_pick: Ints
 ) -> tuple[Sightings, Ints]:
     """Keep sightings in kept frames, of chains whose pick is kept, with new indices (-1: left out).
@@ -100,7 +100,7 @@ def _some_sightings(
 
 def select_lines(survey: Survey, keep: Bools) -> Survey:
     """Keep the known lengths in `keep` (L,), and everything else."""
-    return replace(survey, **_some_lines(survey, np.flatnonzero(keep)))
+    return replace(survey, **_select_some_lines(survey, np.flatnonzero(keep)))
 
 
 def select_control(survey: Survey, keep: Bools) -> Survey:
@@ -108,12 +108,12 @@ def select_control(survey: Survey, keep: Bools) -> Survey:
     return replace(survey, **rows_of(survey, np.flatnonzero(keep), "c"))
 
 
-def without_known(survey: Survey, left_out: Collection[int]) -> Survey:
+def remove_known(survey: Survey, left_out: Collection[int]) -> Survey:
     """Leave out known things, by their number among the project's."""
     return replace(survey, known=tuple(one for one in survey.known if one.index not in left_out))
 
 
-def without_ties_of(survey: Survey, frames: Collection[str]) -> Survey:
+def remove_ties(survey: Survey, frames: Collection[str]) -> Survey:
     """Leave out the matches and tie points in some frames, by name."""
     out = np.isin(survey.frame_id, list(frames))
     matches, _ = survey.matches.without(out[survey.matches.frame])
@@ -121,13 +121,13 @@ def without_ties_of(survey: Survey, frames: Collection[str]) -> Survey:
     return replace(survey, matches=matches, ties=ties)
 
 
-def _some_lines(survey: Survey, lines: Ints) -> dict[str, Any]:
+def _select_some_lines(survey: Survey, lines: Ints) -> dict[str, Any]:
     texts = {name: getattr(survey, name) for name in ("line_name", "line_tape", "line_along")}
     some = {name: tuple(all_[i] for i in lines) if all_ else () for name, all_ in texts.items()}
     return rows_of(survey, lines, "l") | some
 
 
-def _some_telemetry(survey: Survey, new_frame: Ints) -> TelemetryPrior | None:
+def _select_telemetry(survey: Survey, new_frame: Ints) -> TelemetryPrior | None:
     telemetry = survey.telemetry
     if telemetry is None:
         return None

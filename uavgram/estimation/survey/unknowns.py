@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from uavgram.estimation.solver.sparse.structure import Structure
-from uavgram.estimation.survey.ground_planes import PLANE_SIZE, fixed_planes, relief_size
+from uavgram.estimation.survey.ground_planes import PLANE_SIZE, count_fixed_planes, count_relief
 from uavgram.geometry.motion.rotation import exp_so3, log_so3
 from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
@@ -178,7 +178,7 @@ class Layout:
             return "the interior orientation"
         if index < self.first_relief:
             place = (index - self.first_plane) // PLANE_SIZE
-            return f"the plane of area {survey.grounds[place + fixed_planes(survey)].name!r}"
+            return f"the plane of area {survey.grounds[place + count_fixed_planes(survey)].name!r}"
         shared = (
             (self.first_telemetry, "the relief of the ground"),
             (self.first_tape, "the telemetry's biases"),
@@ -240,23 +240,23 @@ class State:
                 object.__setattr__(self, name, none)
 
 
-def unstacked(states: State) -> Iterator[State]:
-    """Yield each of the states whose arrays have one leading axis, as `move` returns them."""
+def unstack(states: State) -> Iterator[State]:
+    """Yield each of the states whose arrays have one leading axis, as by `apply_increment`."""
     arrays = [getattr(states, field.name) for field in fields(states)]
     return (State(*each) for each in zip(*arrays, strict=True))
 
 
-def some(states: State, rows: Ints | int | slice) -> State:
+def select_states(states: State, rows: Ints | int | slice) -> State:
     """Return the stacked states at `rows`, stacked as well; for a single row, that state."""
     return State(*(getattr(states, field.name)[rows] for field in fields(states)))
 
 
-def stacked(states: Sequence[State]) -> State:
+def stack(states: Sequence[State]) -> State:
     """Stack states into one, whose arrays have a leading axis."""
     return State(*(np.stack([getattr(s, f.name) for s in states]) for f in fields(State)))
 
 
-def layout_of(survey: Survey, point_size: int, intrinsics: int, tapes: int) -> Layout:
+def make_layout(survey: Survey, point_size: int, intrinsics: int, tapes: int) -> Layout:
     """Return the layout of the unknowns of a survey.
 
     Parameters
@@ -275,8 +275,8 @@ def layout_of(survey: Survey, point_size: int, intrinsics: int, tapes: int) -> L
         point_size=point_size,
         frames=len(survey.frame_id),
         intrinsics=intrinsics,
-        plane=PLANE_SIZE * (len(survey.grounds) - fixed_planes(survey)),
-        relief=relief_size(survey),
+        plane=PLANE_SIZE * (len(survey.grounds) - count_fixed_planes(survey)),
+        relief=count_relief(survey),
         telemetry=SHARED_SIZE if survey.telemetry is not None else 0,
         tape=tapes,
         free_gauge=survey.gauge == "plane",
@@ -296,7 +296,7 @@ def is_turning_unknown(survey: Survey) -> bool:
     return survey.rolling is not None and bool(survey.matches.points + survey.ties.points)
 
 
-def move(layout: Layout, state: State, step: Floats) -> State:
+def apply_increment(layout: Layout, state: State, step: Floats) -> State:
     """Add an increment (size,) of the unknowns to a state.
 
     Parameters
@@ -356,8 +356,8 @@ def _of_frames(layout: Layout, step: Floats) -> Floats:
     return own.reshape(*step.shape[:-1], layout.frames, layout.frame_size)
 
 
-def between(layout: Layout, start: State, end: State) -> Floats:
-    """Compute the (..., size) increment by which `move` leads from one state to another.
+def compute_increment(layout: Layout, start: State, end: State) -> Floats:
+    """Compute the (..., size) increment by which `apply_increment` leads from one state to another.
 
     Parameters
     ----------
@@ -383,25 +383,25 @@ def between(layout: Layout, start: State, end: State) -> Floats:
     return np.concatenate([part.reshape(*many, -1) for part in parts], axis=-1)
 
 
-def advance(layout: Layout, state: State, step: Floats) -> State:
-    """Update a state by an increment, equal to `move` to first order, for the iterations.
+def advance_state(layout: Layout, state: State, step: Floats) -> State:
+    """Update a state by an increment, to first order equal to `apply_increment`, in iterations.
 
     Only telemetry and control notice when points and cameras turn together about the vertical.
-    `move` takes such a turn along the tangent, which moves points off their pixels by half the turn
-    squared times the scene's size; here it is a turn (a retraction along the group, Absil, Mahony
-    and Sepulchre 2008, ch. 4). With a free gauge the state also returns to the gauge's conditions
-    (see ``SurveyProblem``), which are stiff and met to first order only.
+    `apply_increment` takes such a turn along the tangent, which moves points off their pixels by
+    half the turn squared times the scene's size; here it is a turn (a retraction along the group,
+    Absil, Mahony and Sepulchre 2008, ch. 4). With a free gauge the state also returns
+    to the gauge's conditions (see ``SurveyProblem``), which are stiff and met to first order only.
 
     Parameters
     ----------
     layout, state, step
-        As for `move`.
+        As for `apply_increment`.
     """
     middle = state.point[..., :2].mean(axis=-2)
     arm = state.point[..., :2] - middle[..., None, :]
     size = (arm * arm).sum(axis=(-2, -1))
     if not np.all(size):  # a single point has no heading
-        return move(layout, state, step)
+        return apply_increment(layout, state, step)
     across = arm[..., ::-1] * (-1.0, 1.0)
     # Common turn about the vertical: least-squares fit of the step to the points' arms.
     angle = (across * _of_points(layout, step)[..., :2]).sum(axis=(-2, -1)) / size
@@ -416,8 +416,8 @@ def advance(layout: Layout, state: State, step: Floats) -> State:
     rest_frame[..., 0] += by * (state.center[..., 1] - middle[..., 1:])
     rest_frame[..., 1] -= by * (state.center[..., 0] - middle[..., :1])
     rest_frame[..., 3:6] -= by[..., None] * state.rotation[..., 2, :]
-    turned = _turned(state, middle, np.cos(angle), np.sin(angle))
-    moved = move(layout, turned, rest)
+    turned = _rotate_about(state, middle, np.cos(angle), np.sin(angle))
+    moved = apply_increment(layout, turned, rest)
     return _at_gauge(moved) if layout.free_gauge else moved
 
 
@@ -430,7 +430,7 @@ def _at_gauge(state: State) -> State:
     sine = np.where(is_level, 0.0, image_up[..., 0] / size)
     cosine = np.where(is_level, 1.0, image_up[..., 1] / size)
     foot = np.where(is_level[..., None], 0.0, state.center[..., 0, :2])
-    turned = _turned(state, foot, cosine, sine)
+    turned = _rotate_about(state, foot, cosine, sine)
     names = ("point", "picked", "tie", "center")
     places = {name: np.array(getattr(turned, name)) for name in names}
     for place in places.values():
@@ -438,7 +438,7 @@ def _at_gauge(state: State) -> State:
     return replace(turned, **places)
 
 
-def _turned(state: State, about: Floats, cosine: Floats, sine: Floats) -> State:
+def _rotate_about(state: State, about: Floats, cosine: Floats, sine: Floats) -> State:
     """Turn all points and cameras about the verticals through (..., 2) `about`."""
     turn = np.zeros((*np.shape(cosine), 3, 3))
     turn[..., 0, 0] = turn[..., 1, 1] = cosine

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.imaging.matching.least_squares import fit_patches
 from uavgram.imaging.matching.match_covariance import estimate_match_covariance, is_precise
 from uavgram.imaging.matching.matches import MatchOptions, RefusalReason
@@ -123,7 +123,9 @@ def match_along_line(
     some = refused == RefusalReason.NONE
     # Chi-square test of the distances from the common place.
     moved = pixel[some] - line.pixel_px[place, some]
-    passed = upper_tail(float(np.sum(moved**2)) / POSE_SIGMA_PX**2, moved.size) < SIGNIFICANCE
+    passed = (
+        compute_upper_tail(float(np.sum(moved**2)) / POSE_SIGMA_PX**2, moved.size) < SIGNIFICANCE
+    )
     if np.count_nonzero(some) < MIN_PHOTOS or passed:
         refused[some] = RefusalReason.UNSTABLE
         pixel[some], covariance[some] = np.nan, np.nan

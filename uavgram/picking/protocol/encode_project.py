@@ -22,7 +22,7 @@ from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
 from uavgram.pipeline.pick.live import LiveSurvey
 from uavgram.stages.camera import UNKNOWN_CAMERA
-from uavgram.synthetic.accident_scene import PAINTED, TAPED, is_sample
+from uavgram.synthetic.accident_scene import PAINTED_LABELS, TAPE_FILE, is_sample
 from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, provenance_lines
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
 
@@ -70,12 +70,12 @@ def control_lines_json(inputs: Inputs) -> list[Json]:
 def named_labels(inputs: Inputs) -> list[str]:
     """Return the labels of tables that the page does not show, and those painted in the sample."""
     names = {*chain(*inputs.known.points, *inputs.control_lines.points)}
-    return sorted(names.union(PAINTED if is_sample(Path(inputs.project_path)) else ()))
+    return sorted(names.union(PAINTED_LABELS if is_sample(Path(inputs.project_path)) else ()))
 
 
 def sample_json(inputs: Inputs) -> Json | None:
     """Return file and text of the sample's tape readings; None for other projects."""
-    file = inputs.folder / TAPED
+    file = inputs.folder / TAPE_FILE
     if not is_sample(Path(inputs.project_path)) or not file.is_file():
         return None
     return {"file": str(file), "text": file.read_text(encoding="utf-8", errors="replace")}

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
+from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
 from uavgram.model.naming import listed
 from uavgram.model.result.reliability import WeakestLinks
 from uavgram.model.result.result import Result
@@ -61,7 +61,7 @@ def point_standings(result: Result) -> dict[str, Json]:
             own = ("doubtful", REMOVED_PICK)
         elif "suspect" in states.get(label, ()):
             own = ("doubtful", SUSPECT_PICK)
-        elif redundancy.get(label, 0.0) <= NO_REDUNDANCY:
+        elif redundancy.get(label, 0.0) <= MIN_REDUNDANCY:
             own = ("not-checked", UNCHECKED_POINT)
         standings[label] = _standing(
             result.verdict, own, (r for r in result.verdict.reasons if label in r.labels)

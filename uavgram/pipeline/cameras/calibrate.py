@@ -17,7 +17,7 @@ from uavgram.config.camera import camera_text
 from uavgram.config.project import load_project
 from uavgram.config.project_text import apply_settings
 from uavgram.errors import InputError, UavgramError
-from uavgram.estimation.calibration.problem import focal_and_center_prior
+from uavgram.estimation.calibration.problem import make_focal_and_center_prior
 from uavgram.imaging.photos.preview import Preview, make_preview
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.board_picture import draw_board
@@ -134,7 +134,7 @@ def calibrate(
     options = CalibrationOptions() if options is None else options
     if prior == "exif" and assumed is not None:
         source = "EXIF and the table of drone cameras"
-        known = focal_and_center_prior(assumed, options.model, source)
+        known = make_focal_and_center_prior(assumed, options.model, source)
         options = replace(options, prior=known)
     seen = _look(files, target, progress)
     account = _account(seen, target, board, options, tags, name)

@@ -12,10 +12,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.first_points import seen_labels
-from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.first_poses.first_points import find_seen_labels
+from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
-from uavgram.estimation.survey.departures import heights_at
+from uavgram.estimation.survey.departures import compute_heights_at
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.survey import Survey
@@ -163,7 +163,7 @@ class Base:
         """
         picks, survey = self.inputs.picks, tried.adjustment.survey
         free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
-        height = heights_at(tried.adjustment, tried.adjustment.state)
+        height = compute_heights_at(tried.adjustment, tried.adjustment.state)
         photos = _photos_of_labels(survey)
         alone = {name for name, count in zip(survey.label, photos, strict=True) if count < ENOUGH}
         low = {survey.label[k] for k in np.flatnonzero(np.abs(height) < LEAST_HEIGHT_M)}
@@ -243,7 +243,7 @@ def _made_by_people(picks: Picks) -> Picks:
 
 def _photos_of_labels(survey: Survey) -> Ints:
     """Count the photos (K,) of each label, matches included."""
-    return np.bincount(seen_labels(survey)[1], minlength=len(survey.label))
+    return np.bincount(find_seen_labels(survey)[1], minlength=len(survey.label))
 
 
 def _is_found(survey: Survey, picks: Picks) -> Bools:
@@ -254,7 +254,7 @@ def _is_found(survey: Survey, picks: Picks) -> Bools:
 def _misfits(adjustment: Adjustment, picks: Picks) -> Floats:
     """Compute squared misfits (N,) of matches in sigmas; -1 for picked pixels."""
     survey = adjustment.survey
-    fall = falls_without(adjustment.minimum.blocks["matches"], adjustment.covariance)
+    fall = compute_reductions(adjustment.minimum.blocks["matches"], adjustment.covariance)
     return np.where(_is_found(survey, picks), fall, -1.0)
 
 

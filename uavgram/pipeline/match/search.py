@@ -8,7 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.measuring.predicted_pixels import FlightOfPhotos
-from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred, transferred
+from uavgram.estimation.measuring.transferred_pixels import (
+    PickedPixels,
+    TransferredPixels,
+    transfer_pixels,
+)
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason, SoughtPoints
 from uavgram.model.arrays import Floats, Ints
@@ -136,12 +140,12 @@ def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
     frame = {name: k for k, name in enumerate(survey.frame_id)}
     label = {name: k for k, name in enumerate(survey.label)}
     sources = np.array(base.sources(adjustment), dtype=np.int64)
-    clicked = Clicked(
+    clicked = PickedPixels(
         np.array([frame[project.image[i]] for i in sources], dtype=np.int64),
         np.array([label[project.label[i]] for i in sources], dtype=np.int64),
         project.pixel_px[sources],
     )
-    places = transferred(adjustment, _flight(base), clicked)
+    places = transfer_pixels(adjustment, _flight(base), clicked)
     pick = sources[places.click]
     return Candidates(
         places,
@@ -219,7 +223,7 @@ def _flight(base: Base) -> FlightOfPhotos | None:
     return telemetry.prior, telemetry.track, telemetry.poses.frame_id
 
 
-def sought_at(places: Transferred, rows: Ints, source_px: Floats) -> SoughtPoints:
+def sought_at(places: TransferredPixels, rows: Ints, source_px: Floats) -> SoughtPoints:
     """Convert predicted places to the input of the matching.
 
     Parameters

@@ -17,8 +17,12 @@ import numpy as np
 
 from uavgram.config.project import make_paths_relative
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.known_lines import line_poses
-from uavgram.estimation.measuring.error_budget import error_budget, shares, shifts
+from uavgram.estimation.first_poses.known_lines import estimate_line_poses
+from uavgram.estimation.measuring.error_budget import (
+    compute_error_budget,
+    compute_shares,
+    compute_shifts,
+)
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
@@ -176,7 +180,7 @@ def compute(
             ties_rms_px=tied.rms_px,
         ),
         points=reconstruct(adjustment, world, refined.off_ground),
-        error_budget=shares(error_budget(adjustment.minimum.blocks, values)),
+        error_budget=compute_shares(compute_error_budget(adjustment.minimum.blocks, values)),
         lines=judged.lines,
         known=judged.known,
         control_lines=judged.control_lines,
@@ -288,7 +292,7 @@ def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tupl
         # Nothing but known points and lines places the frames: their first poses are from these.
         by_points = find_known_point_poses(survey)
         placed = {one.frame_id for one in by_points}
-        by_lines = (one for one in line_poses(survey) if one.frame_id not in placed)
+        by_lines = (one for one in estimate_line_poses(survey) if one.frame_id not in placed)
         survey = replace(survey, candidate_poses=(*by_points, *by_lines))
     try:
         refined, messages = refine(survey, options)
@@ -311,7 +315,7 @@ class _Measured(NamedTuple):
 def _measured(
     inputs: Inputs, frames: Frames, refined: Refined, values: MeasuredValues, *, curved: bool
 ) -> _Measured:
-    table, messages = measurement_results(values, shifts(refined.adjustment, values))
+    table, messages = measurement_results(values, compute_shifts(refined.adjustment, values))
     if refined.stated is not None:
         stated = propagate(refined.stated, inputs.requests, frames)
         table = replace(table, sigma_stated=stated.sigma)

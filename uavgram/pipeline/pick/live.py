@@ -17,14 +17,14 @@ from uavgram.errors import UavgramError
 from uavgram.estimation.measuring.predicted_pixels import (
     FlightOfPhotos,
     PredictedPixels,
-    pixels_at,
+    predict_pixels,
     predict_unpicked,
 )
-from uavgram.estimation.measuring.propagation import values_at
-from uavgram.estimation.measuring.scale import LineAdvice, next_line
+from uavgram.estimation.measuring.propagation import compute_values
+from uavgram.estimation.measuring.scale import LineAdvice, find_next_line
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.departures import heights_at
-from uavgram.estimation.survey.observations.lengths import taped_known
+from uavgram.estimation.survey.departures import compute_heights_at
+from uavgram.estimation.survey.observations.lengths import select_taped_known
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
@@ -165,7 +165,7 @@ class LiveSurvey:
         )
         computed = compute(inputs, posed=self.posed, curved=False)
         adjustment = computed.refined.adjustment
-        picked, covariance = pixels_at(
+        picked, covariance = predict_pixels(
             adjustment, adjustment.survey.pick_frame, adjustment.survey.pick_label
         )
         return Adjusted(
@@ -174,7 +174,7 @@ class LiveSurvey:
             predicted=predict_unpicked(adjustment, self.flight()),
             picked_px=picked,
             picked_covariance_px2=covariance,
-            advice=next_line(adjustment),
+            advice=find_next_line(adjustment),
             seconds=time.perf_counter() - started,
         )
 
@@ -198,13 +198,13 @@ class LiveSurvey:
         update = update_linearly(base.adjustment, picks.pixel_px[rows], lines.length_m[taken])
         return Linearised(
             base=base,
-            value=values_at(
+            value=compute_values(
                 base.adjustment.problem, update.state, observed.requests, self.posed.frames
             ),
             length_m=_lengths(base.adjustment, lines, update.state),
             residual_px=update.residual_px,
             world_m=update.world_m,
-            height_m=heights_at(base.adjustment, update.state),
+            height_m=compute_heights_at(base.adjustment, update.state),
         )
 
     def _lines(self, observed: Observed) -> KnownLines:
@@ -262,6 +262,6 @@ def _lengths(adjustment: Adjustment, lines: KnownLines, state: State) -> Floats:
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     seen = np.flatnonzero((start >= 0) & (end >= 0))
     found = np.full(len(lines.name), np.nan)
-    taped = taped_known(lines, seen, start[seen], end[seen])
+    taped = select_taped_known(lines, seen, start[seen], end[seen])
     found[seen], _, _ = adjustment.problem.readings(state, taped)
     return found

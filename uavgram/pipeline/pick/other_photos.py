@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.measuring.predicted_pixels import pixels_of_known_points
+from uavgram.estimation.measuring.predicted_pixels import predict_known_points
 from uavgram.geometry.ground.row_projection import RowPoses
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import Poses
@@ -62,7 +62,7 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
         return NOWHERE
     world = np.concatenate([table.world_m for table in tables])
     sigma = np.concatenate([table.sigma_m for table in tables])
-    found = pixels_of_known_points(survey.inputs.calibration, poses, sweep, (world, sigma))
+    found = predict_known_points(survey.inputs.calibration, poses, sweep, (world, sigma))
     return KnownPlaces(
         tuple(poses.frame_id[k] for k in found.pose),
         tuple(label[k] for k in found.point),

@@ -8,7 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.estimation.measuring.transferred_pixels import Clicked, Transferred, transferred
+from uavgram.estimation.measuring.transferred_pixels import (
+    PickedPixels,
+    TransferredPixels,
+    transfer_pixels,
+)
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
@@ -86,7 +90,7 @@ class Places:
     radius_px: Floats
     is_raised: Bools
     row: Ints
-    predicted: Transferred
+    predicted: TransferredPixels
     adjustment: Adjustment
 
     def __len__(self) -> int:
@@ -163,16 +167,18 @@ def places_in_other_photos(
         and (frame.get(picks.image[i], -1), label.get(picks.label[i], -1)) in there
     ]
     rows = np.array(taking, dtype=np.int64)
-    clicked = Clicked(
+    clicked = PickedPixels(
         np.array([frame[picks.image[i]] for i in taking], dtype=np.int64),
         np.array([label[picks.label[i]] for i in taking], dtype=np.int64),
         picks.pixel_px[rows].reshape(-1, 2),
     )
-    found = transferred(adjustment, survey.flight(), clicked)
+    found = transfer_pixels(adjustment, survey.flight(), clicked)
     return _most_alike(adjustment, found, rows[found.click], picks)
 
 
-def _most_alike(adjustment: Adjustment, found: Transferred, pick: Ints, picks: Picks) -> Places:
+def _most_alike(
+    adjustment: Adjustment, found: TransferredPixels, pick: Ints, picks: Picks
+) -> Places:
     """Select for each label in each photo the place by the most similar pick.
 
     Parameters

@@ -8,16 +8,16 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import Fit
-from uavgram.estimation.calibration.outliers import Snooped, without
+from uavgram.estimation.calibration.outliers import CleanedFit, drop_unweighted
 from uavgram.estimation.calibration.problem import Corners
-from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
+from uavgram.estimation.calibration.projection_uncertainty import compute_length_sigmas
 from uavgram.estimation.calibration.reliability import (
     PhotoEffect,
-    common_error,
-    photo_effect,
-    photo_tests,
+    compute_photo_tests,
+    estimate_common_error,
+    estimate_photo_effect,
 )
-from uavgram.estimation.calibration.validation import HeldOut, held_out
+from uavgram.estimation.calibration.validation import HeldOut, cross_validate
 from uavgram.model.arrays import Bools
 from uavgram.model.camera.board import BoardObservations, BoardPhoto, CalibrationOptions
 from uavgram.model.camera.calibration import Calibration
@@ -113,7 +113,7 @@ class AssessedCalibration:
     observations: BoardObservations
     options: CalibrationOptions
     first: Corners
-    snooped: Snooped
+    snooped: CleanedFit
     fit: Fit
     held: HeldOut
     effect: PhotoEffect
@@ -165,7 +165,7 @@ def judge(
     observations: BoardObservations,
     options: CalibrationOptions,
     first: Corners,
-    snooped: Snooped,
+    snooped: CleanedFit,
 ) -> AssessedCalibration:
     """Test photos, and predict each from the others.
 
@@ -181,11 +181,13 @@ def judge(
         Adjustment and outliers.
     """
     empty = snooped.fit.corners.count == 0
-    fit = without(snooped.fit, empty)
+    fit = drop_unweighted(snooped.fit, empty)
     # The weights are scaled: the variance factor is 1 unless the sigmas were given.
     variance = fit.corner_cost / max(fit.corner_redundancy, 1.0)
-    effect = photo_effect(fit, photo_tests(fit, options.corner_sigma), variance)
-    return AssessedCalibration(observations, options, first, snooped, fit, held_out(fit), effect)
+    effect = estimate_photo_effect(fit, compute_photo_tests(fit, options.corner_sigma), variance)
+    return AssessedCalibration(
+        observations, options, first, snooped, fit, cross_validate(fit), effect
+    )
 
 
 POSES_DEG = (0.0, 45.0)
@@ -199,7 +201,7 @@ def find_unexplained_error(result: CalibrationResult) -> float:
     fits &= np.array([status == "used" for status in result.photos.status])[corners.photo]
     removed = np.array([status == "removed" for status in corners.status])
     share = fits.sum() / max((~removed).sum(), 1)
-    return common_error(
+    return estimate_common_error(
         corners.residual_px[fits],
         corners.sigma_px[fits] / quality.sigma_scale,
         float(share * quality.degrees_of_freedom),
@@ -233,7 +235,7 @@ def describe_lens_effects(result: CalibrationResult) -> tuple[LensEffect, ...]:
     for tilt in POSES_DEG:
         lengths: LengthUncertainty | None
         try:
-            lengths = length_uncertainty(result.calibration, tilt_rad=float(np.radians(tilt)))
+            lengths = compute_length_sigmas(result.calibration, tilt_rad=float(np.radians(tilt)))
         except GeometryError:  # a narrow lens may look over the horizon
             lengths = None
         effects.append(LensEffect(tilt_deg=tilt, lengths=lengths))

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.calibration.outliers import snoop
-from uavgram.estimation.calibration.problem import Corners, lens_of, pad
-from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.calibration.outliers import remove_outliers
+from uavgram.estimation.calibration.problem import Corners, make_lens, pad
+from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions
 from uavgram.model.camera.calibration_result import (
     CalibrationQuality,
@@ -76,7 +76,9 @@ def _estimate(
         return choose_and_estimate(observations, options, corners)
     photo = observations.photos[0]
     start = start_staged(options, corners, (photo.width_px, photo.height_px))
-    judged = judge(observations, options, corners, snoop(lens_of(options), corners, start, options))
+    judged = judge(
+        observations, options, corners, remove_outliers(make_lens(options), corners, start, options)
+    )
     own = Candidate(options.coefficients, judged.fit, judged.held)
     return judged, (own.score(judged.sigma_px, is_chosen=True),)
 
@@ -90,7 +92,7 @@ def _quality(judged: AssessedCalibration) -> CalibrationQuality:
         sigma_scale=judged.snooped.sigma_scale,
         sigma_px=judged.sigma_px,
         variance_factor=squares / redundancy,
-        chi2_probability=upper_tail(squares, redundancy),
+        chi2_probability=compute_upper_tail(squares, redundancy),
         degrees_of_freedom=fit.degrees_of_freedom,
         photo_factor=effect.factor if np.isfinite(effect.factor) else None,
         photo_probability=effect.probability,

@@ -12,15 +12,15 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust
-from uavgram.estimation.calibration.outliers import Snooped, snoop
-from uavgram.estimation.calibration.problem import Corners, State, lens_of
-from uavgram.estimation.calibration.projection_uncertainty import length_uncertainty
-from uavgram.estimation.calibration.start import better_of_two, first_values
+from uavgram.estimation.calibration.outliers import CleanedFit, remove_outliers
+from uavgram.estimation.calibration.problem import Corners, State, make_lens
+from uavgram.estimation.calibration.projection_uncertainty import compute_length_sigmas
+from uavgram.estimation.calibration.start import choose_better_pose, estimate_first_values
 from uavgram.estimation.calibration.validation import (
     HeldOut,
-    held_out,
-    information_criteria,
-    simplest_good,
+    choose_simplest,
+    compute_information_criteria,
+    cross_validate,
 )
 from uavgram.model.camera.board import BoardObservations, CalibrationOptions, parameter_count
 from uavgram.model.camera.calibration import LensModel
@@ -50,13 +50,13 @@ def start_staged(options: CalibrationOptions, corners: Corners, size_px: tuple[i
     usual = USUAL[options.model]
     wanted = replace(options, coefficients=options.coefficients or usual)
     plain = replace(wanted, coefficients=min(wanted.coefficients, usual), bow="flat")
-    lens = lens_of(plain)
+    lens = make_lens(plain)
     flat = replace(corners, bow=corners.bow[..., :0])
     known = None
     if plain.prior is not None and (np.diag(plain.prior.information)[:4] > 0).all():
         known = lens.prior_mean
-    start = adjust(lens, flat, first_values(lens, flat, size_px, known)).state
-    start = better_of_two(lens, flat, start)
+    start = adjust(lens, flat, estimate_first_values(lens, flat, size_px, known)).state
+    start = choose_better_pose(lens, flat, start)
     return extended(start, wanted, corners)
 
 
@@ -75,7 +75,7 @@ def extended(state: State, options: CalibrationOptions, corners: Corners) -> Sta
     parameters = np.zeros(parameter_count(options.model, options.coefficients))
     shared = min(len(parameters), len(state.parameters))
     parameters[:shared] = state.parameters[:shared]
-    held = np.abs(lens_of(options).basis).sum(axis=1) == 0
+    held = np.abs(make_lens(options).basis).sum(axis=1) == 0
     held[:4] = False  # a fixed principal point is unchanged
     parameters[held] = 0.0
     count = corners.bow.shape[2]
@@ -105,7 +105,7 @@ class Candidate:
 
     def score(self, sigma_px: float, *, is_chosen: bool) -> ModelScore:
         """Return figures of this model; `sigma_px` converts a whitened residual to pixels."""
-        aic, bic = (None, None) if self.fit is None else information_criteria(self.fit)
+        aic, bic = (None, None) if self.fit is None else compute_information_criteria(self.fit)
         known = self.held is not None and np.isfinite(self.held.factor)
         return ModelScore(
             coefficients=self.coefficients,
@@ -135,8 +135,8 @@ def candidates(options: CalibrationOptions, corners: Corners, state: State) -> l
     for coefficients in MODELS[options.model]:
         own = replace(options, coefficients=coefficients)
         try:
-            fit = adjust(lens_of(own), corners, extended(state, own, corners))
-            found.append(Candidate(coefficients, fit, held_out(fit)))
+            fit = adjust(make_lens(own), corners, extended(state, own, corners))
+            found.append(Candidate(coefficients, fit, cross_validate(fit)))
         except UndeterminedError as fault:
             found.append(Candidate(coefficients, None, None, str(fault)))
     return found
@@ -145,7 +145,7 @@ def candidates(options: CalibrationOptions, corners: Corners, state: State) -> l
 def choose(found: list[Candidate]) -> Candidate | None:
     """Return the fewest coefficients with an equally good prediction; None without a candidate."""
     left = [(one, one.held) for one in found if one.held is not None and not one.dropped]
-    return left[simplest_good([held for _, held in left])][0] if left else None
+    return left[choose_simplest([held for _, held in left])][0] if left else None
 
 
 LARGEST_COST = 0.01
@@ -184,7 +184,9 @@ def choose_and_estimate(
         own = replace(options, coefficients=best.coefficients)
         start = extended(cleaned.fit.state, own, corners)
         try:
-            judged = judge(observations, own, corners, snoop(lens_of(own), corners, start, own))
+            judged = judge(
+                observations, own, corners, remove_outliers(make_lens(own), corners, start, own)
+            )
             estimated[own.coefficients], why = judged, _why_not(judged)
         except UndeterminedError as fault:
             why = str(fault)
@@ -200,14 +202,14 @@ def choose_and_estimate(
     return estimated[chosen], tuple(scores)
 
 
-def _cleaned(options: CalibrationOptions, corners: Corners, size_px: tuple[int, int]) -> Snooped:
+def _cleaned(options: CalibrationOptions, corners: Corners, size_px: tuple[int, int]) -> CleanedFit:
     """Remove outliers with the usual number of coefficients, or with as many as are determined."""
     usual = USUAL[options.model]
     *first, last = (usual, *(n for n in reversed(MODELS[options.model]) if n < usual))
 
-    def clean(count: int) -> Snooped:
+    def clean(count: int) -> CleanedFit:
         own = replace(options, coefficients=count, outliers="remove")
-        return snoop(lens_of(own), corners, start_staged(own, corners, size_px), own)
+        return remove_outliers(make_lens(own), corners, start_staged(own, corners, size_px), own)
 
     for count in first:
         with suppress(UndeterminedError):
@@ -220,7 +222,7 @@ def _why_not(judged: AssessedCalibration) -> str:
     if not judged.fit.converged:
         return "its adjustment did not converge"
     try:
-        cost = length_uncertainty(judged.camera("camera"), tilt_rad=0.0).medians[0]
+        cost = compute_length_sigmas(judged.camera("camera"), tilt_rad=0.0).medians[0]
     except GeometryError:  # it folds back all over the image
         return "hardly a pixel of it has a ray"
     if cost <= LARGEST_COST:

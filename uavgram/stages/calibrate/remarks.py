@@ -10,10 +10,10 @@ import numpy as np
 from uavgram.estimation.calibration.network import (
     RollingShutter,
     Tilts,
-    coverage,
-    focus_drift,
-    rolling_shutter,
-    tilts,
+    compute_coverage,
+    compute_tilts,
+    detect_focus_drift,
+    detect_rolling_shutter,
 )
 from uavgram.geometry.camera.back_projection import share_without_rays
 from uavgram.geometry.camera.properties import FRAME_35MM_DIAGONAL_MM
@@ -64,7 +64,7 @@ def _on_tilts(judged: AssessedCalibration, result: CalibrationResult) -> Iterato
             "few-photos",
             f"{count} photos are few: with 15 to 30 the result and its sigmas are more reliable.",
         )
-    found = tilts(judged.fit.state)
+    found = compute_tilts(judged.fit.state)
     wide, narrow = np.degrees(found.spread_rad)
     if wide < SMALL_SPREAD_DEG:
         yield Message(
@@ -95,7 +95,7 @@ def _one_roll(found: Tilts, result: CalibrationResult, narrow_deg: float) -> Mes
 
 def _on_coverage(judged: AssessedCalibration, result: CalibrationResult) -> Iterator[Message]:
     corners = judged.fit.corners
-    found = coverage(corners.pixel_px[corners.weight > 0], judged.size_px)
+    found = compute_coverage(corners.pixel_px[corners.weight > 0], judged.size_px)
     if found.largest_share < LARGEST_REACH or found.share < LEAST_SHARE:
         worst = np.nanmax(result.maps.uncertainty_px)
         yield Message(
@@ -124,7 +124,7 @@ def shows_rolling_shutter(found: RollingShutter) -> bool:
 
 
 def _on_the_shutter(judged: AssessedCalibration) -> Iterator[Message]:
-    found = rolling_shutter(judged.fit, judged.size_px)
+    found = detect_rolling_shutter(judged.fit, judged.size_px)
     if shows_rolling_shutter(found):
         yield Message(
             "warning",
@@ -137,7 +137,7 @@ def _on_the_shutter(judged: AssessedCalibration) -> Iterator[Message]:
 
 def _on_the_focus(judged: AssessedCalibration) -> Iterator[Message]:
     factor = judged.effect.factor if np.isfinite(judged.effect.factor) else 1.0
-    found = focus_drift(judged.fit, max(factor, 1.0))
+    found = detect_focus_drift(judged.fit, max(factor, 1.0))
     spread = float(np.sqrt(np.mean(found.relative**2)))
     if found.probability < SIGNIFICANCE and spread > FOCUS_CHANGE:
         yield Message(

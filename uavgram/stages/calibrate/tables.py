@@ -7,18 +7,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.calibration.adjustment import fit_poses, normals_of
-from uavgram.estimation.calibration.network import CELLS, residual_map, tilts
-from uavgram.estimation.calibration.outliers import BAD_PHOTO
+from uavgram.estimation.calibration.adjustment import eliminate_poses, fit_poses
+from uavgram.estimation.calibration.network import CELL_COUNTS, compute_tilts, map_residuals
+from uavgram.estimation.calibration.outliers import MAX_RELATIVE_RESIDUAL
 from uavgram.estimation.calibration.problem import (
     Corners,
-    Linear,
+    Linearisation,
     State,
-    board_middle,
+    compute_board_middle,
     linearise,
 )
-from uavgram.estimation.calibration.projection_uncertainty import projection_covariance, worst_sigma
-from uavgram.estimation.calibration.reliability import corner_tests
+from uavgram.estimation.calibration.projection_uncertainty import (
+    compute_projection_covariance,
+    compute_worst_sigma,
+)
+from uavgram.estimation.calibration.reliability import compute_corner_tests
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
@@ -33,7 +36,7 @@ class _Everything:
 
     corners: Corners  # all corners found, sigmas as scaled
     state: State
-    linear: Linear
+    linear: Linearisation
 
 
 def _everything(judged: AssessedCalibration) -> _Everything:
@@ -56,7 +59,7 @@ def corner_results(judged: AssessedCalibration) -> CornerResults:
     everything = _everything(judged)
     there = judged.first.weight > 0
     photos, slots = np.nonzero(there)
-    tests = corner_tests(judged.snooped.fit, judged.options.corner_sigma)
+    tests = compute_corner_tests(judged.snooped.fit, judged.options.corner_sigma)
     weight = everything.corners.weight[there]
     residual = everything.linear.residual.reshape(*there.shape, 2)[there] / weight[:, None]
     status = np.full(there.shape, "used", dtype=object)
@@ -93,7 +96,7 @@ def photo_results(judged: AssessedCalibration, left_out: LeftOut) -> PhotoResult
         poses=_poses(judged, everything, files),
         rms_px=np.sqrt(squares / count),
         held_out_px=held,
-        tilt_deg=np.degrees(tilts(everything.state).tilt_rad),
+        tilt_deg=np.degrees(compute_tilts(everything.state).tilt_rad),
         status=status,
         reason=reason,
         unusable=tuple((photo.file, why) for photo, why in left_out),
@@ -112,7 +115,7 @@ def _verdicts(judged: AssessedCalibration) -> tuple[tuple[Status, ...], tuple[st
             reason.append("")
             continue
         status.append("removed" if judged.removed[i] else "suspect")
-        if size[i] > BAD_PHOTO:
+        if size[i] > MAX_RELATIVE_RESIDUAL:
             reason.append(f"its residuals are {size[i]:.1f} times those of the median photo")
         else:
             reason.append(f"{gone[i]} of its corners do not fit")
@@ -130,7 +133,7 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
     used = _used_weight(judged, everything)
     linear = linearise(fit.lens, everything.corners.weighted(used), state)
     assert linear is not None  # noqa: S101  (it could be adjusted)
-    normals = normals_of(fit.lens, linear)
+    normals = eliminate_poses(fit.lens, linear)
     border = fit.border_covariance * judged.factor
     covariance = normals.pose_inverse * judged.factor
     covariance += normals.gain @ border @ np.swapaxes(normals.gain, 1, 2)
@@ -140,7 +143,7 @@ def _poses(judged: AssessedCalibration, everything: _Everything, files: tuple[st
     turn[:, :3, :3] = -back
     turn[:, :3, 3:] = -back @ hat(state.middle_camera_m)
     turn[:, 3:, 3:] = -np.eye(3)
-    center = board_middle(judged.observations.board) - np.einsum(
+    center = compute_board_middle(judged.observations.board) - np.einsum(
         "mij,mj->mi", back, state.middle_camera_m
     )
     return Poses(
@@ -159,11 +162,11 @@ def _used_weight(judged: AssessedCalibration, everything: _Everything) -> Floats
 
 def image_maps(judged: AssessedCalibration, camera: Calibration) -> ImageMaps:
     """Compute corners, mean residuals and projection uncertainty by cell of the image."""
-    columns, rows = CELLS
-    found = residual_map(judged.fit, judged.size_px, CELLS)
+    columns, rows = CELL_COUNTS
+    found = map_residuals(judged.fit, judged.size_px, CELL_COUNTS)
     size = np.array(judged.size_px)
     u, v = np.meshgrid(np.arange(columns) + 0.5, np.arange(rows) + 0.5)
-    cell = np.stack([u, v], axis=-1) / CELLS * size - 0.5
+    cell = np.stack([u, v], axis=-1) / CELL_COUNTS * size - 0.5
     return ImageMaps(
         cell_px=cell,
         corners=found.corners,
@@ -177,11 +180,11 @@ def _uncertainty(camera: Calibration, cell: Floats) -> Floats:
     """Return the largest standard deviation (R, C) of the grid's pixels within each cell."""
     rows, columns = cell.shape[:2]
     try:
-        pixel, covariance = projection_covariance(camera)
+        pixel, covariance = compute_projection_covariance(camera)
     except GeometryError:  # hardly a pixel has a ray: see the remarks
         return np.full((rows, columns), np.nan)
     size = np.array([camera.width_px, camera.height_px])
     at = np.clip((pixel + 0.5) / size * (columns, rows), 0, (columns - 1, rows - 1)).astype(int)
     result = np.full((rows, columns), -np.inf)
-    np.maximum.at(result, (at[:, 1], at[:, 0]), worst_sigma(covariance))
+    np.maximum.at(result, (at[:, 1], at[:, 0]), compute_worst_sigma(covariance))
     return np.where(np.isfinite(result), result, np.nan)

@@ -9,9 +9,9 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.calibration.adjustment import Fit, UndeterminedError, adjust
-from uavgram.estimation.calibration.network import rolling_shutter
-from uavgram.estimation.calibration.problem import lens_of, pad
-from uavgram.estimation.calibration.two_cameras import Split, best_split
+from uavgram.estimation.calibration.network import detect_rolling_shutter
+from uavgram.estimation.calibration.problem import make_lens, pad
+from uavgram.estimation.calibration.two_cameras import Split, find_best_split
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
@@ -83,7 +83,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
         return ()
     try:
         fit = _with_bow(judged)
-        split = best_split(fit)
+        split = find_best_split(fit)
         if split is None or not any(level.is_reached(split) for level in LIKELY):
             return ()
         alone = [_alone(fit, split.group == k) for k in (0, 1)]
@@ -91,7 +91,7 @@ def refuse_two_cameras(judged: AssessedCalibration) -> tuple[Message, ...]:
         return ()
     is_certain = any(level.is_reached(split) for level in CERTAIN)
     together, *apart = (
-        shows_rolling_shutter(rolling_shutter(one, judged.size_px)) for one in (fit, *alone)
+        shows_rolling_shutter(detect_rolling_shutter(one, judged.size_px)) for one in (fit, *alone)
     )
     is_moved = any(apart)
     if not is_certain and (together or is_moved):
@@ -122,7 +122,7 @@ def _with_bow(judged: AssessedCalibration) -> Fit:
     options = replace(judged.options, bow="paraboloid", bow_sigma_m=sigma_m)
     shape = pad(judged.observations, "paraboloid").bow[_in_fit(judged)]
     corners = replace(judged.fit.corners, bow=shape)
-    return adjust(lens_of(options), corners, extended(judged.fit.state, options, corners))
+    return adjust(make_lens(options), corners, extended(judged.fit.state, options, corners))
 
 
 def _in_fit(judged: AssessedCalibration) -> Bools:

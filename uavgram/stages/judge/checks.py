@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import upper_tail
-from uavgram.estimation.reliability.stated_values import displaced, likely_fault
+from uavgram.estimation.reliability.redundancy import compute_upper_tail
+from uavgram.estimation.reliability.stated_values import describe_displacement, explain_coordinates
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.lengths import Taped, taped_known
+from uavgram.estimation.survey.observations.lengths import TapedLengths, select_taped_known
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.result.reliability import ChecksOverall
@@ -73,7 +73,7 @@ def compare_withheld(
     chosen = np.flatnonzero(label >= 0)
     if not len(row) and not len(chosen):
         return None
-    taped = taped_known(lines, row, start[row], end[row])
+    taped = select_taped_known(lines, row, start[row], end[row])
     value, unknown, gradient = _values(adjustment, taped, label[chosen])
     stated = np.concatenate([lines.length_m[row], known.world_m[chosen].ravel()])
     sigma = np.concatenate([lines.sigma_m[row], known.sigma_m[chosen].ravel()])
@@ -118,7 +118,7 @@ def judge_overall(
     overall = ChecksOverall(
         count=len(error),
         chi2=squared,
-        probability=upper_tail(squared, len(error)),
+        probability=compute_upper_tail(squared, len(error)),
         rms_error_m=float(np.sqrt(np.mean(error**2))),
         mean_error_percent=float(100.0 * share.mean()) if lengths else np.nan,
     )
@@ -134,7 +134,9 @@ def _judged_rows(adjustment: Adjustment, known: KnownWorldPoints) -> Ints:
     return adjustment.label_rows(() if is_free else known.label)
 
 
-def _values(adjustment: Adjustment, taped: Taped, label: Ints) -> tuple[Floats, Ints, Floats]:
+def _values(
+    adjustment: Adjustment, taped: TapedLengths, label: Ints
+) -> tuple[Floats, Ints, Floats]:
     """Return readings, then coordinates (n,), and gradients (n, k) by the unknowns (n, k)."""
     length, by_length, columns = adjustment.problem.readings(adjustment.state, taped)
     world, by_point, unknowns = adjustment.points_with_jacobian(label)
@@ -162,13 +164,13 @@ def _find_single_misfits(error: Floats, joint: Floats, of: Ints, significance: f
     for check in range(int(of[-1]) + 1):
         own = np.flatnonzero(of == check)
         squared = float(error[own] @ np.linalg.solve(joint[np.ix_(own, own)], error[own]))
-        if upper_tail(squared, len(own)) < significance:
+        if compute_upper_tail(squared, len(own)) < significance:
             off.append(check)
     rest = np.flatnonzero(~np.isin(of, off))
     if not off or not len(rest) or 2 * len(off) > int(of[-1]) + 1:
         return []
     squared = float(error[rest] @ np.linalg.solve(joint[np.ix_(rest, rest)], error[rest]))
-    return off if upper_tail(squared, len(rest)) >= significance else []
+    return off if compute_upper_tail(squared, len(rest)) >= significance else []
 
 
 def _checks_message(
@@ -246,7 +248,7 @@ def judge_points(
         for i in np.flatnonzero(index < 0)
     ]
     if adjustment.minimum.converged:
-        off = [upper_tail(float(each), 3) < significance for each in squared]
+        off = [compute_upper_tail(float(each), 3) < significance for each in squared]
         messages += _report_suspects(checks, known.world_m[seen], np.flatnonzero(off))
     return checks, tuple(messages)
 
@@ -265,12 +267,12 @@ def _report_suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[M
     """
     found_m = stated_m + checks.error_m
     if len(off) < FEW_CHECKS or 2 * len(off) <= len(checks.label):
-        return [_off(checks, int(i), likely_fault(stated_m[i], found_m[i])) for i in off]
+        return [_off(checks, int(i), explain_coordinates(stated_m[i], found_m[i])) for i in off]
     middle, sigma = (np.median(each[off], axis=0) for each in (-checks.error_m, checks.sigma_m))
-    likely = likely_fault(*(np.median(each[off], axis=0) for each in (stated_m, found_m)))
+    likely = explain_coordinates(*(np.median(each[off], axis=0) for each in (stated_m, found_m)))
     text = (
         f"{len(off)} of {len(checks.label)} check points are off, the median "
-        f"{displaced(middle, sigma)}. Check their common data: the datum of their "
+        f"{describe_displacement(middle, sigma)}. Check their common data: the datum of their "
         f"heights, their coordinate system{likely} and the origin."
     )
     labels = tuple(checks.label[i] for i in off)
@@ -278,7 +280,7 @@ def _report_suspects(checks: PointChecks, stated_m: Floats, off: Ints) -> list[M
 
 
 def _off(checks: PointChecks, i: int, likely: str) -> Message:
-    label, where = checks.label[i], displaced(-checks.error_m[i], checks.sigma_m[i])
+    label, where = checks.label[i], describe_displacement(-checks.error_m[i], checks.sigma_m[i])
     several = MessagePlural(
         "{count} check points are off",
         f"{label!r} is {where}{likely}",

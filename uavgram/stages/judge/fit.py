@@ -10,10 +10,15 @@ from dataclasses import dataclass
 
 from scipy.special import ndtr
 
-from uavgram.estimation.reliability.redundancy import core_fit, group_fit, most_gross, upper_tail
-from uavgram.estimation.reliability.stated_values import mistake
+from uavgram.estimation.reliability.redundancy import (
+    compute_core_fit,
+    compute_group_fit,
+    compute_upper_tail,
+    limit_gross_errors,
+)
+from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.estimation.survey.observations.kinds import kind_of
+from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Kind
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, MessagePlural
@@ -88,7 +93,7 @@ def compute_fit(
         if status == "checked"
     ]
     checks += [
-        (upper_tail(float(size) ** 2, 3), [label])
+        (compute_upper_tail(float(size) ** 2, 3), [label])
         for size, label in zip(points.mahalanobis, points.label, strict=True)
     ]
     together = [] if overall is None else [overall.probability]
@@ -99,8 +104,8 @@ def compute_fit(
         labels for probability, labels in checks if probability < CONTRADICTION_PROBABILITY
     ]
     return Fit(
-        core=core_fit(refined.adjustment).probability,
-        stated=core_fit(refined.stated or refined.adjustment).probability,
+        core=compute_core_fit(refined.adjustment).probability,
+        stated=compute_core_fit(refined.stated or refined.adjustment).probability,
         checks=min([1.0, *together, *each]),
         check_labels=frozenset(label for labels in contradicted for label in labels),
     )
@@ -116,7 +121,7 @@ def judge_fit(fit: Fit, rest: Adjustment) -> tuple[Message, ...]:
     rest
         The survey adjusted without its suspects, which explain their own misfit.
     """
-    core = max(fit.core, core_fit(rest).probability)
+    core = max(fit.core, compute_core_fit(rest).probability)
     if core >= MISFIT_PROBABILITY or not rest.minimum.converged:
         return ()
     contradicted = core < CONTRADICTION_PROBABILITY
@@ -157,10 +162,10 @@ def judge_groups(
     silent = not adjustment.minimum.converged
     groups, messages = [], []
     for name, block in adjustment.minimum.blocks.items():
-        kind = kind_of(name)
+        kind = get_kind(name)
         if kind.role == "construction" and not kind.is_judged:
             continue
-        fit = group_fit(block, adjustment.minimum.factor, adjustment.covariance)
+        fit = compute_group_fit(block, adjustment.minimum.factor, adjustment.covariance)
         groups.append(GroupFactor(name=name, observations=block.residual.size, **fit._asdict()))
         if fit.probability < significance and kind.check and not silent:
             messages.append(_report_misfit(kind, fit.variance_factor, fit.probability))
@@ -194,7 +199,7 @@ def _report_wide_sigmas(
     degrees = adjustment.degrees_of_freedom
     if degrees <= 0 or cost > MIN_VARIANCE_FACTOR * degrees:
         return
-    probability = upper_tail(cost, degrees)
+    probability = compute_upper_tail(cost, degrees)
     if probability < 1.0 - significance:
         return
     wide = [
@@ -204,7 +209,7 @@ def _report_wide_sigmas(
     ]
     named = sorted(wide, key=lambda g: -g.redundancy)
     which = ", ".join(
-        f"{kind_of(g.name).plural or g.name.replace('_', ' ')} ({figures(g.variance_factor)})"
+        f"{get_kind(g.name).plural or g.name.replace('_', ' ')} ({figures(g.variance_factor)})"
         for g in named
     )
     text = (
@@ -239,7 +244,7 @@ def judge_majority(
             faults[name] = ("known", i)
     used = (*lines.status, *known.status).count("used")
     count = len(faults) + used
-    if len(set(faults.values())) <= most_gross(count):
+    if len(set(faults.values())) <= limit_gross_errors(count):
         return ()
     text = (
         f"{len(faults)} of {count} known lengths and things do not fit the others. These are too "
@@ -259,7 +264,7 @@ def _faults(refined: Refined, lines: LineResults, out: Sequence[bool]) -> dict[s
     sigma = lines.adjusted_sigma_m
     return {
         name: causes.get(name)
-        or mistake(lines.length_m[i], lines.sigma_m[i], lines.adjusted_m[i], sigma[i])
+        or explain_length(lines.length_m[i], lines.sigma_m[i], lines.adjusted_m[i], sigma[i])
         or ("length", i)
         for i, name in enumerate(lines.name)
         if out[i] or lines.status[i] == "suspect"

@@ -8,10 +8,10 @@ from typing import cast
 import numpy as np
 from scipy.special import ndtri
 
-from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.estimation.survey.observations.known import known_rows, named_thing
+from uavgram.estimation.survey.observations.known import compute_known_rows, describe_thing
 from uavgram.geometry.ground.line_of_position import compute_line_offsets
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, MessagePlural
@@ -103,7 +103,7 @@ def _values(
     """Compute values between the adjusted points; for withheld things, also their misfit."""
     if not things:
         return
-    rows = known_rows(adjustment.problem, adjustment.state, things)
+    rows = compute_known_rows(adjustment.problem, adjustment.state, things)
     joint = adjustment.minimum.factor.covariances(rows.columns, rows.gradient)
     for k, thing in enumerate(things):
         own, at = np.flatnonzero(rows.thing == k), thing.index
@@ -121,7 +121,7 @@ def _deviate(off: Floats, whole: Floats) -> float:
     """Return an error over its sigma; for several, the normal deviate of equal probability."""
     if len(off) == 1:
         return float(off[0] / np.sqrt(whole[0, 0]))
-    probability = upper_tail(float(off @ np.linalg.solve(whole, off)), len(off))
+    probability = compute_upper_tail(float(off @ np.linalg.solve(whole, off)), len(off))
     return float(-ndtri(max(probability, 1e-300) / 2.0))
 
 
@@ -165,7 +165,7 @@ def _find_gross(examined: TestedSurvey) -> list[int]:
 
 
 def _left_out(results: KnownResults, i: int) -> Message:
-    what = named_thing(results.kind[i], results.name[i], results.points[i])
+    what = describe_thing(results.kind[i], results.name[i], results.points[i])
     found = (
         f" (sigma {figures(results.adjusted_sigma[i])})" if results.adjusted_sigma[i] > 0 else ""
     )
@@ -188,7 +188,7 @@ def _left_out(results: KnownResults, i: int) -> Message:
 def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
     labels = adjustment.survey.label
     missing = [label for label in known.points[i] if label not in labels]
-    what = named_thing(known.kind[i], known.name[i], known.points[i])
+    what = describe_thing(known.kind[i], known.name[i], known.points[i])
     which = describe_missing_picks(missing, labels)
     return Message(
         "warning",
@@ -201,7 +201,7 @@ def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
 
 def _idle(known: KnownThings, i: int) -> Message:
     """Report a thing without effect, as all of its points are on the ground."""
-    what = named_thing(known.kind[i], known.name[i], known.points[i])
+    what = describe_thing(known.kind[i], known.name[i], known.points[i])
     if ALL_KINDS[known.kind[i]].needs == "world":
         return _unplaced(known, i, what)
     return Message(
@@ -232,7 +232,7 @@ def _unplaced(known: KnownThings, i: int, what: str) -> Message:
 
 
 def _does_not_fit(results: KnownResults, i: int) -> Message:
-    what = named_thing(results.kind[i], results.name[i], results.points[i])
+    what = describe_thing(results.kind[i], results.name[i], results.points[i])
     how = f"{describe_values(results, i)} (w = {results.w[i]:.1f})"
     return Message(
         "warning",

@@ -8,9 +8,9 @@ from itertools import chain
 import numpy as np
 
 from uavgram.errors import near_miss
-from uavgram.estimation.reliability.stated_values import mistake
+from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.estimation.survey.observations.lengths import named_ends, taped_known
+from uavgram.estimation.survey.observations.lengths import describe_ends, select_taped_known
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import PhotoExposures
 from uavgram.model.message import Message, MessagePlural, propose_length_removal
@@ -96,7 +96,7 @@ def _adjusted_lengths(
 ) -> None:
     start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
     seen = np.flatnonzero((start >= 0) & (end >= 0))
-    length, sigma = adjustment.readings(taped_known(lines, seen, start[seen], end[seen]))
+    length, sigma = adjustment.readings(select_taped_known(lines, seen, start[seen], end[seen]))
     columns["adjusted_m"][seen], columns["adjusted_sigma_m"][seen] = length, sigma
     columns["residual_m"][:] = columns["adjusted_m"] - lines.length_m
 
@@ -129,7 +129,7 @@ def describe_missing_picks(missing: Sequence[str], labels: Sequence[str]) -> str
 
 
 def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...]) -> Message:
-    what = named_ends(lines.name[i], lines.start[i], lines.end[i])
+    what = describe_ends(lines.name[i], lines.start[i], lines.end[i])
     which = describe_missing_picks(missing, known)
     return Message(
         "warning",
@@ -144,9 +144,9 @@ def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...
 def _does_not_fit(lines: KnownLines, i: int, columns: dict[str, Floats]) -> Message:
     found = float(columns["adjusted_m"][i])
     taped = float(lines.length_m[i]), float(lines.sigma_m[i])
-    what = mistake(*taped, found, float(columns["adjusted_sigma_m"][i]))
+    what = explain_length(*taped, found, float(columns["adjusted_sigma_m"][i]))
     ask = f"{what[0].upper()}{what[1:]}? " if what else ""
-    name = named_ends(lines.name[i], lines.start[i], lines.end[i])
+    name = describe_ends(lines.name[i], lines.start[i], lines.end[i])
     how = f"taped {lines.length_m[i]:.3f} m, found {found:.3f} m (w = {columns['w'][i]:.1f})"
     mend, *instead = read_first([propose_length_removal([lines.name[i]])])
     return Message(
@@ -190,7 +190,9 @@ def _left_out(
     out = [i for i, index in enumerate(survey_index) if int(index) in gross and seen[i]]
     if out and (refined.rival_lines or refined.rival_clicks or is_mount_open(refined.adjustment)):
         return (_one_of(refined, lines, out),)
-    what = {i: mistake(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out}
+    what = {
+        i: explain_length(lines.length_m[i], lines.sigma_m[i], seen_m[i], sigma_m[i]) for i in out
+    }
     alike = {i: what[i] or i for i in out}  # unknown mistakes: each alone
     groups = [[i for i in out if alike[i] == key] for key in dict.fromkeys(alike.values())]
     told = []
@@ -265,7 +267,7 @@ def _text(
     if len(found) == 1:
         name, start, end = (each[found[0]] for each in (lines.name, lines.start, lines.end))
         opening = (
-            f"The length {named_ends(name, start, end)} was left out: {taped[0]}, but "
+            f"The length {describe_ends(name, start, end)} was left out: {taped[0]}, but "
             f"{_list_contradicting(refined)} show {seen[0]}{ask or '.'}"
         )
     else:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import reliability
+from uavgram.estimation.reliability.redundancy import compute_reliability
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
@@ -86,7 +86,7 @@ def _matches(adjustment: Adjustment, picks: Picks) -> tuple[Ints, tuple[Floats, 
     if not len(at):
         return at, (np.zeros((0, 2)), np.zeros(0), np.zeros(0))
     block = adjustment.minimum.blocks["matches"]
-    numbers = reliability(block, adjustment.covariance)
+    numbers = compute_reliability(block, adjustment.covariance)
     residual = (block.residual * sightings.sigma_px[:, None])[at]
     w = numbers.w[at]
     larger = w[np.arange(len(at)), np.abs(w).argmax(axis=1)]

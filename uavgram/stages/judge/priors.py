@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.reliability.test_statistics import Observed
-from uavgram.estimation.survey.observations.kinds import kind_of
+from uavgram.estimation.reliability.test_statistics import TestedGroup
+from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Floats
 from uavgram.model.result.reliability import PriorResults, WeakestLinks
@@ -23,7 +23,7 @@ def judge_priors(examined: TestedSurvey) -> PriorResults:
     parts = [
         _group(examined, kind, group)
         for kind, group in examined.groups.items()
-        if not kind_of(kind).has_table
+        if not get_kind(kind).has_table
     ]
     members = [m for part in parts for m in part[0]]
     residual, w, redundancy, bias, change, on = (
@@ -45,7 +45,7 @@ def judge_priors(examined: TestedSurvey) -> PriorResults:
 
 
 def _group(
-    examined: TestedSurvey, kind: str, group: Observed
+    examined: TestedSurvey, kind: str, group: TestedGroup
 ) -> tuple[list[Member], *tuple[Floats, ...]]:
     """Return members, then residual, w, redundancy, bias, change and measurement of each axis."""
     n, a = group.w.shape
@@ -62,7 +62,7 @@ def _group(
     return members, *(np.asarray(column, dtype=np.float64).ravel() for column in columns)
 
 
-def compute_prior_residuals(group: Observed) -> Floats:
+def compute_prior_residuals(group: TestedGroup) -> Floats:
     """Compute adjusted minus stated (n, a), in stated sigmas; 0 for exactly known numbers."""
     scale = np.where(np.isfinite(group.scale), group.scale, np.inf)
     whitening = group.direction / scale[:, None, :]

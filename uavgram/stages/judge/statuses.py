@@ -6,9 +6,9 @@ from collections.abc import Collection
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import NO_REDUNDANCY
-from uavgram.estimation.reliability.test_statistics import Observed
-from uavgram.estimation.survey.observations.kinds import kind_of
+from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
+from uavgram.estimation.reliability.test_statistics import TestedGroup
+from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.tables import MeasurementResults
@@ -29,7 +29,7 @@ def is_moved(examined: TestedSurvey) -> Bools:
     sigma = np.where(measured.sigma > 0, measured.sigma, np.inf)
     moved = np.zeros(len(sigma), dtype=np.bool_)
     members = [
-        member for one in examined.suspicions for member in (one.accused, *one.group, *one.rivals)
+        member for one in examined.suspicions for member in (one.suspect, *one.group, *one.rivals)
     ]
     if not members or not len(sigma):
         return moved
@@ -39,15 +39,15 @@ def is_moved(examined: TestedSurvey) -> Bools:
     return moved
 
 
-def _change_without(group: Observed, member: Member, solved: Floats) -> Floats:
+def _change_without(group: TestedGroup, member: Member, solved: Floats) -> Floats:
     """Compute changes (M,) of the values if the estimated error of an observation is removed.
 
     The likeliest error of an axis is w / sqrt(r) of its sigmas (Baarda 1968).
     """
     row = member.row
-    axes = slice(None) if kind_of(member.kind).is_joint else slice(member.axis, member.axis + 1)
+    axes = slice(None) if get_kind(member.kind).is_joint else slice(member.axis, member.axis + 1)
     redundancy = group.redundancy[row, axes]
-    root = np.sqrt(np.where(redundancy > NO_REDUNDANCY, redundancy, np.inf))
+    root = np.sqrt(np.where(redundancy > MIN_REDUNDANCY, redundancy, np.inf))
     response = np.einsum("rk,km->rm", group.block.jacobian[row], solved[group.block.columns[row]])
     by_unit = np.einsum("ra,rm->am", group.direction[row][:, axes], response)
     return np.asarray((group.w[row, axes] / root) @ by_unit)

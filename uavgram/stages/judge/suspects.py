@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.measuring.propagation import MeasuredValues, values_at
-from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS
+from uavgram.estimation.measuring.propagation import MeasuredValues, compute_values
+from uavgram.estimation.reliability.data_snooping import MAX_SUSPECTS
 from uavgram.estimation.survey.adjustment import LeftOutRows, Refined
-from uavgram.estimation.survey.names import Names
-from uavgram.estimation.survey.observations.known import named_thing
-from uavgram.estimation.survey.observations.lengths import named_ends
+from uavgram.estimation.survey.names import ObservationNames
+from uavgram.estimation.survey.observations.known import describe_thing
+from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.observations.observation import Member, Misfit, Suspicion
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.frames import Frames
@@ -32,9 +32,9 @@ def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
         for suspicion in examined.suspicions
         if blameless.isdisjoint(_inseparable(suspicion))
     ]
-    if len(examined.suspicions) >= MOST_SUSPECTS:
+    if len(examined.suspicions) >= MAX_SUSPECTS:
         text = (
-            f"{MOST_SUSPECTS} picks and lengths or more do not fit; the first {MOST_SUSPECTS} are "
+            f"{MAX_SUSPECTS} picks and lengths or more do not fit; the first {MAX_SUSPECTS} are "
             "named. Something common to them is wrong: look at labels, the camera file, the "
             "ground, times."
         )
@@ -66,11 +66,11 @@ def _inseparable(suspicion: Suspicion) -> set[tuple[str, int]]:
 
 
 def _members(suspicion: Suspicion) -> tuple[Member, ...]:
-    return (suspicion.accused, *suspicion.group, *suspicion.rivals)
+    return (suspicion.suspect, *suspicion.group, *suspicion.rivals)
 
 
 def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
-    accused, names = suspicion.accused, examined.names
+    accused, names = suspicion.suspect, examined.names
     observation, group = names.of(accused), examined.groups[accused.kind]
     own, thing = np.array([accused.row]), observation.things()
     if thing is not None:
@@ -82,7 +82,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     text, item = observation.misfit(found)
     others = []
     if suspicion.group:
-        others.append(f"The {names.group(suspicion)}: {names.look(suspicion)}.")
+        others.append(f"The {names.group(suspicion)}: {names.advice(suspicion)}.")
         item += f", or the {' or the '.join(names.cause(m) for m in suspicion.group)}"
     if suspicion.rivals:
         others.append(names.rivals(suspicion))
@@ -92,7 +92,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
         observation.kind.misfit_code,
         " ".join([text, *others]),
         **names.subjects(accused),
-        several=MessagePlural(observation.several(), item, ending=observation.kind.look),
+        several=MessagePlural(observation.several(), item, ending=observation.kind.advice),
         mend=remedies[0],
         instead=tuple(one for one in remedies[1:] if one is not None),
     )
@@ -125,7 +125,9 @@ def judge_removals(
     at = {int(index): i for i, index in enumerate(line_index) if index >= 0}
     steps = [removal.before for removal in refined.removals] + [refined]
     values = [
-        None if r is None else values_at(r.adjustment.problem, r.adjustment.state, requests, frames)
+        None
+        if r is None
+        else compute_values(r.adjustment.problem, r.adjustment.state, requests, frames)
         for r in steps
     ]
     records = []
@@ -145,13 +147,13 @@ def judge_removals(
             what = removal.cause.message.text
         elif removal.before is None and removal.kind == "known":
             i = removal.index
-            what = f"known {named_thing(known.kind[i], known.name[i], known.points[i])}"
+            what = f"known {describe_thing(known.kind[i], known.name[i], known.points[i])}"
         elif removal.before is None:
             i = at[removal.index]
-            what = f"length {named_ends(lines.name[i], lines.start[i], lines.end[i])}"
+            what = f"length {describe_ends(lines.name[i], lines.start[i], lines.end[i])}"
         else:
-            names = Names(removal.before.adjustment)
-            what = names.observation(suspicion.accused)
+            names = ObservationNames(removal.before.adjustment)
+            what = names.observation(suspicion.suspect)
             group = tuple(names.observation(m) for m in suspicion.group)
             rivals = tuple(names.observation(m) for m in suspicion.rivals)
         records.append(

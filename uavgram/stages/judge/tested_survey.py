@@ -8,18 +8,22 @@ from functools import cached_property
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
-from uavgram.estimation.measuring.scale import NOTHING, scale_sigmas
-from uavgram.estimation.reliability.data_snooping import MOST_SUSPECTS, suspicions
-from uavgram.estimation.reliability.external import Weakest, Worst, external_reliability
-from uavgram.estimation.reliability.hypotheses import set_aside
-from uavgram.estimation.reliability.redundancy import critical_value
+from uavgram.estimation.measuring.scale import MAX_RELATIVE_SIGMA, compute_scale_sigmas
+from uavgram.estimation.reliability.data_snooping import MAX_SUSPECTS, find_suspicions
+from uavgram.estimation.reliability.external import (
+    LargestEffects,
+    WeakestObservations,
+    compute_external_reliability,
+)
+from uavgram.estimation.reliability.hypotheses import adjust_without
+from uavgram.estimation.reliability.redundancy import compute_critical_value
 from uavgram.estimation.reliability.test_statistics import (
-    Observed,
-    cofactors,
-    observed,
+    TestedGroup,
+    compute_cofactors,
+    compute_test_statistics,
 )
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.names import ObservationNames
 from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -57,11 +61,11 @@ class TestedSurvey:
     """
 
     refined: Refined
-    groups: dict[str, Observed]
+    groups: dict[str, TestedGroup]
     suspicions: tuple[Suspicion, ...]
-    worst: dict[str, Worst]
-    weakest: tuple[Weakest, ...]
-    names: Names
+    worst: dict[str, LargestEffects]
+    weakest: tuple[WeakestObservations, ...]
+    names: ObservationNames
     measured: MeasuredValues
     significance: float
 
@@ -76,19 +80,19 @@ class TestedSurvey:
 
         The adjusted survey itself where nothing is suspected, or too much.
         """
-        are_known = len(self.suspicions) < MOST_SUSPECTS
-        accused = [one.accused for one in self.suspicions] if are_known else []
-        return set_aside(self.adjustment, accused)
+        are_known = len(self.suspicions) < MAX_SUSPECTS
+        accused = [one.suspect for one in self.suspicions] if are_known else []
+        return adjust_without(self.adjustment, accused)
 
     def suspect(self, kind: str) -> Bools:
         """Mark observations (n,) of a group that are suspected, alone or with others."""
         group = self.groups[kind]
-        if len(self.suspicions) >= MOST_SUSPECTS:  # the others were not tested separately
+        if len(self.suspicions) >= MAX_SUSPECTS:  # the others were not tested separately
             return np.asarray((np.abs(group.w) > group.limit(self.significance)).any(axis=1))
         rows = [
             member.row
             for suspicion in self.suspicions
-            for member in (suspicion.accused, *suspicion.group)
+            for member in (suspicion.suspect, *suspicion.group)
             if member.kind == kind
         ]
         suspect = np.zeros(len(group.w), dtype=bool)
@@ -104,7 +108,7 @@ class TestedSurvey:
 
     def significant(self, w: float) -> bool:
         """Return whether a test statistic is significant."""
-        large = abs(w) > critical_value(self.significance)
+        large = abs(w) > compute_critical_value(self.significance)
         return bool(large and self.adjustment.minimum.converged)
 
     def effects(self, kind: str, rows: Ints) -> Effects:
@@ -165,23 +169,25 @@ def run_tests(
     withheld
         Values that take no part; those that fit test the readings, too.
     """
-    groups = observed(refined.adjustment)
-    shown = _compute_cofactors(refined.adjustment, groups, withheld, critical_value(significance))
-    worst, weakest = external_reliability(groups, measured, significance, shown)
+    groups = compute_test_statistics(refined.adjustment)
+    shown = _compute_cofactors(
+        refined.adjustment, groups, withheld, compute_critical_value(significance)
+    )
+    worst, weakest = compute_external_reliability(groups, measured, significance, shown)
     return TestedSurvey(
         refined=refined,
         groups=groups,
         suspicions=_suspicions(refined, groups, significance),
         worst=worst,
         weakest=weakest,
-        names=Names(refined.adjustment),
+        names=ObservationNames(refined.adjustment),
         measured=measured,
         significance=significance,
     )
 
 
 def _compute_cofactors(
-    adjustment: Adjustment, groups: dict[str, Observed], withheld: Withheld | None, limit: float
+    adjustment: Adjustment, groups: dict[str, TestedGroup], withheld: Withheld | None, limit: float
 ) -> dict[str, Floats]:
     """Compute cofactor matrices (n, a, a) of groups of readings: the visible share of their errors.
 
@@ -190,7 +196,9 @@ def _compute_cofactors(
     """
     kinds = (*READINGS, *(("boresight",) if _is_mount_assumed(adjustment) else ()))
     blocks = {kind: groups[kind].block for kind in kinds if kind in groups}
-    shown = {kind: cofactors(block, adjustment.covariance) for kind, block in blocks.items()}
+    shown = {
+        kind: compute_cofactors(block, adjustment.covariance) for kind, block in blocks.items()
+    }
     if withheld is not None and (fits := withheld.fits(limit)).any():
         # Q += B W^-1 B^T: B covariance of readings and withheld values, W of the latter's errors.
         weight = np.linalg.inv(withheld.joint[np.ix_(fits, fits)])
@@ -211,22 +219,22 @@ def is_mount_open(adjustment: Adjustment) -> bool:
     """Return whether the camera's direction is neither stated nor visible in the photos."""
     if not _is_mount_assumed(adjustment):
         return False
-    share = cofactors(adjustment.minimum.blocks["boresight"], adjustment.covariance)
+    share = compute_cofactors(adjustment.minimum.blocks["boresight"], adjustment.covariance)
     tilts = share[0][:2, :2] if len(share) == 1 else np.diag(share[:2, 0, 0])  # of the optical axis
     return bool(np.linalg.eigvalsh(tilts)[0] < MIN_MOUNT_REDUNDANCY)
 
 
 def _suspicions(
-    refined: Refined, groups: dict[str, Observed], significance: float
+    refined: Refined, groups: dict[str, TestedGroup], significance: float
 ) -> tuple[Suspicion, ...]:
     adjustment = refined.adjustment
     if not adjustment.minimum.converged:
         return ()
-    found = suspicions(adjustment, groups, significance)
+    found = find_suspicions(adjustment, groups, significance)
     return tuple(one for one in found if not _is_lone_tape(adjustment, one))
 
 
 def _is_lone_tape(adjustment: Adjustment, suspicion: Suspicion) -> bool:
     """Return whether the only tape is suspected, without any other observation of the scale."""
-    is_tape = suspicion.accused.kind == "tape" and len(adjustment.problem.tapes) == 1
-    return is_tape and not scale_sigmas(adjustment).others < NOTHING
+    is_tape = suspicion.suspect.kind == "tape" and len(adjustment.problem.tapes) == 1
+    return is_tape and not compute_scale_sigmas(adjustment).others < MAX_RELATIVE_SIGMA

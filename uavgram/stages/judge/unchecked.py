@@ -12,8 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import MeasuredValues
-from uavgram.estimation.measuring.scale import next_line
-from uavgram.estimation.reliability.external import LARGEST_SIGMAS, Unseen
+from uavgram.estimation.measuring.scale import find_next_line
+from uavgram.estimation.reliability.external import MAX_ERROR_SIGMAS, UndetectedError
 from uavgram.model.arrays import Bools
 from uavgram.model.message import Message, Remedy
 from uavgram.model.naming import figures, listed
@@ -22,7 +22,7 @@ from uavgram.stages.remedies import make_tape_remedy
 
 MAX_NAMED = 5
 
-UNDETECTABLE_SIGMAS = LARGEST_SIGMAS / 10
+UNDETECTABLE_SIGMAS = MAX_ERROR_SIGMAS / 10
 """Sigmas of a reading above which an error counts as completely undetectable."""
 
 
@@ -93,13 +93,13 @@ def judge_unchecked(examined: TestedSurvey) -> Iterator[Message]:
             yield _message(examined, rows, found, kind)
 
 
-def _family(unseen: Unseen) -> str:
+def _family(unseen: UndetectedError) -> str:
     """Return the kind of readings with a message of its own; empty for all others."""
     return unseen.member.kind if unseen.member.kind in ("boresight", "pixels") else ""
 
 
 def _message(
-    examined: TestedSurvey, rows: list[int], found: dict[int, list[Unseen]], kind: str
+    examined: TestedSurvey, rows: list[int], found: dict[int, list[UndetectedError]], kind: str
 ) -> Message:
     names = tuple(examined.measured.name[i] for i in rows)
     are = "are" if len(rows) > 1 else "is"
@@ -139,7 +139,7 @@ def _message(
     )
 
 
-def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
+def _numbers(examined: TestedSurvey, row: int, worst: UndetectedError) -> str:
     """Describe the largest error that stays undetected, and its effect on a measurement."""
     measured, member = examined.measured, worst.member
     what = f"the {examined.names.observation(member)}"
@@ -153,11 +153,11 @@ def _numbers(examined: TestedSurvey, row: int, worst: Unseen) -> str:
     )
 
 
-def _second_reading(examined: TestedSurvey, worst: Unseen) -> tuple[str, Remedy | None]:
+def _second_reading(examined: TestedSurvey, worst: UndetectedError) -> tuple[str, Remedy | None]:
     """Suggest a reading that would check another one."""
     if worst.member.kind == "control":
         return "Look at its coordinates once more, or give another control point", None
-    advice = next_line(examined.adjustment)
+    advice = find_next_line(examined.adjustment)
     if advice is None:
         return "Tape another line, or give another thing that is known", None
     name = examined.adjustment.survey.label

@@ -21,13 +21,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.reliability.redundancy import MOST_OF_A_KIND, most_gross
-from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.reliability.redundancy import MAX_GROSS_SHARE, limit_gross_errors
+from uavgram.estimation.reliability.test_statistics import compute_cofactors
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.lengths import tape_rows, taped_lines
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.observations.lengths import find_tape_rows, select_taped_lines
+from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.off_ground import count_photos
 from uavgram.stages.refine.staged_sigmas import DAMPING
@@ -293,7 +293,7 @@ def weighted_minimum(
     return minimise(
         state,
         evaluate,
-        lambda now, step: advance(layout, now, step),
+        lambda now, step: advance_state(layout, now, step),
         layout.size,
         layout.structure,
         EACH,
@@ -334,7 +334,7 @@ def squared_misfits(
             continue
         own = weight.get(name, np.ones(len(block.residual)))
         # Eigenvalues of Q are the redundancy numbers of the observation's axes.
-        redundancy, axes = np.linalg.eigh(cofactors(block, covariance))
+        redundancy, axes = np.linalg.eigh(compute_cofactors(block, covariance))
         residual = np.einsum("nra,nr->na", axes, block.residual) / np.sqrt(own)[:, None]
         is_checked = redundancy > LEAST_REDUNDANCY
         redundancy = np.where(is_checked, redundancy, 1.0)
@@ -377,7 +377,7 @@ def _noise(squares: Mapping[str, Floats], weight: Mapping[str, Floats]) -> dict[
             usual = float(chdtri(_axes(name), 0.5))
             large = max(large, float(np.sqrt(np.median(checked) / usual)))
         # Large enough that no more than the allowed share is gross.
-        most = most_gross(len(checked))
+        most = limit_gross_errors(len(checked))
         if len(checked) > most and not is_ground:
             large = max(large, float(np.sqrt(checked[most])) / GROSS_SIGMAS)
         is_stated = name in ("lengths", "known", "control", "roughness")
@@ -468,14 +468,16 @@ def _turned_frames(
 
 def _names_of_few(problem: SurveyProblem, is_bad: Bools) -> tuple[str, ...]:
     """Return the names of bad frames; none where they are too many to be the exception."""
-    if is_bad.sum() > MOST_OF_A_KIND * len(is_bad):
+    if is_bad.sum() > MAX_GROSS_SHARE * len(is_bad):
         return ()
     return tuple(problem.survey.frame_id[k] for k in np.flatnonzero(is_bad))
 
 
 def _tapes(problem: SurveyProblem) -> Ints:
     """Return the row (n,) of the tape of each length that takes part."""
-    return tape_rows(problem.tapes, taped_lines(problem.survey, problem.line_index).tape)
+    return find_tape_rows(
+        problem.tapes, select_taped_lines(problem.survey, problem.line_index).tape
+    )
 
 
 def _bounded_cost(name: str, block: Block, out: Bools | None) -> float:

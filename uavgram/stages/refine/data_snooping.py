@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from uavgram.estimation.reliability.data_snooping import suspicions
-from uavgram.estimation.reliability.test_statistics import observed
+from uavgram.estimation.reliability.data_snooping import find_suspicions
+from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.survey.adjustment import Refined, Removal
 from uavgram.estimation.survey.observations.observation import Suspicion
 
@@ -41,9 +41,9 @@ def find_blunder(refined: Refined, significance: float) -> BlunderSearch:
     prior alone is suspected, nothing is removed because of it.
     """
     undecided = []
-    groups = observed(refined.adjustment)
-    for suspicion in suspicions(refined.adjustment, groups, significance):
-        members = (suspicion.accused, *suspicion.group)
+    groups = compute_test_statistics(refined.adjustment)
+    for suspicion in find_suspicions(refined.adjustment, groups, significance):
+        members = (suspicion.suspect, *suspicion.group)
         stated = [m for m in members if m.kind in READING_GROUPS]
         picks = [m for m in members if m.kind == "pixels"]
         if not stated and not picks:
@@ -56,7 +56,7 @@ def find_blunder(refined: Refined, significance: float) -> BlunderSearch:
 
 
 def _removal(refined: Refined, suspicion: Suspicion) -> Removal:
-    kind, row = suspicion.accused.kind, suspicion.accused.row
+    kind, row = suspicion.suspect.kind, suspicion.suspect.row
     if kind == "lengths":
         index = int(refined.line_index[refined.adjustment.problem.line_index[row]])
         return Removal("line", index, suspicion, refined)

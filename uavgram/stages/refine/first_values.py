@@ -12,23 +12,23 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.first_points import with_free_points
+from uavgram.estimation.first_poses.first_points import add_free_points
 from uavgram.estimation.first_poses.homography import Pose
 from uavgram.estimation.first_poses.known_frames import PlaneNetwork, align_in_plane
 from uavgram.estimation.first_poses.network import (
     FirstValues,
-    from_telemetry,
-    known_height,
-    length_poses,
-    lines_per_frame,
+    count_lines_per_frame,
+    estimate_ground_height,
+    estimate_length_poses,
+    intersect_seed_rays,
 )
 from uavgram.estimation.first_poses.prior_gate import (
-    allowed,
     compare_with_seed,
-    seed_on_plane,
+    find_allowed,
+    move_seed_to_plane,
 )
-from uavgram.estimation.first_poses.tied.two_views import with_turned
-from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.first_poses.tied.two_views import add_turned_frames
+from uavgram.estimation.reliability.test_statistics import compute_cofactors
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane
@@ -64,8 +64,8 @@ def find_first_values(survey: Survey) -> list[FirstValues]:
     """Compute sets of first values, most likely first; unplaced points and frames are NaN."""
     ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     if survey.telemetry is not None:
-        found = [from_telemetry(each, ray) for each in _seed_surveys(survey)]
-        return [with_free_points(survey, ray, values) for values in found]
+        found = [intersect_seed_rays(each, ray) for each in _seed_surveys(survey)]
+        return [add_free_points(survey, ray, values) for values in found]
     begun = find_frame_planes(survey, ray)
     counts, planes = begun.counts, begun.planes
     if survey.gauge == "world":
@@ -147,14 +147,14 @@ def _seed_surveys(survey: Survey) -> list[Survey]:
     assert survey.seeds is not None  # noqa: S101  (the caller asked)
     seeds, ground = survey.seeds, survey.ground
     allowed_planes: dict[int, Floats] = {}
-    for frame, poses in length_poses(survey).items():
+    for frame, poses in estimate_length_poses(survey).items():
         center = seeds.center_world_m[frame]
         seed = (center, seeds.world_from_camera[frame], seeds.covariance[frame], ground)
         known = poses.take(np.flatnonzero(poses.converged))
         # Poses by lengths within the telemetry's prior, likeliest first.
         compared = compare_with_seed(*seed, known)
         order = np.argsort(known.cost + compared.squared_distance, kind="stable")
-        order = order[allowed(compared.squared_distance[order])]
+        order = order[find_allowed(compared.squared_distance[order])]
         inside, shift = known.take(order), compared.shift[order]
         # Distance from the seed, and from the likeliest of several.
         height, *tilt = np.concatenate([shift, shift - shift[:1]]).T
@@ -165,7 +165,7 @@ def _seed_surveys(survey: Survey) -> list[Survey]:
             allowed_planes[frame] = inside.plane
     if not allowed_planes:
         return [survey]
-    counts = lines_per_frame(survey)
+    counts = count_lines_per_frame(survey)
     first = max(allowed_planes, key=lambda f: (counts[f], -f))
     best = {frame: planes[0] for frame, planes in allowed_planes.items()}
     return [
@@ -180,7 +180,7 @@ def _replace_seeds(survey: Survey, planes: dict[int, Floats]) -> Survey:
     center = np.array(survey.seeds.center_world_m)
     rotation = np.array(survey.seeds.world_from_camera)
     for frame, plane in planes.items():
-        center[frame], rotation[frame] = seed_on_plane(
+        center[frame], rotation[frame] = move_seed_to_plane(
             center[frame], rotation[frame], survey.ground, plane
         )
     seeds = replace(survey.seeds, center_world_m=center, world_from_camera=rotation)
@@ -232,7 +232,7 @@ def _extend_choices(
     control = survey.gauge == "world"
     height = 0.0
     if control:
-        height = known_height(survey)
+        height = estimate_ground_height(survey)
     lift = np.array([0.0, 0.0, height])
     values = []
     for poses in choices:
@@ -243,9 +243,9 @@ def _extend_choices(
             network.place(frame, center - lift, rotation)
         network.grow(planes)
         nothing = np.zeros(len(survey.label))
-        poses_found = with_turned(survey, network.center + lift, network.rotation)
+        poses_found = add_turned_frames(survey, network.center + lift, network.rotation)
         grown = FirstValues(network.point, *poses_found, height, nothing)
-        values.append(with_free_points(survey, ray, grown if control else _move_to_gauge(grown)))
+        values.append(add_free_points(survey, ray, grown if control else _move_to_gauge(grown)))
     if all(np.isnan(each.center).all() for each in values):
         raise GeometryError(
             "without a flight log a photo is placed by four control points in it, or two and three "
@@ -312,7 +312,7 @@ def find_doubtful_frames(survey: Survey, refined: Refined) -> frozenset[str]:
     block, names = adjustment.minimum.blocks["pixels"], adjustment.survey.frame_id
     frame = adjustment.survey.pick_frame
     # Redundancy of each pick: trace of its cofactor matrix.
-    own = np.einsum("nii->n", cofactors(block, adjustment.covariance))
+    own = np.einsum("nii->n", compute_cofactors(block, adjustment.covariance))
     redundancy = np.bincount(frame, own, len(names))
     square = np.bincount(frame, np.sum(block.residual**2, axis=1), len(names))
     bad = square > chdtri(np.maximum(redundancy, 1.0), MAX_FIT_PROBABILITY)

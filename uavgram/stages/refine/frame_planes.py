@@ -7,9 +7,13 @@ from typing import NamedTuple
 
 from scipy.special import chdtri
 
-from uavgram.estimation.first_poses.known_frames import FrameThings, frame_things, known_planes
-from uavgram.estimation.first_poses.network import length_poses, lines_per_frame
-from uavgram.estimation.first_poses.prior_gate import OUTSIDE
+from uavgram.estimation.first_poses.known_frames import (
+    FrameThings,
+    find_frame_things,
+    find_known_planes,
+)
+from uavgram.estimation.first_poses.network import count_lines_per_frame, estimate_length_poses
+from uavgram.estimation.first_poses.prior_gate import OUTSIDE_PROBABILITY
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
 
@@ -42,8 +46,8 @@ def find_frame_planes(survey: Survey, ray: Floats) -> FramePlanes:
     ray
         (P, 3) undistorted rays of its picks, z = 1.
     """
-    seen = frame_things(survey)
-    counts = lines_per_frame(survey)
+    seen = find_frame_things(survey)
+    counts = count_lines_per_frame(survey)
     for frame, known in seen.items():
         counts[frame] = known.rows
     return FramePlanes(seen, counts, _planes(survey, ray, seen, counts))
@@ -63,10 +67,10 @@ def _planes(
     seen, counts
         As in `FramePlanes`.
     """
-    lines = lines_per_frame(survey)
-    by_lengths = length_poses(survey)
+    lines = count_lines_per_frame(survey)
+    by_lengths = estimate_length_poses(survey)
     determined = [f for f, found in by_lengths.items() if found.converged.any()]
-    by_things = known_planes(survey, ray, seen, determined)
+    by_things = find_known_planes(survey, ray, seen, determined)
     candidates = {
         **{f: (found.plane, found.cost[0], lines[f]) for f, found in by_lengths.items()},
         **{f: (found.plane, found.cost[0], counts[f]) for f, found in by_things.items()},
@@ -74,7 +78,7 @@ def _planes(
     kept = {
         f: plane
         for f, (plane, cost, count) in candidates.items()
-        if cost <= float(chdtri(max(count - 3, 1), OUTSIDE))
+        if cost <= float(chdtri(max(count - 3, 1), OUTSIDE_PROBABILITY))
     }
     return kept or {f: plane for f, (plane, _, _) in candidates.items()}
 

@@ -8,11 +8,11 @@ from typing import Literal
 
 import numpy as np
 
-from uavgram.estimation.reliability.stated_values import displaced, likely_fault
+from uavgram.estimation.reliability.stated_values import describe_displacement, explain_coordinates
 from uavgram.estimation.survey.adjustment import LeftOutRows, Refined, Removal
-from uavgram.estimation.survey.departures import heights_above_ground
-from uavgram.estimation.survey.observations.known import known_rows
-from uavgram.estimation.survey.observations.lengths import Taped, taped_lines
+from uavgram.estimation.survey.departures import compute_heights
+from uavgram.estimation.survey.observations.known import compute_known_rows
+from uavgram.estimation.survey.observations.lengths import TapedLengths, select_taped_lines
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
@@ -40,11 +40,11 @@ def predict_readings(survey: Survey, refined: Refined, line: Ints) -> tuple[Floa
     return found[0], found[1]
 
 
-def _taped_lines(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, Taped]:
+def _taped_lines(survey: Survey, refined: Refined, line: Ints) -> tuple[Bools, TapedLengths]:
     """Mark lines (n,) with both ends in an adjustment, and return how these were taped."""
     at = refined.adjustment.label_rows(survey.label)
     there = (at[survey.line_start[line]] >= 0) & (at[survey.line_end[line]] >= 0)
-    taped = taped_lines(survey, line[there])
+    taped = select_taped_lines(survey, line[there])
     return there, taped._replace(start=at[taped.start], end=at[taped.end])
 
 
@@ -96,7 +96,7 @@ def _left_out_known(survey: Survey, refined: Refined) -> dict[int, LeftOutRows |
         label = np.full(len(survey.label), -1)
         label[list(thing.label)] = adjustment.label_rows(survey.label[k] for k in thing.label)
         if (seen := thing.relabelled(label)) is not None:
-            rows = known_rows(adjustment.problem, adjustment.state, [seen])
+            rows = compute_known_rows(adjustment.problem, adjustment.state, [seen])
             found[thing.index] = LeftOutRows(rows.value, rows.sigma, rows.gradient, rows.columns)
     return found
 
@@ -120,7 +120,10 @@ def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> 
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
         label = survey.label[survey.control_label[i]]
         stated = survey.control_world_m[i]
-        where, likely = displaced(stated - found[k], sigma), likely_fault(stated, found[k])
+        where, likely = (
+            describe_displacement(stated - found[k], sigma),
+            explain_coordinates(stated, found[k]),
+        )
         text = (
             f"The control point {label!r} was left out: it is {where}, and with it nothing else "
             f"would fit. Look at its coordinates{likely}, its label and its picks."
@@ -147,7 +150,7 @@ def report_heights_left_out(
     labels
         Names of the points.
     """
-    found, sigma = heights_above_ground(refined.adjustment)
+    found, sigma = compute_heights(refined.adjustment)
     for label in labels:
         row = refined.adjustment.label_rows([label])[0]
         stated_m = survey.height_above_m[survey.label.index(label)]

@@ -11,20 +11,20 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.first_points import with_first_ties
+from uavgram.estimation.first_poses.first_points import add_first_ties
 from uavgram.estimation.first_poses.known_frames import align_in_plane
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.measuring.scale import line_faults
+from uavgram.estimation.measuring.scale import describe_line_faults
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
-from uavgram.estimation.survey.ground_planes import area_centroids, first_planes
+from uavgram.estimation.survey.ground_planes import compute_area_centroids, make_first_planes
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.selection import (
+    remove_known,
+    remove_ties,
     select_lines,
     select_picks,
-    without_known,
-    without_ties_of,
 )
 from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Bools
@@ -40,10 +40,10 @@ from uavgram.stages.refine.staged_sigmas import DAMPING, approach_minimum, itera
 
 
 class UndeterminedError(GeometryError):
-    """Undetermined unknown; `picks` (P,) are the picks that depend on it alone."""
+    """Undetermined unknown; `dependent_picks` (P,) are the picks that depend on it alone."""
 
     def __init__(self, message: str, picks: Bools) -> None:
-        self.picks = picks
+        self.dependent_picks = picks
         super().__init__(message)
 
 
@@ -82,7 +82,7 @@ def describe_weakness(survey: Survey, values: FirstValues, line_used: Bools) -> 
     start, end = survey.line_start[line_used], survey.line_end[line_used]
     if survey.telemetry is not None or survey.known or len(start) < 3:
         return ""
-    faults = line_faults(values.point_m[start], values.point_m[end], values.point_m)
+    faults = describe_line_faults(values.point_m[start], values.point_m[end], values.point_m)
     if not faults and len(start) == 3:
         faults = ("two of the poses that three lengths allow merge here: tape a fourth line",)
     return f" ({'; '.join(faults)})" if faults else ""
@@ -274,7 +274,7 @@ def find_minima_from(
     GeometryError
         There are no first values, or none leads to a minimum.
     """
-    survey, undetermined = without_known(taking.survey, taking.known_removed), frozenset[int]()
+    survey, undetermined = remove_known(taking.survey, taking.known_removed), frozenset[int]()
     while True:
         if not taking.keep.any():
             raise GeometryError(
@@ -287,7 +287,7 @@ def find_minima_from(
         starts = begin(select_lines(selection.survey, line_used))
         lost = _find_unconnected(selection.survey, starts)
         if lost:
-            survey = without_ties_of(survey, lost)
+            survey = remove_ties(survey, lost)
             continue
         skipped = [find_unusable_picks(selection.survey, values) for values in starts]
         # Of several poses that explain the lengths, those that see sky at picked points
@@ -304,8 +304,8 @@ def find_minima_from(
                 out = _picks_to_leave_out(why, skipped)
                 if not out:
                     raise
-                if not why.picks.all():
-                    undetermined |= frozenset(selection.pick_index[why.picks].tolist())
+                if not why.dependent_picks.all():
+                    undetermined |= frozenset(selection.pick_index[why.dependent_picks].tolist())
         left = selection.pick_index[list(out)].tolist()
         taking = taking.without_picks(dict(zip(left, out.values(), strict=True)))
     return Refined(
@@ -336,8 +336,8 @@ def _picks_to_leave_out(
 
     If all picks depend on it, the picks in the sky of another pose; empty without such a pose.
     """
-    hanging = np.flatnonzero(why.picks)
-    if 0 < len(hanging) < len(why.picks):
+    hanging = np.flatnonzero(why.dependent_picks)
+    if 0 < len(hanging) < len(why.dependent_picks):
         return dict.fromkeys(hanging.tolist(), LeftOut(LeftOutCause.UNDETERMINED, str(why)))
     return min((out for out in skipped if out), key=len, default={})
 
@@ -375,8 +375,8 @@ def _find_minima(
 def _minimise(
     survey: Survey, values: FirstValues, line_used: Bools, most: int, slack: float = 0.0
 ) -> tuple[SurveyProblem, Minimum[State]]:
-    survey, tied = with_first_ties(survey, values)
-    pivot = area_centroids(survey, values.point_m)
+    survey, tied = add_first_ties(survey, values)
+    pivot = compute_area_centroids(survey, values.point_m)
     problem = SurveyProblem(survey, pivot, line_used)
     layout = problem.layout
     point = np.zeros((layout.points, layout.point_size))
@@ -388,7 +388,7 @@ def _minimise(
         center=np.array(values.center),
         rotation=np.array(values.rotation),
         intrinsic=np.zeros(layout.intrinsics),
-        plane=first_planes(survey.grounds, values.height_m),
+        plane=make_first_planes(survey.grounds, values.height_m),
         relief=np.zeros(layout.relief),
         telemetry=problem.telemetry_mean if layout.telemetry else np.zeros(0),
         tape=np.zeros(layout.tape),

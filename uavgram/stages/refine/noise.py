@@ -14,13 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import redundancy_of
+from uavgram.estimation.reliability.redundancy import compute_redundancy
 from uavgram.estimation.reliability.variance_components import (
-    Component,
-    Estimated,
-    Linearised,
-    of_one_group,
-    probability_at_boundary,
+    EstimatedComponents,
+    LinearisedObservations,
+    VarianceComponent,
+    compute_boundary_probability,
+    estimate_single,
 )
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
@@ -107,7 +107,7 @@ class _Model(NamedTuple):
 
     shape: SurfaceShape | None
     problem: SurveyProblem
-    components: tuple[Component, ...]
+    components: tuple[VarianceComponent, ...]
     areas: tuple[int, ...]
 
 
@@ -115,7 +115,7 @@ class _FittedModel(NamedTuple):
     """Model with its likeliest factors, and the log-likelihood less the penalty of the model."""
 
     model: _Model
-    found: Estimated
+    found: EstimatedComponents
     merit: float
 
     @property
@@ -150,7 +150,7 @@ def _estimate_noise(survey: Survey, refined: Refined) -> tuple[Survey, Refined]:
     stated = refined.adjustment
     few, fits = find_noise_outliers(stated)
     models = [
-        _stated_model(stated, redundancy_of(stated, "pixels")),
+        _stated_model(stated, compute_redundancy(stated, "pixels")),
         *_other_models(stated, fits=fits),
     ]
     simple = len(models) == 1 and len(models[0].components) == 1 and not few
@@ -191,7 +191,7 @@ def _stated_model(stated: Adjustment, redundancy: float) -> _Model:
 def _other_models(stated: Adjustment, *, fits: bool) -> list[_Model]:
     """Return other ground shapes worth trying: none where all fits or the redundancy is small."""
     shown = (name for name in ("pixels", "matches") if name in stated.minimum.blocks)
-    if sum(redundancy_of(stated, name) for name in shown) <= LOW_WEIGHT_FACTOR:
+    if sum(compute_redundancy(stated, name) for name in shown) <= LOW_WEIGHT_FACTOR:
         return []
     uneven = any(ground.roughness_sigma_m > 0 for ground in stated.survey.grounds)
     # Matches may already have shown a roughness (`off_ground.py`).
@@ -272,25 +272,25 @@ def _components(
     for target in (False, True):
         if (targets == target).any():
             rows = None if (targets == target).all() else np.flatnonzero(targets == target)
-            found.append(Component("pixels", rows, STATED_WEIGHT, smallest))
+            found.append(VarianceComponent("pixels", rows, STATED_WEIGHT, smallest))
             areas.append(TARGETS_CODE if target else PICKS_CODE)
     if len(stated.identified):
-        found.append(Component("identification", None, STATED_IDENTIFICATION_WEIGHT))
+        found.append(VarianceComponent("identification", None, STATED_IDENTIFICATION_WEIGHT))
         areas.append(IDENTIFICATION_CODE)
     taped = np.flatnonzero(_is_taped(stated)[problem.line_index])
     if len(taped):
-        least = 1.0 if redundancy_of(adjustment, "lengths") < MIN_LENGTHS else 0.0
-        found.append(Component("lengths", taped, STATED_LENGTH_WEIGHT, least))
+        least = 1.0 if compute_redundancy(adjustment, "lengths") < MIN_LENGTHS else 0.0
+        found.append(VarianceComponent("lengths", taped, STATED_LENGTH_WEIGHT, least))
         areas.append(LENGTHS_CODE)
     for area, ground in enumerate(problem.survey.grounds):
         rows = np.flatnonzero(stated.area[problem.third.rough] == area)
         if ground.roughness_sigma_m > 0 and len(rows):
             prior = STATED_ROUGHNESS_WEIGHT * (stated.grounds[area].roughness_sigma_m > 0)
-            found.append(Component("roughness", rows, prior))
+            found.append(VarianceComponent("roughness", rows, prior))
             areas.append(area)
     for area, ground in enumerate(problem.survey.grounds):
         if ground.relief is not None:
-            found.append(Component("relief", problem.ground.relief_rows(area)))
+            found.append(VarianceComponent("relief", problem.ground.relief_rows(area)))
             areas.append(area)
     return _Model(shape, problem, tuple(found), tuple(areas))
 
@@ -324,7 +324,9 @@ def _fit_model(
     for name, one in few.items():
         blocks[name] = _lower_weight(blocks[name], one)
     begin = np.ones(len(model.components)) if first is None else first
-    found = Linearised(blocks, layout.size, layout.structure).estimate(model.components, begin)
+    found = LinearisedObservations(blocks, layout.size, layout.structure).estimate(
+        model.components, begin
+    )
     # Add the log of the prior sigma of each unknown, so that models with different unknowns
     # can be compared.
     unit = sum(
@@ -351,7 +353,7 @@ def _fit_picks_alone(model: _Model, adjustment: Adjustment, first: Floats | None
     # Sum of squares at the stated sigmas, and redundancy n - trace(leverage).
     squares = scale**2 * float(np.sum(block.residual**2))
     leverage = adjustment.covariance.leverage(block)
-    found = of_one_group(squares, leverage.size - float(leverage.sum()), model.components[0])
+    found = estimate_single(squares, leverage.size - float(leverage.sum()), model.components[0])
     return _FittedModel(model, found, 0.0)
 
 
@@ -402,7 +404,7 @@ def _chance_of_unevenness(fitted: _FittedModel, tried: Sequence[_FittedModel]) -
     if fitted.model.shape is None or own < 1:
         return 1.0
     gain = fitted.log_likelihood - tried[0].log_likelihood
-    return min(1.0, (len(tried) - 1) * probability_at_boundary(gain, own))
+    return min(1.0, (len(tried) - 1) * compute_boundary_probability(gain, own))
 
 
 def _describe_noise(

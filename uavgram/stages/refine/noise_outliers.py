@@ -10,9 +10,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.reliability.hypotheses import log_probability
-from uavgram.estimation.reliability.redundancy import core_fit, level_of_each, upper_tail
-from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.reliability.hypotheses import compute_log_probability
+from uavgram.estimation.reliability.redundancy import (
+    compute_core_fit,
+    compute_level,
+    compute_upper_tail,
+)
+from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.arrays import Floats, Ints
@@ -52,15 +56,15 @@ class NoiseOutliers(NamedTuple):
 def find_noise_outliers(adjustment: Adjustment) -> tuple[dict[str, NoiseOutliers], bool]:
     """Find few observations that exceed all noise; also return whether the others fit."""
     blocks, covariance = adjustment.minimum.blocks, adjustment.covariance
-    squares, degrees, _ = core_fit(adjustment)
+    squares, degrees, _ = compute_core_fit(adjustment)
     falls: list[_Decrease] = []
     for name in ("pixels", "lengths", "known"):
         if name in blocks:
-            fall = falls_without(blocks[name], covariance)
+            fall = compute_reductions(blocks[name], covariance)
             falls += [(each, name, row) for row, each in enumerate(fall.tolist())]
     # Sort by probability: a length has fewer degrees of freedom than the picks of its ends.
     axes = {name: block.residual.shape[1] for name, block in blocks.items()}
-    falls.sort(key=lambda one: log_probability(one[0], axes[one[1]], 1))
+    falls.sort(key=lambda one: compute_log_probability(one[0], axes[one[1]], 1))
     # The few candidates, then those among them beyond the noise of the rest.
     worst = falls[: max(1, int(MAX_OUTLIER_SHARE * len(falls)))]
     rest = squares - sum(fall for fall, *_ in worst)
@@ -72,7 +76,8 @@ def find_noise_outliers(adjustment: Adjustment) -> tuple[dict[str, NoiseOutliers
     gone = sum(axes[name] for _, name, _ in worst)
     # Chi-square test of the rest.
     fits = (
-        upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone) >= MISFIT_PROBABILITY
+        compute_upper_tail(squares - sum(fall for fall, *_ in worst), degrees - gone)
+        >= MISFIT_PROBABILITY
     )
     groups = dict.fromkeys(name for _, name, _ in worst)
     return {name: _outliers_of_group(adjustment, name, worst) for name in groups}, fits
@@ -81,7 +86,7 @@ def find_noise_outliers(adjustment: Adjustment) -> tuple[dict[str, NoiseOutliers
 def _critical_decrease(block: Block) -> float:
     """Return the critical decrease of the sum of squares without one of n observations."""
     n, axes = block.residual.shape
-    return float(chdtri(axes, level_of_each(SIGNIFICANCE, n)))
+    return float(chdtri(axes, compute_level(SIGNIFICANCE, n)))
 
 
 def _outliers_of_group(adjustment: Adjustment, name: str, worst: list[_Decrease]) -> NoiseOutliers:

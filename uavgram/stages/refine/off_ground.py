@@ -17,11 +17,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.first_points import seen_labels
-from uavgram.estimation.reliability.redundancy import upper_tail
+from uavgram.estimation.first_poses.first_points import find_seen_labels
+from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.solver.normal_equations import SingularError
-from uavgram.estimation.survey.adjustment import Adjustment, Placed, Refined, within_survey
-from uavgram.estimation.survey.departures import heights_above_ground
+from uavgram.estimation.survey.adjustment import (
+    Adjustment,
+    Placed,
+    Refined,
+    compute_relative_covariance,
+)
+from uavgram.estimation.survey.departures import compute_heights
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
@@ -157,7 +162,9 @@ def _points_in_space(adjustment: Adjustment) -> tuple[Floats, Floats]:
     columns = adjustment.problem.layout.tie_columns(every)
     gradient = np.broadcast_to(np.eye(3), (len(world), 3, 3))
     own = adjustment.covariance.blocks(columns)
-    inner = within_survey(adjustment.minimum.factor, Placed(world, gradient, columns), every, own)
+    inner = compute_relative_covariance(
+        adjustment.minimum.factor, Placed(world, gradient, columns), every, own
+    )
     return world, np.sqrt(np.maximum(inner[:, 2, 2], 0.0))
 
 
@@ -186,7 +193,7 @@ def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
     if len(departure_m) < MIN_CHAINS:
         return 0.0, 1.0
     degrees = max(len(departure_m) - 3, 1)  # about their plane
-    chance = upper_tail(float(np.sum((departure_m / sigma_m) ** 2)), float(degrees))
+    chance = compute_upper_tail(float(np.sum((departure_m / sigma_m) ** 2)), float(degrees))
     variance = max(float(np.var(departure_m)) - float(np.median(sigma_m**2)), MIN_ROUGHNESS_M**2)
     for _ in range(20):
         # Fisher scoring: variance += sum(w^2 d^2 - w) / sum(w^2).
@@ -200,7 +207,7 @@ def _roughness(departure_m: Floats, sigma_m: Floats) -> tuple[float, float]:
 
 def count_photos(survey: Survey) -> Ints:
     """Count the photos (K,) that show each label, as a pick or as a match."""
-    return np.bincount(seen_labels(survey)[1], minlength=len(survey.label))
+    return np.bincount(find_seen_labels(survey)[1], minlength=len(survey.label))
 
 
 def set_free_heights(survey: Survey, names: Sequence[str], before: Sequence[str] = ()) -> Survey:
@@ -290,7 +297,7 @@ UNCHECKED_PHOTOS = 2
 def report_off_ground(refined: Refined) -> Iterator[Message]:
     """Report each label that was adjusted with a free height without a statement."""
     survey = refined.adjustment.survey
-    height, sigma = heights_above_ground(refined.adjustment)
+    height, sigma = compute_heights(refined.adjustment)
     photos = count_photos(survey)
     for row, label in enumerate(survey.label):
         if label in refined.off_ground:

@@ -13,13 +13,17 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.first_poses.known_frames import known_rows
-from uavgram.estimation.first_poses.network import seen_lines
-from uavgram.estimation.measuring.scale import distance_changes, line_faults, next_line
-from uavgram.estimation.reliability.redundancy import core_fit
+from uavgram.estimation.first_poses.known_frames import count_known_rows
+from uavgram.estimation.first_poses.network import find_seen_lines
+from uavgram.estimation.measuring.scale import (
+    compute_distance_changes,
+    describe_line_faults,
+    find_next_line,
+)
+from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined, Removal
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
-from uavgram.estimation.survey.names import Names
+from uavgram.estimation.survey.names import ObservationNames
 from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -208,22 +212,24 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
 def _removal_message(removal: Removal, before: Refined) -> Message:
     if removal.cause is not None:
         return _correction_message(removal.cause, *removal.mended)
-    names = Names(before.adjustment)
-    what = names.observation(removal.suspicion.accused)
+    names = ObservationNames(before.adjustment)
+    what = names.observation(removal.suspicion.suspect)
     plural = {"line": "known lengths", "pick": "picks", "known": "known things"}[removal.kind]
     text = (
         f"The {what} was taken out, as it does not fit the rest (w = {removal.w:.1f}); everything "
         "else was adjusted again. Look at it, and correct or delete it."
     )
     if removal.suspicion.group:
-        text += f" It may be the {names.group(removal.suspicion)}: {names.look(removal.suspicion)}."
+        text += (
+            f" It may be the {names.group(removal.suspicion)}: {names.advice(removal.suspicion)}."
+        )
     if removal.suspicion.rivals:
         text += f" {names.rivals(removal.suspicion)}"
     return Message(
         "warning",
         f"{removal.kind}-removed",
         text,
-        **names.subjects(removal.suspicion.accused),
+        **names.subjects(removal.suspicion.suspect),
         several=MessagePlural(
             f"{{count}} {plural} were taken out, as they do not fit the rest, which was adjusted "
             "again",
@@ -243,12 +249,12 @@ def _correction_message(cause: Cause, before: str, after: str) -> Message:
 
 def not_located_message(refined: Refined, suspicion: Suspicion) -> Message:
     """Report a blunder that no test can separate from its neighbours."""
-    names = Names(refined.adjustment)
+    names = ObservationNames(refined.adjustment)
     text = (
-        f"One of these does not fit: the {names.group(suspicion)}; {names.look(suspicion)}, or "
+        f"One of these does not fit: the {names.group(suspicion)}; {names.advice(suspicion)}, or "
         f"tape another line. Nothing was taken out (w = {abs(suspicion.w):.1f})."
     )
-    members = (suspicion.accused, *suspicion.group)
+    members = (suspicion.suspect, *suspicion.group)
     either = read_first(names.of(member).remedy(member.row) for member in members)
     return Message(
         "warning",
@@ -271,7 +277,7 @@ def indispensable_message(refined: Refined, removal: Removal, why: GeometryError
     why
         Error that names the unknown that is undetermined without it.
     """
-    names, accused = Names(refined.adjustment), removal.suspicion.accused
+    names, accused = ObservationNames(refined.adjustment), removal.suspicion.suspect
     text = (
         f"The {names.observation(accused)} does not fit the rest, but was kept (w = "
         f"{removal.w:.1f}). Look at it, and correct it. Without it, {why}"
@@ -289,7 +295,9 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
         how_else = "" if survey.telemetry is not None else ", or give the flight log"
         also = ", or give another right angle or pair of parallel lines" if survey.known else ""
         what = "known lengths and things fit" if survey.known else "lengths fit"
-        changes = [distance_changes(refined.adjustment, one) for one in refined.alternatives]
+        changes = [
+            compute_distance_changes(refined.adjustment, one) for one in refined.alternatives
+        ]
         text = (
             f"The {what} {len(refined.alternatives) + 1} camera positions about equally well"
             f"{within}: {_difference_text(changes)}. Tape another line that does not close a "
@@ -301,7 +309,7 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
             "warning" if largest > SAME_SCENE_TOLERANCE else "info", "ambiguous-pose", text
         )
     lines = len(refined.adjustment.problem.line_index)
-    if survey.telemetry is None and known_rows(survey) + lines == 3:
+    if survey.telemetry is None and count_known_rows(survey) + lines == 3:
         if survey.known:
             text = (
                 "Three things alone are known of the ground: nothing checks them, and they may "
@@ -336,8 +344,8 @@ def _report_weak_lengths(refined: Refined) -> Iterator[Message]:
     point = adjustment.state.point[:, :2]
     # Right angles and the like determine what lengths of one direction, or a single one, do not.
     ends = point[survey.line_start[used]], point[survey.line_end[used]]
-    faults = () if known_rows(survey) else line_faults(*ends, point)
-    advice = next_line(adjustment)
+    faults = () if count_known_rows(survey) else describe_line_faults(*ends, point)
+    advice = find_next_line(adjustment)
     if advice is None or (advice.relative_sigma < WEAK_SIGMA and not faults):
         return
     what = "; ".join(faults) or "they hardly fix the scene's shape"
@@ -353,7 +361,7 @@ def _report_weak_lengths(refined: Refined) -> Iterator[Message]:
 
 def _suggest_length(refined: Refined) -> tuple[str, tuple[str, ...]]:
     """Suggest the line to tape next and its effect, as the end of a sentence; return its ends."""
-    advice = next_line(refined.adjustment)
+    advice = find_next_line(refined.adjustment)
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
         return "", ()
     label = refined.adjustment.survey.label
@@ -400,7 +408,7 @@ def find_length_ratios(survey: Survey, keep: Bools) -> Floats:
     Each is relative to the median in its frame, for frames that show three or more; NaN for other
     lengths.
     """
-    seen = seen_lines(survey)
+    seen = find_seen_lines(survey)
     usable = np.flatnonzero(keep[seen.start] & keep[seen.end])
     number = np.bincount(seen.frame[usable], minlength=len(survey.frame_id))
     rows = usable[number[seen.frame[usable]] >= MIN_LENGTHS]
@@ -467,7 +475,7 @@ def report_learnt(adjustment: Adjustment) -> Iterator[Message]:
 
 def _error_ratio(adjustment: Adjustment) -> float:
     """Return the ratio of actual to stated errors, at least 1: a wrong pick may tilt a plane."""
-    fit = core_fit(adjustment)
+    fit = compute_core_fit(adjustment)
     return float(np.sqrt(max(fit.squares / max(fit.degrees, 1.0), 1.0)))
 
 

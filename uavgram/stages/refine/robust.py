@@ -20,14 +20,14 @@ from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.reliability.redundancy import MOST_OF_A_KIND
-from uavgram.estimation.reliability.stated_values import mistake
-from uavgram.estimation.reliability.test_statistics import cofactors
+from uavgram.estimation.reliability.redundancy import MAX_GROSS_SHARE
+from uavgram.estimation.reliability.stated_values import explain_length
+from uavgram.estimation.reliability.test_statistics import compute_cofactors
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.kinds import kind_of
-from uavgram.estimation.survey.selection import select_control, select_picks, without_known
+from uavgram.estimation.survey.observations.kinds import get_kind
+from uavgram.estimation.survey.selection import remove_known, select_control, select_picks
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
@@ -219,7 +219,7 @@ def _with_misplaced(survey: Survey, refined: Refined) -> Refined:
 def _are_most_left(whole: Participants, rest: Participants) -> bool:
     """Return whether few frames were left out; if many were, the frames are not at fault."""
     before, after = (np.unique(one.survey.pick_frame[one.keep]) for one in (whole, rest))
-    return len(after) >= (1.0 - MOST_OF_A_KIND) * len(before)
+    return len(after) >= (1.0 - MAX_GROSS_SHARE) * len(before)
 
 
 def _is_in_order(taking: Participants, refined: Refined) -> bool:
@@ -327,7 +327,7 @@ class Candidate:
         common = (
             block
             for name, block in self.annealed.minimum.blocks.items()
-            if name not in ROBUST and kind_of(name).role != "construction"
+            if name not in ROBUST and get_kind(name).role != "construction"
         )
         return any(np.abs(block.residual).max(initial=0.0) > GROSS_SIGMAS for block in common)
 
@@ -533,7 +533,7 @@ def _stated_problem(
             & np.isin(np.array(survey.label)[survey.pick_label], reduced.label)
             & np.isin(np.array(survey.frame_id)[survey.pick_frame], reduced.frame_id)
         )
-    stated = select_picks(without_known(survey, whole.known_removed), is_placed).survey
+    stated = select_picks(remove_known(survey, whole.known_removed), is_placed).survey
     roughness = (one.roughness_sigma_m for one in stated.grounds)
     survey = replace(
         reduced,
@@ -661,7 +661,7 @@ def _falls_with_all(
         # Residuals r - X v and cofactors Q + X V^-1 X^T of all others.
         moved = other.times(slice(None), pull)
         residual = other.residual - moved @ force
-        share = cofactors(other, covariance) + moved @ inverse @ moved.swapaxes(1, 2)
+        share = compute_cofactors(other, covariance) + moved @ inverse @ moved.swapaxes(1, 2)
         falls[name] = _quadratic_forms(residual, share)
         for row in restored.get(name, ()):
             own = [k for k, of in enumerate(owner) if of == (name, row)]
@@ -775,7 +775,7 @@ def _is_known_mistake(found: Annealed, row: int) -> bool:
     root = np.sqrt(found.weight["lengths"][row])
     error_m = float(found.minimum.blocks["lengths"].residual[row, 0] / root) * sigma
     error_sigma_m = abs(error_m) / float(found.misfit["lengths"][row])
-    return bool(mistake(taped, sigma, taped + error_m, error_sigma_m))
+    return bool(explain_length(taped, sigma, taped + error_m, error_sigma_m))
 
 
 def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:

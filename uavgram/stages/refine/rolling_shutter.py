@@ -14,7 +14,12 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
-from uavgram.estimation.survey.rolling import FELT_PX, NONE, edge_shift_px, with_readout
+from uavgram.estimation.survey.rolling import (
+    GLOBAL_SHUTTER,
+    MIN_SHIFT_PX,
+    add_readout,
+    estimate_edge_shift_px,
+)
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.tags import UNKNOWN_READOUT, Readout
 from uavgram.model.flight.log import Track
@@ -82,7 +87,7 @@ def add_motion_by_photos(survey: Survey) -> Survey:
     ties gets no motion, nor does one whose rows are read at once.
     """
     readout = survey.calibration.readout or UNKNOWN_READOUT
-    if isinstance(survey.track, Track) or readout == NONE or not survey.ties.points:
+    if isinstance(survey.track, Track) or readout == GLOBAL_SHUTTER or not survey.ties.points:
         return survey
     center, rotation = _first_poses(survey)
     flown = _velocities_by_times(survey, center) or _velocities_at_usual_speed(center)
@@ -248,14 +253,17 @@ def correct_readout(
         absurd = (_implausible_message(known, found_s),)
         return replace(survey, rolling=None), _readjust_with_motion(refined, without), absurd
     try:
-        moved = with_readout(own, state.telemetry)
-        whole = with_readout(survey, state.telemetry)
+        moved = add_readout(own, state.telemetry)
+        whole = add_readout(survey, state.telemetry)
     except ValueError:  # the adjusted clock is at the very end of the log
         return survey, refined, ()
     if moved.rolling is None:
         return survey, refined, ()
     longest_s = abs(found_s) + known.sigma_s
-    if edge_shift_px(own, longest_s * (moved.rolling.motion - own.rolling.motion)) < FELT_PX:
+    if (
+        estimate_edge_shift_px(own, longest_s * (moved.rolling.motion - own.rolling.motion))
+        < MIN_SHIFT_PX
+    ):
         return survey, refined, ()
     return whole, _readjust_with_motion(refined, moved), ()
 

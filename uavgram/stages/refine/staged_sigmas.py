@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import (
-    CONVERGED,
     MAX_ITERATIONS,
+    MIN_REDUCTION,
     Minimum,
     minimise,
 )
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import State, advance
+from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.survey import Survey
@@ -122,7 +122,7 @@ def iterate(
     state: State,
     most: int,
     slack: float = 0.0,
-    at_rest: float = CONVERGED,
+    at_rest: float = MIN_REDUCTION,
 ) -> Minimum[State]:
     """Iterate from a state to a minimum.
 
@@ -148,7 +148,7 @@ def iterate(
     return minimise(
         state,
         problem.evaluate,
-        lambda now, step: advance(layout, now, step),
+        lambda now, step: advance_state(layout, now, step),
         layout.size,
         layout.structure,
         most,

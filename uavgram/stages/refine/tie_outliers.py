@@ -13,8 +13,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.estimation.reliability.test_statistics import falls_without
-from uavgram.estimation.reliability.variance_components import Component, of_one_group
+from uavgram.estimation.reliability.test_statistics import compute_reductions
+from uavgram.estimation.reliability.variance_components import VarianceComponent, estimate_single
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -178,7 +178,7 @@ def _find_wrong(adjustment: Adjustment) -> Bools:
     ties = adjustment.survey.ties
     if not ties.points:
         return np.zeros(0, dtype=np.bool_)
-    fall = falls_without(adjustment.minimum.blocks["ties"], adjustment.covariance)
+    fall = compute_reductions(adjustment.minimum.blocks["ties"], adjustment.covariance)
     fall = np.where(_is_pick(adjustment.survey), 0.0, fall)
     order = np.lexsort((-fall, ties.point))
     worst = order[np.unique(ties.point[order], return_index=True)[1]]
@@ -226,8 +226,8 @@ def _estimate_noise(adjustment: Adjustment) -> Iterator[PickNoise]:
         if own.any():
             squares = float(np.sum(block.residual[own] ** 2))
             redundancy = float(np.sum(1.0 - leverage[own]))
-            prior = Component("ties", None, STATED_WEIGHT, MIN_NOISE_FACTOR)
-            found = of_one_group(squares, redundancy, prior)
+            prior = VarianceComponent("ties", None, STATED_WEIGHT, MIN_NOISE_FACTOR)
+            found = estimate_single(squares, redundancy, prior)
             factor = float(found.factor[0])
             yield PickNoise(
                 source=source,

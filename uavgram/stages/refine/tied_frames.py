@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.first_points import FEWEST_LABELS, seen_labels
-from uavgram.estimation.first_poses.network import known_height, placing
-from uavgram.estimation.first_poses.tied.bundle import TiedPoses, tied_rays
-from uavgram.estimation.first_poses.tied.placing import levelled, moved
-from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
-from uavgram.estimation.survey.selection import without_ties_of
+from uavgram.estimation.first_poses.first_points import MIN_LABELS, find_seen_labels
+from uavgram.estimation.first_poses.network import estimate_ground_height, has_known_height
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_tied_rays
+from uavgram.estimation.first_poses.tied.placing import level_scene, transform
+from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
+from uavgram.estimation.survey.selection import remove_ties
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Floats
@@ -32,16 +32,16 @@ def add_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:
         return survey, frozenset()
     begun, wrong = _with_poses(survey)
     known = {one.frame_id for one in begun.candidate_poses}
-    labels = np.bincount(seen_labels(begun)[0], minlength=len(begun.frame_id))
-    few = zip(begun.frame_id, labels < FEWEST_LABELS, strict=True)
-    return without_ties_of(begun, {name for name, lost in few if lost} - known), wrong
+    labels = np.bincount(find_seen_labels(begun)[0], minlength=len(begun.frame_id))
+    few = zip(begun.frame_id, labels < MIN_LABELS, strict=True)
+    return remove_ties(begun, {name for name, lost in few if lost} - known), wrong
 
 
 def _with_poses(survey: Survey) -> tuple[Survey, frozenset[int]]:
     """Add first poses of frames that ties alone place; also return wrong ties by row."""
-    rays, row = tied_rays(survey)
-    found = tied_poses(rays)
-    level = None if found is None else levelled(found)
+    rays, row = compute_tied_rays(survey)
+    found = estimate_tied_poses(rays)
+    level = None if found is None else level_scene(found)
     placed = None if level is None else _scale_to_survey(survey, level)
     if placed is None:
         return survey, frozenset()
@@ -72,7 +72,7 @@ def _scale_to_survey(survey: Survey, level: TiedPoses) -> TiedPoses | None:
     if survey.gauge == "world":
         return _move_to_control(survey, level, point)
     scale = _length_scale(survey, point)
-    return None if scale is None else moved(level, np.eye(3), scale, np.zeros(3))
+    return None if scale is None else transform(level, np.eye(3), scale, np.zeros(3))
 
 
 def _ground_places(survey: Survey, ray: Floats, poses: TiedPoses) -> Floats:
@@ -82,7 +82,7 @@ def _ground_places(survey: Survey, ray: Floats, poses: TiedPoses) -> Floats:
     direction = np.einsum("nij,nj->ni", poses.rotation[frame], ray)
     flat = np.zeros(len(frame))
     ground = intersect_ground(center, direction, np.zeros(3), np.zeros(2), flat)
-    ground[~placing(survey)[label] | (survey.height_above_m[label] != 0.0)] = np.nan
+    ground[~has_known_height(survey)[label] | (survey.height_above_m[label] != 0.0)] = np.nan
     places = np.full((len(survey.label), 2), np.nan)
     for each in np.unique(label):
         own = ground[label == each, :2]
@@ -118,5 +118,5 @@ def _move_to_control(survey: Survey, level: TiedPoses, point: Floats) -> TiedPos
     scale, cosine, sine = abs(factor), factor.real / abs(factor), factor.imag / abs(factor)
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
     shift = there.mean() - factor * here.mean()
-    up = known_height(survey)
-    return moved(level, turn, scale, np.array([shift.real, shift.imag, up]))
+    up = estimate_ground_height(survey)
+    return transform(level, turn, scale, np.array([shift.real, shift.imag, up]))

@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.heading_search import Plan, search_turns
-from uavgram.estimation.first_poses.tied.bundle import tied_rays
-from uavgram.estimation.first_poses.tied.placing import onto_positions
-from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
+from uavgram.estimation.first_poses.heading_search import PlanPoints, search_headings
+from uavgram.estimation.first_poses.tied.bundle import compute_tied_rays
+from uavgram.estimation.first_poses.tied.placing import fit_to_positions
+from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.motion.rotation import matrix_from_ypr
@@ -36,10 +36,10 @@ def find_attitudes_by_ties(survey: Survey) -> Floats | None:
     seeds = survey.seeds
     if seeds is None or not survey.ties.points + survey.matches.points:
         return None
-    found = tied_poses(tied_rays(survey)[0])
+    found = estimate_tied_poses(compute_tied_rays(survey)[0])
     if found is None:
         return None
-    placed = onto_positions(found, seeds.center_world_m, found.placed)
+    placed = fit_to_positions(found, seeds.center_world_m, found.placed)
     if placed is None:
         return None
     off = (placed.center - seeds.center_world_m)[placed.placed]
@@ -136,7 +136,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     free = track.by_course[row] | (sigma > UNKNOWN_RAD)
     if not free.any():
         return survey, ()
-    turn = search_turns(_plan(survey, track.sigma_attitude_rad[row, 0], sigma), free)
+    turn = search_headings(_plan(survey, track.sigma_attitude_rad[row, 0], sigma), free)
     tied = find_attitudes_by_ties(survey)
     if tied is not None:
         by_ties = measure_turns(tied, survey.seeds.world_from_camera)
@@ -157,7 +157,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     )
 
 
-def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
+def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> PlanPoints:
     """Project the picks to the ground at the seeds, with sigmas."""
     seeds = survey.seeds
     assert seeds is not None  # noqa: S101  (the caller asked)
@@ -187,7 +187,7 @@ def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> Plan:
     stretched = rise[frame] * np.linalg.norm(offset, axis=1)
     anchor = np.full((len(survey.label), 2), np.nan)
     anchor[survey.control_label] = survey.control_world_m[:, :2]
-    return Plan(
+    return PlanPoints(
         frame=frame,
         label=label,
         offset_m=offset,

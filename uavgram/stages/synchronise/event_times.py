@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from uavgram.estimation.clocks.alignment import Alignment
-from uavgram.estimation.clocks.clock_line import COARSE_S, to_utc
+from uavgram.estimation.clocks.clock_line import COARSE_STEP_S, to_utc
 from uavgram.geometry.earth.gps_time import span_text, utc_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.frames import Frames, Pairing, PairStatus, Photos
@@ -105,7 +105,7 @@ def event_timing(
 
 def _jitter_s(photos: Photos, alignment: Alignment) -> float:
     """Return the sigma of an exposure about its event."""
-    if float(np.nanmax(photos.file_time_resolution_s)) > COARSE_S:
+    if float(np.nanmax(photos.file_time_resolution_s)) > COARSE_STEP_S:
         return EVENT_JITTER_S
     return float(np.clip(alignment.clock.scatter_s, _LEAST_JITTER_S, _MOST_JITTER_S))
 

@@ -6,10 +6,10 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import to_boot
-from uavgram.estimation.clocks.tied_clock import TiedClock, tied_clock
-from uavgram.estimation.first_poses.tied.bundle import TiedPoses, rays_of
-from uavgram.estimation.first_poses.tied.placing import levelled
-from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
+from uavgram.estimation.clocks.tied_clock import TiedClock, estimate_tied_clock
+from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_rays
+from uavgram.estimation.first_poses.tied.placing import level_scene
+from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
 from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import ENU_FROM_NED
@@ -53,7 +53,7 @@ def synchronise_by_ties(
     UavgramError
         Too few photos are joined, none or several offsets fit: the message lists them.
     """
-    level = None if tied is None else levelled(tied)
+    level = None if tied is None else level_scene(tied)
     placed = np.zeros(len(photos.frame_id), np.bool_) if level is None else level.placed
     rows = np.flatnonzero(np.isfinite(photos.file_time_s) & placed)
     if level is None or len(rows) < MIN_PHOTOS:
@@ -110,7 +110,7 @@ def poses_of(ties: TiePicks, frame_id: tuple[str, ...], camera: Calibration) -> 
     """
     seen = find_ties(ties, {name: k for k, name in enumerate(frame_id)})
     at, sizes = (seen.frame, seen.point), (len(frame_id), seen.points)
-    return tied_poses(rays_of(camera, at, seen.pixel_px, seen.sigma_px, sizes)[0])
+    return estimate_tied_poses(compute_rays(camera, at, seen.pixel_px, seen.sigma_px, sizes)[0])
 
 
 def _clock(photos: Photos, clocked: ClockedBoot, tied: TiedPoses, rows: Ints) -> TiedClock | None:
@@ -132,4 +132,4 @@ def _clock(photos: Photos, clocked: ClockedBoot, tied: TiedPoses, rows: Ints) ->
         return at, ENU_FROM_NED @ body
 
     poses = tied.center[rows], tied.rotation[rows]
-    return tied_clock(poses, photos.file_time_s[rows], flown, clocked.span_utc_s())
+    return estimate_tied_clock(poses, photos.file_time_s[rows], flown, clocked.span_utc_s())

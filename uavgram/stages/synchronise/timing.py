@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.alignment import Alignment, align
-from uavgram.estimation.clocks.clock_line import COARSE_S
+from uavgram.estimation.clocks.clock_line import COARSE_STEP_S
 from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import Boot
 from uavgram.model.message import Message
@@ -93,7 +93,7 @@ def match_by_offset(
     sigma = float(np.hypot(stated, resolution / np.sqrt(8.0)))
     drift_sigma = options.drift_sigma_ppm * 1e-6
     plain = Timing(time, file_sigma_s(photos), offset_s, sigma, drift_sigma=drift_sigma)
-    if resolution <= COARSE_S or chosen.boot.events is None:
+    if resolution <= COARSE_STEP_S or chosen.boot.events is None:
         return chosen, plain
     reach = 3 * stated + resolution / 2
     return chosen, _snapped(photos, chosen, options, plain, reach)

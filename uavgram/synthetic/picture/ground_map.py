@@ -23,11 +23,11 @@ RELIEF_ROUNDS = 4
 MARGIN_PX = 2
 NOWHERE_M = 1e4
 """Coordinate of pixels without a ray in the lens model, and limit of all others [m]."""
-READ = np.array([-0.5, 0.0, 0.5])
+READOUT_TIMES = np.array([-0.5, 0.0, 0.5])
 """First, middle and last row, in readout times."""
 
 
-class Part(NamedTuple):
+class PhotoPart(NamedTuple):
     """Columns [left, right) and rows [top, bottom) of a photo."""
 
     left: int
@@ -41,13 +41,13 @@ class Part(NamedTuple):
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
 
-def whole_photo(survey: SimulatedSurvey) -> Part:
+def get_whole_photo(survey: SimulatedSurvey) -> PhotoPart:
     """Return the part that is the whole photo."""
-    return Part(0, 0, survey.calibration.width_px, survey.calibration.height_px)
+    return PhotoPart(0, 0, survey.calibration.width_px, survey.calibration.height_px)
 
 
-def ground_map(
-    survey: SimulatedSurvey, index: int, part: Part, sheet: Surface
+def compute_ground_map(
+    survey: SimulatedSurvey, index: int, part: PhotoPart, sheet: Surface
 ) -> tuple[Weights, Weights]:
     """Compute the scene coordinates (x, y) of the pixels of a photo, (H, W) each [m].
 
@@ -66,7 +66,9 @@ def ground_map(
     u, v = np.meshgrid(
         *((np.arange(a, b) + 0.5) * GRID_PX - 0.5 for a, b in zip(first, last, strict=True))
     )
-    scene = survey.scenario.site.in_scene(_seen_on(survey, index, np.stack([u, v], axis=-1), sheet))
+    scene = survey.scenario.site.in_scene(
+        _intersect_sheet(survey, index, np.stack([u, v], axis=-1), sheet)
+    )
     whole = (u.shape[1] * GRID_PX, u.shape[0] * GRID_PX)
     scene = np.nan_to_num(np.clip(scene, -NOWHERE_M, NOWHERE_M), nan=NOWHERE_M)
     fine = cv2.resize(scene.astype(np.float32), whole, interpolation=cv2.INTER_LINEAR)
@@ -75,7 +77,9 @@ def ground_map(
     return np.ascontiguousarray(cut[..., 0]), np.ascontiguousarray(cut[..., 1])
 
 
-def part_showing(survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: Surface) -> Part:
+def find_part_showing(
+    survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: Surface
+) -> PhotoPart:
     """Return the part of a photo that may show the area between some corners, or an empty part.
 
     Parameters
@@ -90,19 +94,19 @@ def part_showing(survey: SimulatedSurvey, index: int, corners_m: Floats, sheet: 
     truth = survey.truth
     plane = survey.scenario.site.in_world(corners_m)
     up = sheet.up(plane - truth.surface.middle_m)
-    center, rotation = _poses(survey, index, READ)
+    center, rotation = _poses(survey, index, READOUT_TIMES)
     away = np.column_stack([plane, up]) - center[:, None]
     camera = survey.calibration
     corner = project(camera.model, truth.intrinsics, away @ rotation).reshape(-1, 2)
     if np.isnan(corner).any():  # behind the camera, or far outside the lens model
-        return Part(0, 0, 0, 0)
+        return PhotoPart(0, 0, 0, 0)
     size = [camera.width_px, camera.height_px]
     low = np.maximum(np.floor(corner.min(axis=0)) - MARGIN_PX, 0)
     high = np.minimum(np.ceil(corner.max(axis=0)) + MARGIN_PX + 1, size)
-    return Part(*low.astype(int).tolist(), *high.astype(int).tolist())
+    return PhotoPart(*low.astype(int).tolist(), *high.astype(int).tolist())
 
 
-def _seen_on(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Surface) -> Floats:
+def _intersect_sheet(survey: SimulatedSurvey, index: int, pixel: Floats, sheet: Surface) -> Floats:
     """Intersect the rays of pixels (H, W, 2) with a sheet: east and north (H, W, 2)."""
     truth, camera = survey.truth, survey.calibration
     # one pose for each row of nodes

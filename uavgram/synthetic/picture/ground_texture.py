@@ -30,7 +30,7 @@ YELLOW_PAINT = (70, 178, 226)
 KERB_M = 0.16
 FOOTPATH_M = (4.7, 6.5)
 EDGE_LINE_M = 0.3  # from the asphalt's edge to the line's middle
-FAR = 60.0
+TREE_DISTANCE_M = 60.0
 
 
 def paint_ground(road: RoadLayout, rng: np.random.Generator) -> GroundRaster:
@@ -55,7 +55,7 @@ def paint_ground(road: RoadLayout, rng: np.random.Generator) -> GroundRaster:
     patches = make_texture(rng, shape, {30: 0.5, 120: 0.7, 500: 0.5})
     image = _grass(grain, patches)
     _trees(image, painter, rng)
-    asphalt = painter.polygons(*road_outlines(road))
+    asphalt = painter.polygons(*compute_road_outlines(road))
     image = _verge(image, asphalt, grain, patches)
     _footpath(image, painter, grain, rng)
     paint_layer(image, _asphalt(painter, road, grain, patches, rng), asphalt)
@@ -71,19 +71,19 @@ def paint_ground(road: RoadLayout, rng: np.random.Generator) -> GroundRaster:
     )
 
 
-def road_outlines(road: RoadLayout) -> tuple[Floats, Floats]:
+def compute_road_outlines(road: RoadLayout) -> tuple[Floats, Floats]:
     """Return the outlines of the main road and of the side road with its rounded corners."""
     half, radius = road.width_m / 2, road.corner_radius_m
     left, right = road.side_x_m - road.side_width_m / 2, road.side_x_m + road.side_width_m / 2
     side = np.vstack(
         [
             make_arc((left - radius, -half - radius), radius, 90.0, 0.0),
-            [[left, -FAR], [right, -FAR]],
+            [[left, -TREE_DISTANCE_M], [right, -TREE_DISTANCE_M]],
             make_arc((right + radius, -half - radius), radius, 180.0, 90.0),
             [[right, 0.0], [left, 0.0]],
         ]
     )
-    return make_box(-FAR, FAR, -half, half), side
+    return make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, -half, half), side
 
 
 def _grass(grain: Weights, patches: Weights) -> Image:
@@ -105,7 +105,9 @@ def _verge(image: Image, asphalt: Image, grain: Weights, patches: Weights) -> Im
 def _footpath(image: Image, painter: Painter, grain: Weights, rng: np.random.Generator) -> None:
     inner, outer = FOOTPATH_M
     concrete = colour_noise(0.6 * grain, (128, 138, 142), (150, 160, 164), (174, 182, 186))
-    paint_layer(image, concrete, painter.polygons(make_box(-FAR, FAR, inner, outer)))
+    paint_layer(
+        image, concrete, painter.polygons(make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, inner, outer))
+    )
     joints = np.arange(-HALF_LENGTH_M, HALF_LENGTH_M, 1.5)
     # slabs weather differently
     slabs = painter.blank()
@@ -113,7 +115,7 @@ def _footpath(image: Image, painter: Painter, grain: Weights, rng: np.random.Gen
         painter.polygons(make_box(x, x + 1.5, inner, outer), mask=slabs, value=int(shade))
     paint_layer(image, (96, 104, 104), slabs)
     lines = [np.array([[x, inner], [x, outer]]) for x in joints]
-    edges = [np.array([[-FAR, y], [FAR, y]]) for y in (inner, outer)]
+    edges = [np.array([[-TREE_DISTANCE_M, y], [TREE_DISTANCE_M, y]]) for y in (inner, outer)]
     paint_layer(image, (78, 86, 86), painter.stripes(*lines, *edges, width_m=0.025), 0.8)
 
 
@@ -130,7 +132,7 @@ def _asphalt(
     # wheels polish four tracks; oil darkens the middle of each lane
     lane = road.width_m / 4
     tracks = [
-        np.array([[-FAR, y], [FAR, y]])
+        np.array([[-TREE_DISTANCE_M, y], [TREE_DISTANCE_M, y]])
         for middle in (-lane, lane)
         for y in (middle - 0.75, middle + 0.75)
     ]
@@ -154,8 +156,8 @@ def _crack(rng: np.random.Generator, start_m: Floats) -> Floats:
 
 def _kerb(image: Image, painter: Painter, road: RoadLayout, grain: Weights) -> None:
     edge = road.width_m / 2
-    stone = painter.polygons(make_box(-FAR, FAR, edge, edge + KERB_M))
-    gutter = painter.polygons(make_box(-FAR, FAR, edge - 0.06, edge))
+    stone = painter.polygons(make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, edge, edge + KERB_M))
+    gutter = painter.polygons(make_box(-TREE_DISTANCE_M, TREE_DISTANCE_M, edge - 0.06, edge))
     concrete = colour_noise(0.5 * grain, (140, 148, 152), (168, 176, 180), (190, 196, 200))
     paint_layer(image, concrete, stone)
     paint_layer(image, (60, 60, 60), gutter, 0.6)
@@ -171,13 +173,13 @@ def _road_paint(
     radius = road.corner_radius_m + EDGE_LINE_M
     side = road.side_width_m / 2 - EDGE_LINE_M
     white = painter.stripes(
-        np.array([[-FAR, edge], [FAR, edge]]),
-        np.array([[-FAR, -edge], [before, -edge]]),
-        np.array([[after, -edge], [FAR, -edge]]),
+        np.array([[-TREE_DISTANCE_M, edge], [TREE_DISTANCE_M, edge]]),
+        np.array([[-TREE_DISTANCE_M, -edge], [before, -edge]]),
+        np.array([[after, -edge], [TREE_DISTANCE_M, -edge]]),
         make_arc((before, corner), radius, 90.0, 0.0),
         make_arc((after, corner), radius, 180.0, 90.0),
-        np.array([[road.side_x_m - side, corner], [road.side_x_m - side, -FAR]]),
-        np.array([[road.side_x_m + side, corner], [road.side_x_m + side, -FAR]]),
+        np.array([[road.side_x_m - side, corner], [road.side_x_m - side, -TREE_DISTANCE_M]]),
+        np.array([[road.side_x_m + side, corner], [road.side_x_m + side, -TREE_DISTANCE_M]]),
         width_m=0.12,
     )
     stop = corner - 0.7
@@ -188,7 +190,7 @@ def _road_paint(
     starts = np.arange(-36.0, 38.0, 6.0)
     centre = painter.stripes(
         *(np.array([[x, 0.0], [x + 3.0, 0.0]]) for x in starts),
-        np.array([[road.side_x_m, stop + 0.2], [road.side_x_m, -FAR]]),
+        np.array([[road.side_x_m, stop + 0.2], [road.side_x_m, -TREE_DISTANCE_M]]),
         width_m=0.12,
     )
     # old paint: thin where the aggregate protrudes

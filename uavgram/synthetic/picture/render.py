@@ -12,13 +12,13 @@ from uavgram.imaging.raster import GroundRaster, Image, Weights
 from uavgram.model.arrays import Floats
 from uavgram.synthetic.picture.ground_map import (
     NOWHERE_M,
-    Part,
-    ground_map,
-    part_showing,
-    whole_photo,
+    PhotoPart,
+    compute_ground_map,
+    find_part_showing,
+    get_whole_photo,
 )
 from uavgram.synthetic.picture.ground_texture import paint_ground
-from uavgram.synthetic.picture.things import Detail, details
+from uavgram.synthetic.picture.things import Detail, list_details
 from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.survey import SimulatedSurvey
 
@@ -26,8 +26,8 @@ VIGNETTING = 0.2  # share of the light lost in the corners
 SENSOR_NOISE = 2.2  # of 255
 EXPOSURE_SIGMA = 0.02
 PIXEL_SUBDIVISION_MAX = 4
-FARTHEST_M = 500.0  # limit of the mirrored ground, since each reflection takes time
-LEAST_PX = 3  # details on fewer pixels are left out
+MAX_DISTANCE_M = 500.0  # limit of the mirrored ground, since each reflection takes time
+MIN_SIZE_PX = 3  # details on fewer pixels are left out
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,15 +53,15 @@ def render_photos(survey: SimulatedSurvey) -> Iterator[Image]:
     camera, scenario = survey.calibration, survey.scenario
     rng = np.random.default_rng([scenario.seed, 1])
     ground = paint_ground(scenario.road, rng)
-    laid = details(survey)
+    laid = list_details(survey)
     sensor = _sensor(camera.width_px, camera.height_px, rng)
-    whole, level = whole_photo(survey), survey.truth.surface
+    whole, level = get_whole_photo(survey), survey.truth.surface
     for index in range(len(survey.frame_id)):
-        maps = ground_map(survey, index, whole, level)
+        maps = compute_ground_map(survey, index, whole, level)
         photo = _ground_photo(ground, maps)
         for detail in laid:
-            part = part_showing(survey, index, detail.corners_m, detail.sheet or level)
-            if part.right - part.left < LEAST_PX or part.bottom - part.top < LEAST_PX:
+            part = find_part_showing(survey, index, detail.corners_m, detail.sheet or level)
+            if part.right - part.left < MIN_SIZE_PX or part.bottom - part.top < MIN_SIZE_PX:
                 continue
             _lay_detail(photo, detail, _maps(survey, index, part, detail.sheet, maps), part)
         yield _expose(photo, sensor, rng)
@@ -69,7 +69,10 @@ def render_photos(survey: SimulatedSurvey) -> Iterator[Image]:
 
 def _ground_photo(ground: GroundRaster, maps: tuple[Weights, Weights]) -> Image:
     """Render the ground, mirrored repeatedly beyond its raster; black where no ground is seen."""
-    near = np.clip(maps[0], -FARTHEST_M, FARTHEST_M), np.clip(maps[1], -FARTHEST_M, FARTHEST_M)
+    near = (
+        np.clip(maps[0], -MAX_DISTANCE_M, MAX_DISTANCE_M),
+        np.clip(maps[1], -MAX_DISTANCE_M, MAX_DISTANCE_M),
+    )
     photo = _sample(ground.image, ground.pixel_from_scene, near, cv2.BORDER_REFLECT_101)
     photo[np.maximum(maps[0], maps[1]) >= NOWHERE_M / 2] = 0
     return photo
@@ -78,14 +81,14 @@ def _ground_photo(ground: GroundRaster, maps: tuple[Weights, Weights]) -> Image:
 def _maps(
     survey: SimulatedSurvey,
     index: int,
-    part: Part,
+    part: PhotoPart,
     sheet: Surface | None,
     of_ground: tuple[Weights, Weights],
 ) -> tuple[Weights, Weights]:
     """Return the scene coordinates of a part of a photo; those of the ground are given."""
     if sheet is None:
         return of_ground[0][part.slices], of_ground[1][part.slices]
-    return ground_map(survey, index, part, sheet)
+    return compute_ground_map(survey, index, part, sheet)
 
 
 def _sample(
@@ -103,7 +106,9 @@ def _sample(
     return sampled
 
 
-def _lay_detail(photo: Image, detail: Detail, maps: tuple[Weights, Weights], part: Part) -> None:
+def _lay_detail(
+    photo: Image, detail: Detail, maps: tuple[Weights, Weights], part: PhotoPart
+) -> None:
     """Draw a detail onto a photo in place; each pixel is the mean of its subdivisions."""
     height, width = maps[0].shape
     gsd_m = abs(float(maps[0][0, 0] - maps[0][-1, 0])) / (height - 1)

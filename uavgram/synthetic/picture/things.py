@@ -13,7 +13,7 @@ from uavgram.imaging.raster import GroundRaster, Image, Painter, blur_mask, pain
 from uavgram.model.arrays import Floats
 from uavgram.model.target_families import PLATE_CORNERS
 from uavgram.synthetic.accident_scene import ScenePoint, Vehicle
-from uavgram.synthetic.scenario import FAMILY, GroundSpec
+from uavgram.synthetic.scenario import PLATE_FAMILY, GroundSpec
 from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.survey import SimulatedSurvey
 
@@ -28,7 +28,7 @@ SPRAY = (40, 226, 250, 255)
 RED = (52, 44, 206, 255)
 
 
-def mark_raster(point: ScenePoint) -> GroundRaster:
+def draw_mark(point: ScenePoint) -> GroundRaster:
     """Draw one mark and its label: BGRA, colours multiplied by alpha."""
     left_px = NEAR_PX if point.label_side == "right" else FAR_PX
     image = np.zeros((2 * HALF_HEIGHT_PX, NEAR_PX + FAR_PX, 4), np.uint8)
@@ -88,7 +88,7 @@ LAMP = (228, 236, 240, 255)
 TAIL = (40, 36, 190, 255)
 
 
-def vehicle_raster(vehicle: Vehicle) -> GroundRaster:
+def draw_vehicle(vehicle: Vehicle) -> GroundRaster:
     """Draw one car with its shadow: BGRA, colours multiplied by alpha."""
     half = 0.5 * np.hypot(vehicle.length_m, vehicle.width_m) + MARGIN_M
     size = int(np.ceil(2 * half / VEHICLE_RESOLUTION_M))
@@ -207,12 +207,12 @@ class Detail:
     sheet: Surface | None = None
 
 
-def details(survey: SimulatedSurvey) -> list[Detail]:
+def list_details(survey: SimulatedSurvey) -> list[Detail]:
     """Return all details of a survey's scene, in the order in which they cover each other."""
     scenario, truth, ground = survey.scenario, survey.truth, survey.truth.surface
-    flat = [vehicle_raster(vehicle) for vehicle in scenario.road.vehicles]
+    flat = [draw_vehicle(vehicle) for vehicle in scenario.road.vehicles]
     # marks last: they are sprayed around the cars
-    laid = [_of_raster(raster, None) for raster in flat]
+    laid = [_make_detail(raster, None) for raster in flat]
     world = truth.point_world_m[: len(scenario.points)]
     above = world[:, 2] - ground.up(world[:, :2] - ground.middle_m)
     for point, height in zip(scenario.points, above.tolist(), strict=True):
@@ -220,12 +220,12 @@ def details(survey: SimulatedSurvey) -> list[Detail]:
         sheet = (
             replace(ground, height_m=ground.height_m + height) if abs(height) > LEVEL_M else None
         )
-        laid.append(_of_raster(mark_raster(point), sheet))
+        laid.append(_make_detail(draw_mark(point), sheet))
     plates = truth.point_world_m[len(scenario.points) :].reshape(-1, PLATE_CORNERS, 3)
     return laid + [_plate(survey, number, corner) for number, corner in enumerate(plates)]
 
 
-def _of_raster(raster: GroundRaster, sheet: Surface | None) -> Detail:
+def _make_detail(raster: GroundRaster, sheet: Surface | None) -> Detail:
     return Detail(
         image=raster.image,
         pixel_from_scene=raster.pixel_from_scene,
@@ -238,7 +238,7 @@ def _of_raster(raster: GroundRaster, sheet: Surface | None) -> Detail:
 def _plate(survey: SimulatedSurvey, number: int, corner_m: Floats) -> Detail:
     """Draw a coded plate, its paper flat on the plane of its corners (4, 3)."""
     # picture of the code: one block of pixels for each cell
-    cells = np.pad(read_cells(FAMILY, number), WHITE_CELLS, constant_values=True)
+    cells = np.pad(read_cells(PLATE_FAMILY, number), WHITE_CELLS, constant_values=True)
     side = survey.scenario.plates.side_m
     cell_px = max(1, round(side / (len(cells) - 2 * WHITE_CELLS) / PLATE_RESOLUTION_M))
     white = np.kron(cells, np.ones((cell_px, cell_px), np.bool_))

@@ -17,13 +17,13 @@ from uavgram.geometry.motion.rotation import (
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.synthetic.plan.scene import Deviation, PlanScene
-from uavgram.synthetic.sight import EDGE_PX, inside, large_plates
+from uavgram.synthetic.sight import EDGE_PX, find_large_plates, is_inside
 
-SURE = 1.645
+MARGIN_SIGMAS = 1.645
 """One-sided 95 % quantile of the normal distribution [sigma]."""
 
 
-class Cameras(NamedTuple):
+class PlannedCameras(NamedTuple):
     """F photos in the order of the flight.
 
     Attributes
@@ -59,16 +59,16 @@ class Cameras(NamedTuple):
         return np.asarray(self.world_from_gimbal @ GIMBAL_FROM_CAMERA)
 
 
-class Seen(NamedTuple):
+class VisiblePoints(NamedTuple):
     """Points in photos: pixels (F, N, 2), and whether they are visible for certain (F, N)."""
 
     pixel_px: Floats
     certain: Bools
 
 
-def seen(
-    calibration: Calibration, cameras: Cameras, point_m: Floats, deviation: Deviation | None
-) -> Seen:
+def find_visible(
+    calibration: Calibration, cameras: PlannedCameras, point_m: Floats, deviation: Deviation | None
+) -> VisiblePoints:
     """Project points to photos, and mark those that are visible despite the drone's deviation.
 
     Parameters
@@ -88,11 +88,11 @@ def seen(
     pixel, by_point, _ = project_with_jacobian(calibration.model, calibration.parameters, in_camera)
     spread = np.zeros(pixel.shape)
     if deviation is not None:
-        spread = spread_px(by_point, in_camera, deviation)
-    return Seen(pixel, inside(calibration, pixel, spread))
+        spread = compute_spread_px(by_point, in_camera, deviation)
+    return VisiblePoints(pixel, is_inside(calibration, pixel, spread))
 
 
-def large_enough(found: Seen, first: int) -> Seen:
+def remove_small_plates(found: VisiblePoints, first: int) -> VisiblePoints:
     """Return the sightings, without those of plates that are too small in a photo to be found.
 
     Parameters
@@ -103,12 +103,12 @@ def large_enough(found: Seen, first: int) -> Seen:
         Index of the first corner, four for each plate.
     """
     certain = found.certain.copy()
-    certain[:, first:] &= large_plates(found.pixel_px[:, first:])
-    return Seen(found.pixel_px, certain)
+    certain[:, first:] &= find_large_plates(found.pixel_px[:, first:])
+    return VisiblePoints(found.pixel_px, certain)
 
 
-def spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floats:
-    """Compute the (..., 2) shift of pixels, to `SURE` sigmas, by the drone's deviation.
+def compute_spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floats:
+    """Compute the (..., 2) shift of pixels, to `MARGIN_SIGMAS` sigmas, by the drone's deviation.
 
     Parameters
     ----------
@@ -121,22 +121,22 @@ def spread_px(by_point: Floats, in_camera: Floats, deviation: Deviation) -> Floa
     """
     place = deviation.position_m * np.linalg.norm(by_point, axis=-1)
     turn = np.linalg.norm(by_point @ hat(in_camera), axis=-1)
-    return np.asarray(SURE * np.hypot(place, np.deg2rad(deviation.attitude_deg) * turn))
+    return np.asarray(MARGIN_SIGMAS * np.hypot(place, np.deg2rad(deviation.attitude_deg) * turn))
 
 
-PER_SIDE = 4
+VERTICES_PER_SIDE = 4
 """Vertices on each side of a photo, whose edges are curved by the lens."""
 
 
-def footprints(scene: PlanScene, cameras: Cameras) -> tuple[Floats, Floats]:
+def compute_footprints(scene: PlanScene, cameras: PlannedCameras) -> tuple[Floats, Floats]:
     """Compute outlines (F, 16, 3) on the ground: of the photos, and of the certain part.
 
     Counterclockwise from above, not closed. The certain part is inside the photo's edge by the
     shift of the ground under the drone's deviation.
     """
     camera = scene.calibration
-    share = np.arange(PER_SIDE) / PER_SIDE
-    zero, one = np.zeros(PER_SIDE), np.ones(PER_SIDE)
+    share = np.arange(VERTICES_PER_SIDE) / VERTICES_PER_SIDE
+    zero, one = np.zeros(VERTICES_PER_SIDE), np.ones(VERTICES_PER_SIDE)
     u = np.concatenate([share, one, 1.0 - share, zero])
     v = np.concatenate([zero, share, one, 1.0 - share])
     size = np.array([camera.width_px, camera.height_px]) - 1.0
@@ -147,7 +147,7 @@ def footprints(scene: PlanScene, cameras: Cameras) -> tuple[Floats, Floats]:
     return whole, _on_ground(scene, cameras, rim * size + np.sign(0.5 - rim) * inset)
 
 
-def _spread(scene: PlanScene, cameras: Cameras, ground_m: Floats) -> Floats:
+def _spread(scene: PlanScene, cameras: PlannedCameras, ground_m: Floats) -> Floats:
     """Compute the (F, V, 2) shift of ground points in their photo by the drone's deviation [px]."""
     from_center = ground_m - cameras.center_m[:, None]
     in_camera = np.einsum("fij,fvi->fvj", cameras.world_from_camera, from_center)
@@ -155,10 +155,10 @@ def _spread(scene: PlanScene, cameras: Cameras, ground_m: Floats) -> Floats:
     _, by_point, _ = project_with_jacobian(
         calibration.model, calibration.parameters, in_camera, beyond_fold="extend"
     )
-    return spread_px(by_point, in_camera, scene.deviation)
+    return compute_spread_px(by_point, in_camera, scene.deviation)
 
 
-def _on_ground(scene: PlanScene, cameras: Cameras, pixel_px: Floats) -> Floats:
+def _on_ground(scene: PlanScene, cameras: PlannedCameras, pixel_px: Floats) -> Floats:
     """Project pixels (F, V, 2) of each photo to the ground, (F, V, 3)."""
     camera = scene.calibration
     ray = back_project(camera.model, camera.parameters, pixel_px)

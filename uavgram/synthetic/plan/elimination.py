@@ -18,7 +18,7 @@ from uavgram.model.arrays import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
-class Eliminated:
+class EliminatedPoints:
     """K eliminated points; C unknowns of the core, in the order of the layout.
 
     Attributes
@@ -44,7 +44,7 @@ class Eliminated:
         return np.asarray(rows.T @ rows)
 
 
-def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
+def eliminate_points(problem: SurveyProblem, blocks: dict[str, Block]) -> EliminatedPoints:
     """Eliminate all points of a survey whose observations each see one point, or none.
 
     With the whitened rows of a point, the part A of its own unknowns and B of the core, and A = Q
@@ -86,7 +86,7 @@ def eliminated(problem: SurveyProblem, blocks: dict[str, Block]) -> Eliminated:
     # rotated core part: the first rows determine the point, the others are the reduced rows
     turned = np.swapaxes(q, 1, 2) @ b
     inverse = np.linalg.inv(r[:, :size])
-    return Eliminated(
+    return EliminatedPoints(
         base=base,
         root=turned[:, size:],
         by_core=-inverse @ turned[:, :size],
@@ -132,8 +132,8 @@ class Functions:
     variance: Floats
 
 
-def whitened_readings(
-    points: Eliminated, layout: Layout, columns: Ints, jacobian: Floats, ends: Ints
+def whiten_readings(
+    points: EliminatedPoints, layout: Layout, columns: Ints, jacobian: Floats, ends: Ints
 ) -> Floats:
     """Compute the (n, q, C) information of groups of q readings on the core, as whitened rows.
 
@@ -176,7 +176,7 @@ def whitened_readings(
     return np.asarray(np.linalg.solve(np.linalg.cholesky(variance), core), dtype=np.float64)
 
 
-def of_all_points(points: Eliminated, layout: Layout, gradient: Floats) -> Functions:
+def combine_functions(points: EliminatedPoints, layout: Layout, gradient: Floats) -> Functions:
     """Return functions of any number of points by their gradients (size, N), points eliminated.
 
     Parameters

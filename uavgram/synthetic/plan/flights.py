@@ -10,13 +10,13 @@ from uavgram.errors import GeometryError
 from uavgram.geometry.ground.polygons import contains, crosses, find_long_axis
 from uavgram.model.arrays import Floats
 from uavgram.model.planned import FlightPattern, PlanRequest
-from uavgram.synthetic.plan.cameras import Cameras, seen
+from uavgram.synthetic.plan.cameras import PlannedCameras, find_visible
 from uavgram.synthetic.plan.scene import PlanScene
-from uavgram.synthetic.plan.wanted import Wanted, grid_in
-from uavgram.synthetic.sight import corner_rays, shows_horizon
+from uavgram.synthetic.plan.wanted import WantedValues, make_grid
+from uavgram.synthetic.sight import compute_corner_rays, shows_horizon
 
 CLIMB_M_S = 2.0
-USABLE = 0.8
+USABLE_BATTERY_SHARE = 0.8
 """Usable share of a battery; the rest is reserve for wind and the way home."""
 
 HEIGHTS_M = (12.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0, 60.0, 80.0, 100.0, 120.0)
@@ -28,7 +28,7 @@ PITCHES_DEG: dict[FlightPattern, tuple[float, ...]] = {
     "grid": (-90.0,),
     "orbit": (-60.0, -45.0),
 }
-FRAMES: dict[FlightPattern, tuple[int, ...]] = {
+FRAME_COUNTS: dict[FlightPattern, tuple[int, ...]] = {
     "single": (1,),
     "strip": (3, 5, 8),
     "grid": (0,),  # determined by the overlap
@@ -37,10 +37,10 @@ FRAMES: dict[FlightPattern, tuple[int, ...]] = {
 OVERLAP = (0.7, 0.5)
 """Overlap of a grid's photos: along a strip, and from strip to strip."""
 
-LEAST_BASE = 0.5
+MIN_BASE_SHARE = 0.5
 """Smallest distance from the first photo of a strip to the last, relative to the height."""
 
-MOST_IN_GRID = 200
+MAX_GRID_PHOTOS = 200
 
 
 class Flight(NamedTuple):
@@ -59,7 +59,7 @@ class Flight(NamedTuple):
     pattern: FlightPattern
     height_m: float
     pitch_deg: float
-    cameras: Cameras
+    cameras: PlannedCameras
     path_m: float
     duration_s: float
 
@@ -69,7 +69,7 @@ class Flight(NamedTuple):
         return len(self.cameras.center_m)
 
 
-def flights(
+def list_flights(
     scene: PlanScene, request: PlanRequest, pattern: FlightPattern, height_m: float
 ) -> list[Flight]:
     """Return all flights of a pattern at a height: each pitch with each number of photos.
@@ -84,9 +84,9 @@ def flights(
     pitches = request.pitches_deg or PITCHES_DEG[pattern]
     if pattern == "orbit":  # an orbit looks inwards
         pitches = tuple(pitch for pitch in pitches if pitch > -85.0)
-    counts = FRAMES[pattern] if pattern in {"single", "grid"} else _counts(request, pattern)
+    counts = FRAME_COUNTS[pattern] if pattern in {"single", "grid"} else _counts(request, pattern)
     found = [
-        flight(scene, request, (pattern, height_m, pitch), count)
+        make_flight(scene, request, (pattern, height_m, pitch), count)
         for pitch in pitches
         for count in counts
     ]
@@ -95,10 +95,10 @@ def flights(
 
 def _counts(request: PlanRequest, pattern: FlightPattern) -> tuple[int, ...]:
     asked = tuple(count for count in request.frames if count > 1)
-    return asked or FRAMES[pattern]
+    return asked or FRAME_COUNTS[pattern]
 
 
-def flight(
+def make_flight(
     scene: PlanScene,
     request: PlanRequest,
     kind: tuple[FlightPattern, float, float],
@@ -145,7 +145,7 @@ def flight(
     legs = np.linalg.norm(np.diff(center, axis=0), axis=1)
     time = np.concatenate([[0.0], np.cumsum(legs / request.speed_m_s + request.seconds_per_photo)])
     heading = np.rad2deg(np.arctan2(direction[:, 0], direction[:, 1])) % 360.0
-    cameras = Cameras(center, heading, np.full(len(foot), float(pitch)), time)
+    cameras = PlannedCameras(center, heading, np.full(len(foot), float(pitch)), time)
     path = float(legs.sum())
     # take-off and landing next to the area's middle, at most half its length away
     to_and_fro = np.linalg.norm(foot[[0, -1]] - middle, axis=1).sum() + float(size[0])
@@ -158,9 +158,10 @@ def flight(
 def _stops(length: float, shown: float, height: float, count: int) -> Floats:
     """Return positions along a strip, over the area's length less the ground in one photo.
 
-    The strip is at least `LEAST_BASE` of the height long, or the photos would be nearly the same.
+    The strip is at least `MIN_BASE_SHARE` of the height long, or the photos would be nearly
+    the same.
     """
-    span = max(length - 0.6 * shown, LEAST_BASE * height)
+    span = max(length - 0.6 * shown, MIN_BASE_SHARE * height)
     return np.linspace(-0.5 * span, 0.5 * span, count) if count > 1 else np.zeros(1)
 
 
@@ -168,10 +169,10 @@ def _grid(size: Floats, shown: Floats, height: float) -> tuple[Floats, Floats] |
     """Return positions and directions of strips there and back that cover an area with overlap."""
     step = shown * (1.0 - np.array(OVERLAP))
     count = np.maximum(np.ceil((size - 0.5 * shown) / step).astype(int) + 1, 2)
-    if count.prod() > MOST_IN_GRID:
+    if count.prod() > MAX_GRID_PHOTOS:
         return None
     along, across = (
-        np.linspace(-0.5, 0.5, n) * max(s - 0.5 * w, LEAST_BASE * height)
+        np.linspace(-0.5, 0.5, n) * max(s - 0.5 * w, MIN_BASE_SHARE * height)
         for n, s, w in zip(count, size, shown, strict=True)
     )
     place, look = [], []
@@ -182,27 +183,29 @@ def _grid(size: Floats, shown: Floats, height: float) -> tuple[Floats, Floats] |
     return np.array(place), np.array(look)
 
 
-def keeps_out(scene: PlanScene, cameras: Cameras) -> bool:
+def is_outside_no_go(scene: PlanScene, cameras: PlannedCameras) -> bool:
     """Return whether a flight stays outside all no-go areas."""
     foot = cameras.center_m[:, :2]
     start, end = (foot[:-1], foot[1:]) if len(foot) > 1 else (foot, foot)
     return not any(crosses(polygon, start, end).any() for polygon in scene.no_go_m)
 
 
-def heights_to_try(request: PlanRequest) -> tuple[float, ...]:
+def list_heights(request: PlanRequest) -> tuple[float, ...]:
     """Return the heights to choose from, the lowest first."""
     heights = request.heights_m or HEIGHTS_M
     return tuple(sorted(h for h in heights if request.min_height_m <= h <= request.max_height_m))
 
 
-HEIGHTS_EACH = 3
+HEIGHT_COUNT = 3
 """Number of heights that are compared, from the lowest one at which a pattern shows everything."""
 
-TO_COVER = 60
+COVERAGE_POINT_COUNT = 60
 """Number of points of the area that photos must show."""
 
 
-def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Flight]:
+def find_covering_flights(
+    scene: PlanScene, request: PlanRequest, wanted: WantedValues
+) -> list[Flight]:
     """Return flights that show the area and the wanted points within the battery's time.
 
     Parameters
@@ -221,9 +224,9 @@ def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Fli
     found, obstacles = [], dict.fromkeys(("cover", "battery", "no-go", "horizon", "height"), 0)
     for pattern in request.patterns:
         heights = 0
-        for height in heights_to_try(request):
+        for height in list_heights(request):
             good = 0
-            choices = flights(scene, request, pattern, height)
+            choices = list_flights(scene, request, pattern, height)
             obstacles["battery"] += int(not choices)  # a grid of far too many photos
             for one in choices:
                 obstacle = _obstacle(scene, request, one, must)
@@ -233,7 +236,7 @@ def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Fli
                     good += 1
                     found.append(one)
             heights += bool(good)
-            if heights == HEIGHTS_EACH and not request.heights_m:
+            if heights == HEIGHT_COUNT and not request.heights_m:
                 break
     if not found:
         raise GeometryError(_why_not(scene, request, obstacles))
@@ -242,7 +245,7 @@ def covering(scene: PlanScene, request: PlanRequest, wanted: Wanted) -> list[Fli
 
 def _area_points(scene: PlanScene) -> Floats:
     size = np.ptp(scene.area_m, axis=0)
-    inside = grid_in(scene.area_m, float(np.sqrt(size.prod() / TO_COVER)))
+    inside = make_grid(scene.area_m, float(np.sqrt(size.prod() / COVERAGE_POINT_COUNT)))
     return np.concatenate([scene.area_m, inside])
 
 
@@ -251,15 +254,15 @@ def _obstacle(scene: PlanScene, request: PlanRequest, one: Flight, must_m: Float
     above = one.cameras.center_m[:, 2] - ground
     if above.max() > request.max_height_m + 1e-6 or above.min() < 0.3 * one.height_m:
         return "height"
-    if not keeps_out(scene, one.cameras):
+    if not is_outside_no_go(scene, one.cameras):
         return "no-go"
-    if one.duration_s > USABLE * 60.0 * request.battery_min:
+    if one.duration_s > USABLE_BATTERY_SHARE * 60.0 * request.battery_min:
         return "battery"
     camera = scene.calibration
-    ray = corner_rays(camera, camera.parameters, one.cameras.world_from_camera)
+    ray = compute_corner_rays(camera, camera.parameters, one.cameras.world_from_camera)
     if shows_horizon(ray, scene.slope).any():
         return "horizon"
-    shown = seen(scene.calibration, one.cameras, must_m, scene.deviation).certain
+    shown = find_visible(scene.calibration, one.cameras, must_m, scene.deviation).certain
     return "" if shown.any(axis=0).all() else "cover"
 
 
@@ -267,7 +270,7 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
     size = find_long_axis(scene.area_m)[2]
     area = f"The area is {size[0]:.0f} m by {size[1]:.0f} m"
     tried = ", ".join(request.patterns)
-    if not heights_to_try(request):
+    if not list_heights(request):
         return (
             "no height is left to fly at: heights_m, min_height_m "
             f"({request.min_height_m:g}) and max_height_m ({request.max_height_m:g}) exclude each "
@@ -276,8 +279,8 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
     if obstacles["battery"]:
         return (
             f"{area}: no flight ({tried}) that shows all of it ends within "
-            f"{USABLE:.0%} of the battery's {request.battery_min:g} minutes, with at most "
-            f"{MOST_IN_GRID} photos. Make the area "
+            f"{USABLE_BATTERY_SHARE:.0%} of the battery's {request.battery_min:g} minutes, "
+            f"with at most {MAX_GRID_PHOTOS} photos. Make the area "
             "smaller, fly higher (heights_m), allow more time (battery_min), or plan it in parts"
         )
     if obstacles["no-go"] and not obstacles["cover"]:
@@ -295,7 +298,7 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
             f"{request.max_height_m:g} m over it: make the area smaller, or plan it in parts"
         )
     more = "" if "grid" in request.patterns else " allow the pattern grid,"
-    if max(heights_to_try(request)) < request.max_height_m:
+    if max(list_heights(request)) < request.max_height_m:
         more = f" fly higher (heights_m),{more}"
     away = np.linalg.norm(scene.point_m - scene.area_m.mean(axis=0), axis=1)
     away[contains(scene.area_m, scene.point_m)] = 0.0
@@ -303,7 +306,7 @@ def _why_not(scene: PlanScene, request: PlanRequest, obstacles: dict[str, int]) 
         farthest = scene.label[int(away.argmax())]
         more += f" leave out points outside of the area ({farthest}),"
     return (
-        f"{area}: from at most {max(heights_to_try(request)):g} m up, no flight ({tried}) shows "
+        f"{area}: from at most {max(list_heights(request)):g} m up, no flight ({tried}) shows "
         f"all of it for certain, as the drone may depart by {request.deviation_m:g} m and "
         f"{request.deviation_deg:g} degrees. Make the area smaller,{more} or plan it in parts"
     )

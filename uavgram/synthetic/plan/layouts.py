@@ -18,16 +18,16 @@ from scipy.linalg import cho_factor, cho_solve
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.synthetic.plan.elimination import Functions
 
-SHORTLIST = 48
+SHORTLIST_SIZE = 48
 """Number of best candidates by their tapes whose ends' own sightings are evaluated too."""
 
-PASSES = 6
-LEAST_GAIN = 1e-4
+MAX_PASSES = 6
+MIN_GAIN = 1e-4
 """Smallest relative gain of the criterion for an exchange."""
 
 
 @dataclass(frozen=True, eq=False)
-class Aim:
+class Objective:
     """Wanted values, and prior information without any line.
 
     Attributes
@@ -92,21 +92,23 @@ class Candidates:
 
 
 @dataclass(frozen=True, eq=False)
-class Chosen:
+class ChosenLines:
     """Chosen lines, by index, and the criterion with them."""
 
     lines: tuple[int, ...]
     criterion: float
 
 
-def covariance_of(information: Floats) -> Floats:
+def invert(information: Floats) -> Floats:
     """Invert a positive definite matrix, scaled to a unit diagonal beforehand."""
     scale = 1.0 / np.sqrt(np.diag(information))
     factor = cho_factor(information * np.outer(scale, scale), lower=True)
     return np.asarray(cho_solve(factor, np.eye(len(scale))) * np.outer(scale, scale))
 
 
-def with_one_more(aim: Aim, candidates: Candidates, covariance: Floats, among: Ints) -> Floats:
+def compute_criterion_with_one_more(
+    aim: Objective, candidates: Candidates, covariance: Floats, among: Ints
+) -> Floats:
     """Compute the criterion with each of some candidates (n,) added; upper bounds of poor ones.
 
     One more observation of gradient g and variance s^2 takes (g S w)^2 / (g S g + s^2) from the
@@ -134,7 +136,7 @@ def with_one_more(aim: Aim, candidates: Candidates, covariance: Floats, among: I
         found = _criterion(aim, before - taken)
         if not candidates.node_root.shape[1]:
             return found
-        best = np.argsort(found)[:SHORTLIST]
+        best = np.argsort(found)[:SHORTLIST_SIZE]
     # exact update for several rows: variance - |L^-1 R S w|^2 with L L^T = R S R^T + I
     rows = candidates.rows(among[best])
     inner = rows @ covariance @ np.swapaxes(rows, 1, 2)
@@ -148,11 +150,11 @@ def with_one_more(aim: Aim, candidates: Candidates, covariance: Floats, among: I
     return found
 
 
-def _criterion(aim: Aim, variance: Floats) -> Floats:
+def _criterion(aim: Objective, variance: Floats) -> Floats:
     return np.asarray(np.sqrt(np.maximum(variance, 0.0)) @ aim.weight)
 
 
-def criterion_of(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> float:
+def compute_criterion(aim: Objective, candidates: Candidates, lines: Sequence[int]) -> float:
     """Return the criterion with some lines.
 
     Parameters
@@ -162,12 +164,12 @@ def criterion_of(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> floa
     lines
         Candidates by index.
     """
-    return aim.criterion(covariance_of(aim.information + candidates.information(lines)))
+    return aim.criterion(invert(aim.information + candidates.information(lines)))
 
 
-def greedy(
-    aim: Aim, candidates: Candidates, count: int, start: Sequence[int] = ()
-) -> tuple[Chosen, ...]:
+def add_greedily(
+    aim: Objective, candidates: Candidates, count: int, start: Sequence[int] = ()
+) -> tuple[ChosenLines, ...]:
     """Add lines one after the other: the layouts of each number up to `count`.
 
     Parameters
@@ -185,14 +187,14 @@ def greedy(
         among = np.flatnonzero(candidates.apart_from(lines))
         if not len(among):
             break
-        covariance = covariance_of(aim.information + candidates.information(lines))
-        found = with_one_more(aim, candidates, covariance, among)
+        covariance = invert(aim.information + candidates.information(lines))
+        found = compute_criterion_with_one_more(aim, candidates, covariance, among)
         lines.append(int(among[np.argmin(found)]))
-        steps.append(Chosen(tuple(lines), float(found.min())))
+        steps.append(ChosenLines(tuple(lines), float(found.min())))
     return tuple(steps)
 
 
-def exchanged(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
+def exchange_lines(aim: Objective, candidates: Candidates, start: ChosenLines) -> ChosenLines:
     """Exchange single lines of a layout as long as that improves it.
 
     Parameters
@@ -204,18 +206,18 @@ def exchanged(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
     """
 
     def one_more(others: list[int], among: Ints) -> Floats:
-        covariance = covariance_of(aim.information + candidates.information(others))
-        return with_one_more(aim, candidates, covariance, among)
+        covariance = invert(aim.information + candidates.information(others))
+        return compute_criterion_with_one_more(aim, candidates, covariance, among)
 
     def score(lines: Sequence[int]) -> float:
-        return criterion_of(aim, candidates, lines)
+        return compute_criterion(aim, candidates, lines)
 
-    return Chosen(*_improved(candidates, start, score, one_more))
+    return ChosenLines(*_improve(candidates, start, score, one_more))
 
 
-def _improved(
+def _improve(
     candidates: Candidates,
-    start: Chosen,
+    start: ChosenLines,
     score: Callable[[Sequence[int]], float],
     scores: Callable[[list[int], Ints], Floats],
 ) -> tuple[tuple[int, ...], float]:
@@ -225,21 +227,21 @@ def _improved(
     poor ones may be upper bounds.
     """
     lines, value = list(start.lines), score(start.lines)
-    for _ in range(PASSES):
+    for _ in range(MAX_PASSES):
         before = value
         for place in range(len(lines)):
             others = lines[:place] + lines[place + 1 :]
             among = np.flatnonzero(candidates.apart_from(others))
             best = int(among[np.argmin(scores(others, among))])
             changed = [*lines[:place], best, *lines[place + 1 :]]
-            if (reached := score(changed)) < value * (1.0 - LEAST_GAIN):
+            if (reached := score(changed)) < value * (1.0 - MIN_GAIN):
                 lines, value = changed, reached
-        if value > before * (1.0 - LEAST_GAIN):
+        if value > before * (1.0 - MIN_GAIN):
             break
     return tuple(lines), value
 
 
-def best_layout(aim: Aim, candidates: Candidates, count: int) -> Chosen:
+def find_best_layout(aim: Objective, candidates: Candidates, count: int) -> ChosenLines:
     """Return the best layout of a number of lines by greedy choice and exchange.
 
     Parameters
@@ -249,17 +251,19 @@ def best_layout(aim: Aim, candidates: Candidates, count: int) -> Chosen:
     count
         Number of lines.
     """
-    steps = greedy(aim, candidates, count)
+    steps = add_greedily(aim, candidates, count)
     if not steps:
-        return Chosen((), criterion_of(aim, candidates, ()))
-    return exchanged(aim, candidates, steps[-1])
+        return ChosenLines((), compute_criterion(aim, candidates, ()))
+    return exchange_lines(aim, candidates, steps[-1])
 
 
-WORST = 0.1
+WORST_LOSS_WEIGHT = 0.1
 """Weight of the criterion after the worst loss, relative to that without any loss."""
 
 
-def without_each(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> Floats:
+def compute_criterion_without_each(
+    aim: Objective, candidates: Candidates, lines: Sequence[int]
+) -> Floats:
     """Return the (L,) criterion after the loss of each line.
 
     Parameters
@@ -270,14 +274,14 @@ def without_each(aim: Aim, candidates: Candidates, lines: Sequence[int]) -> Floa
         The layout: candidates by index.
     """
     left = (tuple(one for one in lines if one != lost) for lost in lines)
-    return np.array([criterion_of(aim, candidates, some) for some in left])
+    return np.array([compute_criterion(aim, candidates, some) for some in left])
 
 
-def surviving(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
+def find_robust_layout(aim: Objective, candidates: Candidates, start: ChosenLines) -> ChosenLines:
     """Find a layout of as many lines that tolerates the loss of any one of them.
 
-    By exchanges, as `exchanged`; the sum of the criterion and `WORST` times that after the worst
-    loss is minimised.
+    By exchanges, as `exchange_lines`; the sum of the criterion and `WORST_LOSS_WEIGHT` times that
+    after the worst loss is minimised.
 
     Parameters
     ----------
@@ -288,17 +292,24 @@ def surviving(aim: Aim, candidates: Candidates, start: Chosen) -> Chosen:
     """
 
     def score(lines: Sequence[int]) -> float:
-        whole = criterion_of(aim, candidates, lines)
-        return whole + WORST * float(without_each(aim, candidates, lines).max())
+        whole = compute_criterion(aim, candidates, lines)
+        return whole + WORST_LOSS_WEIGHT * float(
+            compute_criterion_without_each(aim, candidates, lines).max()
+        )
 
     def scores(others: list[int], among: Ints) -> Floats:
-        worst = np.full(len(among), criterion_of(aim, candidates, others))
+        worst = np.full(len(among), compute_criterion(aim, candidates, others))
         for place in range(len(others)):
             left = others[:place] + others[place + 1 :]
-            covariance = covariance_of(aim.information + candidates.information(left))
-            worst = np.maximum(worst, with_one_more(aim, candidates, covariance, among))
-        covariance = covariance_of(aim.information + candidates.information(others))
-        return with_one_more(aim, candidates, covariance, among) + WORST * worst
+            covariance = invert(aim.information + candidates.information(left))
+            worst = np.maximum(
+                worst, compute_criterion_with_one_more(aim, candidates, covariance, among)
+            )
+        covariance = invert(aim.information + candidates.information(others))
+        return (
+            compute_criterion_with_one_more(aim, candidates, covariance, among)
+            + WORST_LOSS_WEIGHT * worst
+        )
 
-    lines, _ = _improved(candidates, start, score, scores)
-    return Chosen(lines, criterion_of(aim, candidates, lines))
+    lines, _ = _improve(candidates, start, score, scores)
+    return ChosenLines(lines, compute_criterion(aim, candidates, lines))

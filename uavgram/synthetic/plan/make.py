@@ -24,32 +24,32 @@ from uavgram.model.planned import (
 )
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.synthetic.plan.accuracy import (
-    accuracy_grid,
-    chosen_by,
-    ends_of,
-    gained_by,
-    gains,
-    mean_sigma,
-    planned_lines,
-    planned_measurements,
-    planned_plates,
+    compute_gain,
+    compute_mean_sigma,
+    get_criterion_name,
+    list_ends,
+    list_gains,
+    list_planned_lines,
+    list_planned_measurements,
+    list_planned_plates,
+    map_accuracy,
 )
-from uavgram.synthetic.plan.cameras import footprints
-from uavgram.synthetic.plan.choose import Choice, choose
-from uavgram.synthetic.plan.flights import covering
+from uavgram.synthetic.plan.cameras import compute_footprints
+from uavgram.synthetic.plan.choose import Choice, choose_flight
+from uavgram.synthetic.plan.flights import find_covering_flights
 from uavgram.synthetic.plan.scene import Asked, PlanScene
-from uavgram.synthetic.plan.survey import predicted
-from uavgram.synthetic.plan.wanted import wanted_of
+from uavgram.synthetic.plan.survey import predict_values
+from uavgram.synthetic.plan.wanted import list_wanted
 from uavgram.synthetic.scenario import Scenario, Site
 
-LARGE_M = 0.3
+GROSS_ERROR_M = 0.3
 """Gross error of a tape reading that people do make: a slipped decimetre mark or three."""
 
-LEAST_GAIN = 0.1
+MIN_GAIN = 0.1
 """Smallest relative reduction of the sigmas for which reference lines are worth the work."""
 
 
-FEW_LINES = 3
+MIN_ROBUST_LINES = 3
 """Number of lines below which the tilt of a single photo depends on its log.
 
 Over the sigmas of the log, lengths are so nonlinear in the tilt that errors of simulated surveys
@@ -58,7 +58,7 @@ second order overshoots there. Neither effect occurs with three lines or more.
 """
 
 
-def nowhere() -> Message:
+def make_no_site_message() -> Message:
     """Return the message for a plan in metres without a geodetic origin."""
     site = Site()
     return Message(
@@ -73,7 +73,7 @@ def nowhere() -> Message:
     )
 
 
-def remarks(
+def list_remarks(
     laid: tuple[PlannedLines, PlannedPlates],
     measured: PlannedMeasurements,
     gained: float,
@@ -91,7 +91,7 @@ def remarks(
         Number of photos.
     """
     lines, plates = laid
-    if gained < LEAST_GAIN and (lines.name or plates.name):
+    if gained < MIN_GAIN and (lines.name or plates.name):
         what, instead = (
             (f"Plates of {plates.side_m:g} m", "larger ones, tape long lines (lay: lines)")
             if plates.name
@@ -107,13 +107,13 @@ def remarks(
             f"{instead}, or save the work.",
             lengths=lines.name,
         )
-    if photos == 1 and 0 < len(lines.name) < FEW_LINES:
+    if photos == 1 and 0 < len(lines.name) < MIN_ROBUST_LINES:
         yield Message(
             "warning",
             "plan-few-lines",
             f"With {len(lines.name)} reference line{'s' * (len(lines.name) > 1)} in a single photo "
             "errors may be up to a third larger than the ± of this plan: the tilt of the camera "
-            f"is then known from the log alone. Lay {FEW_LINES} lines or more, or take more "
+            f"is then known from the log alone. Lay {MIN_ROBUST_LINES} lines or more, or take more "
             "photos.",
             lengths=lines.name,
         )
@@ -131,13 +131,13 @@ def remarks(
             "more sharply, or accept it.",
             measurements=(measured.name[i],),
         )
-    passes = np.isnan(lines.mdb_m) | (lines.mdb_m > LARGE_M)
+    passes = np.isnan(lines.mdb_m) | (lines.mdb_m > GROSS_ERROR_M)
     if passes.any():
         names = tuple(lines.name[i] for i in np.flatnonzero(passes))
         yield Message(
             "warning",
             "plan-unchecked",
-            f"A mistake of {figures(LARGE_M, 1)} m in the tape reading of {', '.join(names)} "
+            f"A mistake of {figures(GROSS_ERROR_M, 1)} m in the tape reading of {', '.join(names)} "
             "would go "
             "unnoticed: the other lines check it too little. Read the tape twice there, tape one "
             "more line, or take more photos.",
@@ -158,7 +158,7 @@ def remarks(
             )
 
 
-def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> FlightPlanned:
+def make_plan(scenario: Scenario, asked: Asked, progress: Progress = silent) -> FlightPlanned:
     """Choose flight and lines, and predict the accuracy.
 
     Parameters
@@ -176,22 +176,22 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
         No flight shows the area, or no line fits into it.
     """
     scene, request = asked.scene, asked.request
-    wanted = wanted_of(scene)
-    flown = covering(scene, request, wanted)
-    choice = choose(scene, request, wanted, flown, progress)
+    wanted = list_wanted(scene)
+    flown = find_covering_flights(scene, request, wanted)
+    choice = choose_flight(scene, request, wanted, flown, progress)
     layout = choice.robust_layout if request.robust else choice.layout
-    ends = ends_of(choice.possible, layout.lines)
+    ends = list_ends(choice.possible, layout.lines)
     try:
-        found = predicted(scene, choice.flight.cameras, wanted, ends)
+        found = predict_values(scene, choice.flight.cameras, wanted, ends)
     except SingularError as fault:
         raise GeometryError(
             f"with {len(ends)} reference {choice.laid} the positions of the photos are not "
             "determined: allow more (lines), or fly with a log (telemetry)"
         ) from fault
-    lines = planned_lines(scene, choice, layout.lines, found)
-    plates = planned_plates(scene, choice, layout.lines)
+    lines = list_planned_lines(scene, choice, layout.lines, found)
+    plates = list_planned_plates(scene, choice, layout.lines)
     shown = scene.requests
-    measured = planned_measurements(request, wanted, found)
+    measured = list_planned_measurements(request, wanted, found)
     return FlightPlanned(
         name=scenario.name,
         site=PlannedSite(
@@ -220,23 +220,23 @@ def plan_of(scenario: Scenario, asked: Asked, progress: Progress = silent) -> Fl
         plates=plates,
         points=PlannedPoints(label=scene.label, world_m=scene.on_ground(scene.point_m)),
         measurements=measured if shown else _nothing(),
-        grid=accuracy_grid(scene, choice, layout.lines),
-        mean_sigma=mean_sigma(found),
-        chosen_by=chosen_by(choice.possible),
-        gains=tuple(gains(scene, request, wanted, choice, layout.lines)),
+        grid=map_accuracy(scene, choice, layout.lines),
+        mean_sigma=compute_mean_sigma(found),
+        chosen_by=get_criterion_name(choice.possible),
+        gains=tuple(list_gains(scene, request, wanted, choice, layout.lines)),
         messages=(
-            *((nowhere(),) if is_nowhere(asked) else ()),
-            *remarks(
+            *((make_no_site_message(),) if has_no_site(asked) else ()),
+            *list_remarks(
                 (lines, plates),
                 measured,
-                gained_by(choice.possible, layout.lines),
+                compute_gain(choice.possible, layout.lines),
                 len(choice.flight.cameras.center_m),
             ),
         ),
     )
 
 
-def is_nowhere(asked: Asked) -> bool:
+def has_no_site(asked: Asked) -> bool:
     """Return whether the area is in metres from an unspecified origin."""
     own, usual = asked.site, Site()
     named = (own.latitude_deg, own.longitude_deg) != (usual.latitude_deg, usual.longitude_deg)
@@ -262,7 +262,7 @@ def _facts(asked: Asked, choice: Choice) -> FlightFacts:
 
 def _frames(scene: PlanScene, choice: Choice) -> PlannedFrames:
     cameras = choice.flight.cameras
-    whole, certain = footprints(scene, cameras)
+    whole, certain = compute_footprints(scene, cameras)
     ground = scene.on_ground(cameras.center_m[:, :2])[:, 2]
     return PlannedFrames(
         name=tuple(f"P{i + 1}" for i in range(len(ground))),

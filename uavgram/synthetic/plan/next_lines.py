@@ -25,20 +25,25 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.synthetic.plan.elimination import Functions, eliminated, whitened_readings
-from uavgram.synthetic.plan.layouts import Aim, Candidates, covariance_of, with_one_more
-from uavgram.synthetic.plan.wanted import equal_weights, joined, spots
-from uavgram.synthetic.sight import inside
+from uavgram.synthetic.plan.elimination import Functions, eliminate_points, whiten_readings
+from uavgram.synthetic.plan.layouts import (
+    Candidates,
+    Objective,
+    compute_criterion_with_one_more,
+    invert,
+)
+from uavgram.synthetic.plan.wanted import compute_equal_weights, join_spots, make_spots
+from uavgram.synthetic.sight import is_inside
 
-SHORTEST_M, LONGEST_M = 3.0, 15.0
-MOST_SPOTS = 150
-BEST = 3
+MIN_LENGTH_M, MAX_LENGTH_M = 3.0, 15.0
+MAX_SPOTS = 150
+REPORTED_COUNT = 3
 """Number of additional lines that are reported."""
 
-APART = 0.3
+MIN_RELATIVE_DISTANCE = 0.3
 """Smallest distance between reported lines, relative to the length."""
 
-NO_LOSS = 1e-9
+MIN_REDUNDANCY = 1e-9
 """Redundancy below which no other observation determines a reading."""
 
 
@@ -50,7 +55,7 @@ class _Places(NamedTuple):
 
 
 @with_one_blas_thread
-def next_lines(project: Path) -> NextLines:
+def find_next_lines(project: Path) -> NextLines:
     """Compute the effect of more and fewer reference lines on a project.
 
     Parameters
@@ -63,28 +68,28 @@ def next_lines(project: Path) -> NextLines:
     InputError
         An input is wrong, there is no measurement, or no line fits between its points.
     """
-    return next_lines_of(read_inputs(project), project)
+    return find_next_lines_of_inputs(read_inputs(project), project)
 
 
-def next_lines_of(inputs: Inputs, project: Path) -> NextLines:
+def find_next_lines_of_inputs(inputs: Inputs, project: Path) -> NextLines:
     """Compute the same for inputs that are already read."""
     posed = pose_frames(inputs)
     adjustment = compute(inputs, posed=posed, curved=False).refined.adjustment
     values = _values(adjustment, inputs, posed.frames, project)
     places = _places(adjustment, project)
     shown = np.isfinite(places.pixel_px[..., 0]).astype(np.float64)
-    pairs = joined(places.world_m, (), shown.T @ shown > 0, (SHORTEST_M, LONGEST_M))
+    pairs = join_spots(places.world_m, (), shown.T @ shown > 0, (MIN_LENGTH_M, MAX_LENGTH_M))
     if not len(pairs):
         raise InputError(
             project,
-            f"no line of {SHORTEST_M:g} to {LONGEST_M:g} m fits between its points in a photo: "
-            "pick points that are farther apart",
+            f"no line of {MIN_LENGTH_M:g} to {MAX_LENGTH_M:g} m fits between its points in a "
+            "photo: pick points that are farther apart",
         )
     aim = _aim(adjustment, values)
     candidates = _candidates(adjustment, places, pairs, _tape_sigma(inputs.lines))
-    covariance = covariance_of(aim.information)
-    found = with_one_more(aim, candidates, covariance, np.arange(len(pairs)))
-    best = _different(places.world_m, pairs, found)
+    covariance = invert(aim.information)
+    found = compute_criterion_with_one_more(aim, candidates, covariance, np.arange(len(pairs)))
+    best = _keep_different(places.world_m, pairs, found)
     ends = places.world_m[pairs[best]]
     near, near_m = _nearest(adjustment, ends)
     return NextLines(
@@ -96,7 +101,7 @@ def next_lines_of(inputs: Inputs, project: Path) -> NextLines:
         near_m=near_m,
         with_it=found[best],
         name=tuple(adjustment.survey.line_name[i] for i in adjustment.problem.line_index),
-        without_it=_without(adjustment, values, aim.weight),
+        without_it=_compute_without(adjustment, values, aim.weight),
     )
 
 
@@ -121,19 +126,19 @@ def _core(layout: Layout) -> Ints:
 
 
 def _weights(values: MeasuredValues) -> Floats:
-    return equal_weights([row.request.kind for row in values.rows], values.unit)
+    return compute_equal_weights([row.request.kind for row in values.rows], values.unit)
 
 
-def _aim(adjustment: Adjustment, values: MeasuredValues) -> Aim:
+def _aim(adjustment: Adjustment, values: MeasuredValues) -> Objective:
     """Return the measured values as functions of the core: regression on it, and remainder."""
     core = _core(adjustment.problem.layout)
     joint = adjustment.minimum.factor.joint(core)
     # regression of the values on the core: gradient = S_core^-1 S_core,values
-    information = covariance_of(joint)
+    information = invert(joint)
     across = values.solved[core]
     gradient = (information @ across).T
     own = np.diag(values.covariance) - np.sum(gradient.T * across, axis=0)
-    return Aim(information, Functions(gradient, np.maximum(own, 0.0)), _weights(values))
+    return Objective(information, Functions(gradient, np.maximum(own, 0.0)), _weights(values))
 
 
 def _places(adjustment: Adjustment, project: Path) -> _Places:
@@ -143,7 +148,7 @@ def _places(adjustment: Adjustment, project: Path) -> _Places:
         hull = point[ConvexHull(point).vertices]
     except QhullError:
         raise InputError(project, "has points in one line only: nothing can be planned") from None
-    place = spots(hull, (), LONGEST_M, MOST_SPOTS)
+    place = make_spots(hull, (), MAX_LENGTH_M, MAX_SPOTS)
     middle = int(np.argmin(np.linalg.norm(point - point.mean(axis=0), axis=1)))
     label = np.full(len(place), middle)
     own = np.zeros((len(place), adjustment.problem.layout.point_size))
@@ -153,7 +158,7 @@ def _places(adjustment: Adjustment, project: Path) -> _Places:
     poses = RowPoses(state.center[:, None], state.rotation[:, None], adjustment.sweep()[:, None])
     camera = survey.calibration
     pixel = project_rows(camera, adjustment.problem.intrinsics(state), poses, world[None])
-    shown = inside(camera, pixel)[..., None]
+    shown = is_inside(camera, pixel)[..., None]
     return _Places(world, np.where(shown, pixel, np.nan))
 
 
@@ -170,7 +175,7 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
     row[used] = np.arange(len(used))
     # possible ends that at least one photo shows, picked in all photos that show them
     pick_label, pick_frame = np.nonzero(seen[:, used].T)
-    candidate = _only(survey, len(used), row[pairs], adjustment.problem.tapes, sigma_m)
+    candidate = _select_part(survey, len(used), row[pairs], adjustment.problem.tapes, sigma_m)
     candidate = replace(
         candidate,
         pick_frame=pick_frame,
@@ -196,19 +201,17 @@ def _candidates(adjustment: Adjustment, places: _Places, pairs: Ints, sigma_m: f
         raise ValueError("places that photos show lie in front of them")
     tapes = blocks["lengths"]
     # eliminate the possible ends; whitened rows of the tape readings on the core
-    points = eliminated(problem, {k: v for k, v in blocks.items() if k in OF_POINTS})
+    points = eliminate_points(problem, {k: v for k, v in blocks.items() if k in POINT_KINDS})
     ends = row[pairs]
-    whitened = whitened_readings(
-        points, problem.layout, tapes.columns[:, None], tapes.jacobian, ends
-    )
+    whitened = whiten_readings(points, problem.layout, tapes.columns[:, None], tapes.jacobian, ends)
     return Candidates(whitened, ends, points.root)
 
 
-OF_POINTS = ("pixels", "roughness", "idle")
+POINT_KINDS = ("pixels", "roughness", "idle")
 """Observations of the possible ends; all others are already in the survey."""
 
 
-def _only(
+def _select_part(
     survey: Survey, count: int, pairs: Ints, tapes: tuple[str, ...], sigma_m: float
 ) -> Survey:
     """Return a survey of the same photos with other points and lines, without other priors."""
@@ -240,16 +243,16 @@ def _only(
     )
 
 
-def _different(world_m: Floats, pairs: Ints, found: Floats) -> Ints:
+def _keep_different(world_m: Floats, pairs: Ints, found: Floats) -> Ints:
     """Return the (n,) best lines that are not nearly the same."""
     middle = world_m[pairs].mean(axis=1)
     length = np.linalg.norm(np.diff(world_m[pairs], axis=1)[:, 0], axis=1)
     chosen: list[int] = []
     for one in np.argsort(found).tolist():
         away = [np.linalg.norm(middle[one] - middle[other]) for other in chosen]
-        if all(distance > APART * length[one] for distance in away):
+        if all(distance > MIN_RELATIVE_DISTANCE * length[one] for distance in away):
             chosen.append(one)
-        if len(chosen) == BEST:
+        if len(chosen) == REPORTED_COUNT:
             break
     return np.array(chosen, dtype=np.int64)
 
@@ -261,7 +264,7 @@ def _nearest(adjustment: Adjustment, ends_m: Floats) -> tuple[tuple[tuple[str, s
     return tuple((label[a], label[b]) for a, b in which), away.min(axis=-1)
 
 
-def _without(adjustment: Adjustment, values: MeasuredValues, weight: Floats) -> Floats:
+def _compute_without(adjustment: Adjustment, values: MeasuredValues, weight: Floats) -> Floats:
     """Compute the (L,) mean sigma without each line, by removing its row from the normal matrix.
 
     Without an observation of gradient a and unit variance the covariance S grows by S a a^T S / (1
@@ -275,6 +278,6 @@ def _without(adjustment: Adjustment, values: MeasuredValues, weight: Floats) -> 
     np.add.at(rows, (block.columns, at), block.jacobian[:, 0])
     left = 1.0 - np.sum(rows * adjustment.minimum.factor.solve(rows), axis=0)
     across = values.gradient.T @ adjustment.minimum.factor.solve(rows)
-    held = left > NO_LOSS
+    held = left > MIN_REDUNDANCY
     more = across**2 / np.where(held, left, np.nan)
     return np.asarray(weight @ np.sqrt(np.diag(values.covariance)[:, None] + more))

@@ -14,27 +14,38 @@ from uavgram.geometry.ground.polygons import contains
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.target_families import MIN_SIDE_PX
 from uavgram.stages.plate_sides import SIDES
-from uavgram.synthetic.plan.cameras import Cameras, large_enough, seen
+from uavgram.synthetic.plan.cameras import PlannedCameras, find_visible, remove_small_plates
 from uavgram.synthetic.plan.elimination import (
     Functions,
-    eliminated,
-    of_all_points,
-    whitened_readings,
+    combine_functions,
+    eliminate_points,
+    whiten_readings,
 )
-from uavgram.synthetic.plan.layouts import Aim, Candidates, covariance_of, greedy
+from uavgram.synthetic.plan.layouts import Candidates, Objective, add_greedily, invert
 from uavgram.synthetic.plan.scene import PlanScene
-from uavgram.synthetic.plan.survey import Lines, Marks, hardly_known, planned_survey
-from uavgram.synthetic.plan.wanted import MOST_SPOTS, Wanted, equal_weights, joined, spots
+from uavgram.synthetic.plan.survey import (
+    GroundMarks,
+    Lines,
+    make_weak_priors,
+    simulate_planned_survey,
+)
+from uavgram.synthetic.plan.wanted import (
+    MAX_SPOTS,
+    WantedValues,
+    compute_equal_weights,
+    join_spots,
+    make_spots,
+)
 
-PLATES_M = 8.0
+PLATE_GRID_M = 8.0
 """Size that sets the grid of possible plates: it need not be finer than a third of that."""
 
-LINES_AT_FIRST = 3
+FIRST_LINE_COUNT = 3
 """Number of lines at which sigmas of other units than metres are compared."""
 
 
 @dataclass(frozen=True, eq=False)
-class Possible:
+class PossibleReferences:
     """Lines, or plates, that could be laid out for a flight.
 
     Attributes
@@ -49,7 +60,7 @@ class Possible:
         (M,) of the wanted values, and the required sigma; NaN where none was given.
     """
 
-    aim: Aim
+    aim: Objective
     candidates: Candidates
     spot_m: Floats
     kind: tuple[str, ...]
@@ -57,14 +68,14 @@ class Possible:
     enough: Floats
 
 
-def possible(
+def compute_possible(
     scene: PlanScene,
-    cameras: Cameras,
-    wanted: Wanted,
+    cameras: PlannedCameras,
+    wanted: WantedValues,
     lengths_m: tuple[float, float] | None,
     good_enough: Floats | None = None,
-    most_spots: int = MOST_SPOTS,
-) -> Possible:
+    most_spots: int = MAX_SPOTS,
+) -> PossibleReferences:
     """Compute the information of each line between any two ends, or of a plate anywhere.
 
     Parameters
@@ -88,26 +99,28 @@ def possible(
     # marks: the wanted points, then all possible ends
     spot = _places(scene, lengths_m, most_spots)
     world = np.concatenate([scene.on_ground(wanted.point_m), spot])
-    found = seen(scene.calibration, cameras, world, scene.deviation)
+    found = find_visible(scene.calibration, cameras, world, scene.deviation)
     require_seen(wanted, found.certain)
     count = len(wanted.label)
-    found = found if lengths_m is not None else large_enough(found, count)
+    found = found if lengths_m is not None else remove_small_plates(found, count)
     groups, known = _groups(scene, spot, found.certain[:, count:], lengths_m)
     corners = len(spot) if lengths_m is None else 0
     label = (*wanted.label, *(f"spot{i}" for i in range(len(spot))))
     pairs = groups[:, known].reshape(-1, 2)
     lines = Lines(tuple(f"line{i}" for i in range(len(pairs))), pairs + count, bool(corners))
-    planned = planned_survey(scene, cameras, Marks(label, world, found, corners), lines)
+    planned = simulate_planned_survey(
+        scene, cameras, GroundMarks(label, world, found, corners), lines
+    )
     problem, layout = planned.problem, planned.problem.layout
     # eliminate the points; gradients of the wanted values by the core
     blocks = planned.blocks()
     tapes = blocks.pop("lengths")
-    weak = hardly_known(problem)
-    points = eliminated(problem, blocks | {"hardly known": weak})
+    weak = make_weak_priors(problem)
+    points = eliminate_points(problem, blocks | {"hardly known": weak})
     values = propagate(planned.adjusted(blocks, weakly=True), wanted.requests, planned.frames)
     if values.why_not:
         raise GeometryError(": ".join(values.why_not[0]))
-    asked = of_all_points(points, layout, values.gradient.toarray())
+    asked = combine_functions(points, layout, values.gradient.toarray())
     others = np.array([sum(part**2 for part in row.others.values()) for row in values.rows])
     asked = Functions(asked.gradient, asked.variance + others)
     # rows of the possible ends that are visible in a photo
@@ -118,7 +131,7 @@ def possible(
     renumbered[used] = np.arange(len(used))
     wanted_rows = row_of[:count]
     by_group = (len(groups), len(known), -1)
-    whitened = whitened_readings(
+    whitened = whiten_readings(
         points,
         layout,
         tapes.columns.reshape(by_group),
@@ -127,18 +140,18 @@ def possible(
     )
     candidates = Candidates(whitened, renumbered[groups], points.root[row_of[count:][used]])
     information = points.base + points.information(wanted_rows)
-    aim = Aim(information, asked, np.full(len(values.rows), 1.0 / len(values.rows)))
-    enough = _by_value(values.rows, wanted, good_enough)
+    aim = Objective(information, asked, np.full(len(values.rows), 1.0 / len(values.rows)))
+    enough = _list_required(values.rows, wanted, good_enough)
     kind = tuple(row.request.kind for row in values.rows)
     aim = replace(aim, weight=_weights(aim, candidates, (kind, values.unit), enough))
-    return Possible(aim, candidates, spot[used, :2], kind, values.unit, enough)
+    return PossibleReferences(aim, candidates, spot[used, :2], kind, values.unit, enough)
 
 
 def _places(scene: PlanScene, lengths_m: tuple[float, float] | None, most: int) -> Floats:
     """Return (K, 3) possible line ends, or the corners of all possible plates, plate by plate."""
     if lengths_m is not None:
-        return scene.on_ground(spots(scene.area_m, scene.no_go_m, lengths_m[1], most))
-    middle = spots(scene.area_m, scene.no_go_m, PLATES_M, most)
+        return scene.on_ground(make_spots(scene.area_m, scene.no_go_m, lengths_m[1], most))
+    middle = make_spots(scene.area_m, scene.no_go_m, PLATE_GRID_M, most)
     corner = scene.plates_at(middle)
     free = np.ones(len(middle), dtype=np.bool_)
     for polygon in scene.no_go_m:
@@ -157,7 +170,7 @@ def _groups(
         groups = four[certain[:, four].all(axis=2).any(axis=0)]
         what, known = "plate", np.array(SIDES)
     else:
-        groups = joined(spot_m, scene.no_go_m, shown.T @ shown > 0, lengths_m)
+        groups = join_spots(spot_m, scene.no_go_m, shown.T @ shown > 0, lengths_m)
         what, known = f"line of {lengths_m[0]:g} to {lengths_m[1]:g} m", np.array([[0, 1]])
     if not len(groups):
         way_out = (
@@ -173,7 +186,7 @@ def _groups(
     return groups, known
 
 
-def require_seen(wanted: Wanted, certain: Bools) -> None:
+def require_seen(wanted: WantedValues, certain: Bools) -> None:
     """Check that each point is in a photo.
 
     Raises
@@ -190,7 +203,9 @@ def require_seen(wanted: Wanted, certain: Bools) -> None:
         )
 
 
-def _by_value(rows: Sequence[Measurand], wanted: Wanted, good_enough: Floats | None) -> Floats:
+def _list_required(
+    rows: Sequence[Measurand], wanted: WantedValues, good_enough: Floats | None
+) -> Floats:
     """Return the (M,) required sigma of each value; a request may give several values."""
     enough = np.full(len(wanted.requests), np.nan) if good_enough is None else good_enough
     place = {request.name: k for k, request in enumerate(wanted.requests)}
@@ -198,7 +213,7 @@ def _by_value(rows: Sequence[Measurand], wanted: Wanted, good_enough: Floats | N
 
 
 def _weights(
-    aim: Aim,
+    aim: Objective,
     candidates: Candidates,
     kind_unit: tuple[tuple[str, ...], tuple[str, ...]],
     enough: Floats,
@@ -208,13 +223,13 @@ def _weights(
     Values with a required sigma are relative to it. Square metres and degrees count as if their
     sigmas with a few lines were those of the lengths.
     """
-    equal = equal_weights(*kind_unit)
+    equal = compute_equal_weights(*kind_unit)
     lengths = equal > 0
     if lengths.all() and np.isnan(enough).all():
         return aim.weight
-    steps = greedy(aim, candidates, LINES_AT_FIRST)
+    steps = add_greedily(aim, candidates, FIRST_LINE_COUNT)
     lines = steps[-1].lines if steps else ()
-    sigma = aim.sigma(covariance_of(aim.information + candidates.information(lines)))
+    sigma = aim.sigma(invert(aim.information + candidates.information(lines)))
     usual = float(sigma @ equal)
     stated = ~np.isnan(enough)
     size = np.where(stated, enough, np.where(lengths, usual, sigma))

@@ -21,18 +21,18 @@ from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.products.mission import flight_mission
 from uavgram.stages.products.planned_layers import plan_layers
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
-from uavgram.synthetic.plan.make import nowhere, plan_of
-from uavgram.synthetic.plan.scene import Asked, scene_of
-from uavgram.synthetic.plan.wanted import wanted_of
+from uavgram.synthetic.plan.make import make_no_site_message, make_plan
+from uavgram.synthetic.plan.scene import Asked, read_scene
+from uavgram.synthetic.plan.wanted import list_wanted
 from uavgram.synthetic.scenario import FlightPlan, Scenario, Site, Station
-from uavgram.synthetic.scenario_file import scenario_document, scenario_text
+from uavgram.synthetic.scenario_file import format_scenario, read_scenario_document
 from uavgram.views.field_sheet.page import NAME as SHEET
 from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
 from uavgram.views.pages_pdf import weasyprint_for
 from uavgram.views.planned_recording.write import write_plan_recording
 
 
-def flown(scenario: Scenario, asked: Asked, planned: FlightPlanned) -> Scenario:
+def make_flown_scenario(scenario: Scenario, asked: Asked, planned: FlightPlanned) -> Scenario:
     """Return the scenario in which a plan is carried out exactly.
 
     Parameters
@@ -45,7 +45,7 @@ def flown(scenario: Scenario, asked: Asked, planned: FlightPlanned) -> Scenario:
         Photos and lines.
     """
     site, lines = asked.site, planned.lines
-    wanted = wanted_of(asked.scene)
+    wanted = list_wanted(asked.scene)
     labels = (*wanted.label, *lines.start_label, *lines.end_label)
     ends = np.concatenate([lines.start_world_m, lines.end_world_m])[:, :2]
     xy = site.in_scene(np.concatenate([wanted.point_m, ends]))
@@ -101,7 +101,7 @@ def _stations(site: Site, planned: FlightPlanned) -> tuple[Station, ...]:
 
 
 PLAN_FILE, SHEET_FILE = "plan.json", f"{SHEET}.html"
-MISSIONS = {"mission.waypoints", "mission.plan"}
+MISSION_FILES = {"mission.waypoints", "mission.plan"}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,7 +125,7 @@ class PlanOutputs:
     heights: HeightFrame = "relative"
 
 
-AS_USUAL = PlanOutputs()
+DEFAULT_OUTPUTS = PlanOutputs()
 
 
 @with_one_blas_thread
@@ -146,13 +146,13 @@ def plan(path: Path, progress: Progress = silent) -> tuple[FlightPlanned, Scenar
     InputError
         Names file, line and key of the fault, or the reason why no plan is possible.
     """
-    scenario, document = scenario_document(path)
-    asked = scene_of(scenario, document.path)
+    scenario, document = read_scenario_document(path)
+    asked = read_scene(scenario, document.path)
     try:
-        planned = plan_of(scenario, asked, progress)
+        planned = make_plan(scenario, asked, progress)
     except GeometryError as fault:
         raise InputError(document.path, f"plan: {fault}", document.line_of(("plan",))) from fault
-    return planned, flown(scenario, asked, planned)
+    return planned, make_flown_scenario(scenario, asked, planned)
 
 
 def write_outputs(
@@ -160,7 +160,7 @@ def write_outputs(
     as_flown: Scenario,
     folder: Path,
     source: Path,
-    made: PlanOutputs = AS_USUAL,
+    made: PlanOutputs = DEFAULT_OUTPUTS,
 ) -> tuple[str, ...]:
     """Write all files of a plan at once; return their names.
 
@@ -195,16 +195,18 @@ def write_outputs(
             replace_bytes(hidden / f"{SHEET}.pdf", field_sheet_pdf(sheet, made.pdf))
         write_layers_geojson(layers, hidden / "plan.geojson")
         write_kml(layers, hidden / "plan.kml")
-        if nowhere().code not in {message.code for message in planned.messages}:
+        if make_no_site_message().code not in {message.code for message in planned.messages}:
             if made.autopilot == "ardupilot":
                 replace_text(hidden / "mission.waypoints", waypoints_text(mission))
             replace_text(hidden / "mission.plan", qgc_plan_text(mission))
         write_plan_recording(planned, hidden / "plan.rrd", made.units)
         write_plan(planned, hidden / PLAN_FILE)
         remark = "The planned survey: `uavgram simulate` repeats it against known truth."
-        replace_text(hidden / "scenario.yaml", scenario_text(as_flown, remark))
+        replace_text(hidden / "scenario.yaml", format_scenario(as_flown, remark))
         written = {one.name for one in hidden.iterdir()}
     with as_output_errors(folder):
-        for name in MISSIONS - written:  # an earlier plan's, which must not be flown by mistake
+        for name in (
+            MISSION_FILES - written
+        ):  # an earlier plan's, which must not be flown by mistake
             (folder / name).unlink(missing_ok=True)
     return tuple(sorted(written))

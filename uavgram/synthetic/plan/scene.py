@@ -28,16 +28,16 @@ from uavgram.model.options import (
 )
 from uavgram.model.planned import Corners, PlanRequest
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.synthetic.inputs import project_of
+from uavgram.synthetic.inputs import make_project
 from uavgram.synthetic.observe import MeanGenerator
 from uavgram.synthetic.scenario import PlateSpec, Scenario, Site
-from uavgram.synthetic.scenario_file import measurement_fault, scenario_camera
+from uavgram.synthetic.scenario_file import explain_impossible, read_scenario_camera
 from uavgram.synthetic.scene import draw_surface
-from uavgram.synthetic.survey import calibration_of
+from uavgram.synthetic.survey import make_calibration
 
 
 @dataclass(frozen=True, kw_only=True)
-class Logged:
+class LoggedAccuracy:
     """Accuracy of the logged pose of each photo, without the errors common to the flight.
 
     `position_sigma_m` is horizontal and vertical, `attitude_sigma_deg` of roll and pitch, and yaw.
@@ -99,7 +99,7 @@ class PlanScene(FrozenArrays):
     ground: GroundOptions = field(default_factory=GroundOptions)
     tape: TapeOptions = field(default_factory=TapeOptions)
     plates: PlateSpec = field(default_factory=PlateSpec)
-    logged: Logged | None = field(default_factory=Logged)
+    logged: LoggedAccuracy | None = field(default_factory=LoggedAccuracy)
     picks_sigma_px: float = 0.7
     tape_sigma_m: float = 0.01
     deviation: Deviation = field(default_factory=Deviation)
@@ -117,13 +117,13 @@ class PlanScene(FrozenArrays):
         return squares_on_plane(middle, self.slope, turn, self.plates.side_m)
 
 
-FAR_M = 5000.0
+MAX_SITE_DISTANCE_M = 5000.0
 """Distance from the scenario's site beyond which an area is at another site [m]."""
 
-NARROWEST_M = 0.3
+MIN_WIDTH_M = 0.3
 
 
-def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path) -> Site:
+def get_site(site: Site, request: PlanRequest, file: AreaFile | None, path: Path) -> Site:
     """Return the scenario's site, or that of the area if its file is at another site.
 
     Parameters
@@ -138,10 +138,10 @@ def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path)
     if file is None:
         return site
     middle = file.areas[0].longitude_latitude_deg.mean(axis=0)
-    away = np.linalg.norm(on_map(middle[None], site)[0])
-    if away <= FAR_M:
+    away = np.linalg.norm(convert_to_map(middle[None], site)[0])
+    if away <= MAX_SITE_DISTANCE_M:
         return site
-    if np.linalg.norm(on_map(middle[None, ::-1], site)[0]) <= FAR_M:
+    if np.linalg.norm(convert_to_map(middle[None, ::-1], site)[0]) <= MAX_SITE_DISTANCE_M:
         raise InputError(
             path.parent / str(request.area),
             "has latitude and longitude in the wrong order: GeoJSON and KML have the longitude "
@@ -163,7 +163,7 @@ def site_of(site: Site, request: PlanRequest, file: AreaFile | None, path: Path)
     )
 
 
-def on_map(longitude_latitude_deg: Floats, site: Site) -> Floats:
+def convert_to_map(longitude_latitude_deg: Floats, site: Site) -> Floats:
     """Convert longitude and latitude to (N, 2) east and north [m]."""
     longitude, latitude = longitude_latitude_deg.T
     height = site.height_msl_m + site.undulation_m
@@ -171,7 +171,7 @@ def on_map(longitude_latitude_deg: Floats, site: Site) -> Floats:
     return enu_from_geodetic(latitude, longitude, height, origin)[:, :2]
 
 
-def area_of(request: PlanRequest, file: AreaFile | None, site: Site, path: Path) -> Floats:
+def get_area(request: PlanRequest, file: AreaFile | None, site: Site, path: Path) -> Floats:
     """Return the (V, 2) corners of the area.
 
     Parameters
@@ -201,7 +201,7 @@ def area_of(request: PlanRequest, file: AreaFile | None, site: Site, path: Path)
             f"holds {len(named)} polygons for the area: leave one, and name the others `no-go` or "
             "put them into a file of their own (plan: no_go)",
         )
-    return _polygon(on_map(named[0].longitude_latitude_deg, site), "the area", where)
+    return _polygon(convert_to_map(named[0].longitude_latitude_deg, site), "the area", where)
 
 
 def _in_world(corners: Corners, site: Site) -> Floats:
@@ -212,7 +212,7 @@ def _in_world(corners: Corners, site: Site) -> Floats:
 def _polygon(corner: Floats, what: str, path: Path) -> Floats:
     if len(corner) > 1 and np.allclose(corner[0], corner[-1], atol=1e-6):
         corner = corner[:-1]
-    if len(corner) < 3 or _width(corner) < NARROWEST_M:
+    if len(corner) < 3 or _width(corner) < MIN_WIDTH_M:
         raise InputError(
             path,
             f"{what} encloses no ground ({len(corner)} different corners): give at least three "
@@ -234,7 +234,7 @@ def _is_no_go(area: Area) -> bool:
     return area.name.casefold().replace("-", "").replace("_", "").replace(" ", "") == "nogo"
 
 
-def no_go_of(request: PlanRequest, site: Site, path: Path) -> tuple[Floats, ...]:
+def list_no_go(request: PlanRequest, site: Site, path: Path) -> tuple[Floats, ...]:
     """Return the no-go polygons: of their own file, of the area's, or in metres.
 
     Parameters
@@ -249,7 +249,7 @@ def no_go_of(request: PlanRequest, site: Site, path: Path) -> tuple[Floats, ...]
         if isinstance(name, str):
             where = path.parent / name
             found += [
-                _polygon(on_map(one.longitude_latitude_deg, site), "a no-go polygon", where)
+                _polygon(convert_to_map(one.longitude_latitude_deg, site), "a no-go polygon", where)
                 for one in read_areas(where).areas
                 if _is_no_go(one) or not only
             ]
@@ -276,7 +276,7 @@ class Asked(NamedTuple):
     site: Site
 
 
-def scene_of(scenario: Scenario, path: Path) -> Asked:
+def read_scene(scenario: Scenario, path: Path) -> Asked:
     """Read the inputs of a plan, and convert them to the world's axes.
 
     Parameters
@@ -298,15 +298,16 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
             "{area: area.kml}`",
         )
     file = read_areas(path.parent / request.area) if isinstance(request.area, str) else None
-    site = site_of(scenario.site, request, file, path)
-    area = area_of(request, file, site, path)
-    no_go = no_go_of(request, site, path)
+    site = get_site(scenario.site, request, file, path)
+    area = get_area(request, file, site, path)
+    no_go = list_no_go(request, site, path)
     surface = draw_surface(replace(scenario, site=site), MeanGenerator())
     places = _places(scenario, file, site)
     requests, label, point = _wanted(request, places, site, path)
-    project = project_of(scenario)
+    project = make_project(scenario)
     scene = PlanScene(
-        calibration=scenario_camera(path, scenario.camera) or calibration_of(scenario.camera),
+        calibration=read_scenario_camera(path, scenario.camera)
+        or make_calibration(scenario.camera),
         height_m=surface.height_m + float((area.mean(axis=0) - surface.middle_m) @ surface.slope),
         slope=surface.slope,
         pivot_m=area.mean(axis=0),
@@ -326,11 +327,11 @@ def scene_of(scenario: Scenario, path: Path) -> Asked:
     return Asked(scene, request, site)
 
 
-def _logged(project: Project) -> Logged:
+def _logged(project: Project) -> LoggedAccuracy:
     """Return the stated accuracy of the project's log, with defaults for each photo."""
-    stated, usual = project.telemetry, Logged()
+    stated, usual = project.telemetry, LoggedAccuracy()
     position, attitude = stated.position_sigma_m, stated.attitude_sigma_deg
-    return Logged(
+    return LoggedAccuracy(
         position_sigma_m=usual.position_sigma_m if position == "auto" else position,
         attitude_sigma_deg=usual.attitude_sigma_deg if attitude == "auto" else attitude,
         mount=project.mount,
@@ -343,7 +344,7 @@ def _places(scenario: Scenario, file: AreaFile | None, site: Site) -> dict[str, 
     xy = _in_world(tuple((one.x_m, one.y_m) for one in scenario.points), site)
     places = dict(zip((one.label for one in scenario.points), xy, strict=True))
     if file is not None and file.label:
-        at = on_map(file.longitude_latitude_deg, site)
+        at = convert_to_map(file.longitude_latitude_deg, site)
         places |= dict(zip(file.label, at, strict=True))
     return places
 
@@ -374,7 +375,7 @@ def _wanted(
         asked = MeasurementRequest(
             name=wanted.name, kind=wanted.kind, points=tuple(names), parameters=wanted.parameters
         )
-        if fault := measurement_fault(asked):
+        if fault := explain_impossible(asked):
             raise InputError(path, f"plan.wanted: {fault}")
         requests.append(asked)
     return tuple(requests), tuple(label), np.array(list(label.values())).reshape(-1, 2)

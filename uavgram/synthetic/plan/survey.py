@@ -7,7 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.measuring.propagation import propagate
-from uavgram.estimation.reliability.redundancy import minimal_detectable_bias, reliability
+from uavgram.estimation.reliability.redundancy import (
+    compute_minimal_detectable_bias,
+    compute_reliability,
+)
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block, NormalEquations
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -23,17 +26,22 @@ from uavgram.model.target_families import PLATE_CORNERS, corner_label
 from uavgram.stages.assemble import assemble
 from uavgram.stages.plate_sides import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, own_scale_sigma
 from uavgram.stages.seed.poses import seed
-from uavgram.synthetic.plan.cameras import Cameras, Seen, large_enough, seen
-from uavgram.synthetic.plan.scene import Logged, PlanScene
-from uavgram.synthetic.plan.wanted import Wanted
+from uavgram.synthetic.plan.cameras import (
+    PlannedCameras,
+    VisiblePoints,
+    find_visible,
+    remove_small_plates,
+)
+from uavgram.synthetic.plan.scene import LoggedAccuracy, PlanScene
+from uavgram.synthetic.plan.wanted import WantedValues
 
-SHARP_PX = 0.1
-HARDLY_KNOWN = (300.0, 3.0)
+CORNER_SIGMA_PX = 0.1
+WEAK_POSE_SIGMAS = (300.0, 3.0)
 """Sigmas of a nearly unknown pose [m, rad], since layouts start without any line."""
 
 
 @dataclass(frozen=True, eq=False)
-class Marks:
+class GroundMarks:
     """K marks on the ground and their pixels in photos.
 
     Attributes
@@ -48,7 +56,7 @@ class Marks:
 
     label: tuple[str, ...]
     world_m: Floats
-    seen: Seen
+    seen: VisiblePoints
     corners: int = 0
 
 
@@ -97,28 +105,30 @@ class PlannedSurvey:
         blocks
             Observations to use.
         weakly
-            Add a prior of `HARDLY_KNOWN` to the poses: without a line they may be undetermined.
+            Add a prior of `WEAK_POSE_SIGMAS` to the poses: without a line they may be undetermined.
         """
         layout = self.problem.layout
-        rows = [*blocks.values(), *([hardly_known(self.problem)] if weakly else [])]
+        rows = [*blocks.values(), *([make_weak_priors(self.problem)] if weakly else [])]
         factor = NormalEquations(rows, layout.size, layout.structure).factor()
         minimum = Minimum(self.state, blocks, factor, 0.0, 0, converged=True)
         return Adjustment(self.problem, minimum, factor.covariance())
 
 
-def hardly_known(problem: SurveyProblem) -> Block:
-    """Return prior rows for poses with sigmas `HARDLY_KNOWN`, or smaller with sharper picks.
+def make_weak_priors(problem: SurveyProblem) -> Block:
+    """Return prior rows for poses with sigmas `WEAK_POSE_SIGMAS`, or smaller with sharper picks.
 
     With very sharp picks such a weak prior would be lost in the rounding of the sums.
     """
     count = problem.layout.frames
-    sharp = min(float(problem.survey.pick_sigma_px.min()) / SHARP_PX, 1.0)
-    weight = np.diag(1.0 / np.repeat(HARDLY_KNOWN, 3)) / sharp
+    sharp = min(float(problem.survey.pick_sigma_px.min()) / CORNER_SIGMA_PX, 1.0)
+    weight = np.diag(1.0 / np.repeat(WEAK_POSE_SIGMAS, 3)) / sharp
     columns = problem.layout.frame_columns(np.arange(count))
     return Block(np.zeros((count, 6)), columns, np.broadcast_to(weight, (count, 6, 6)))
 
 
-def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Lines) -> PlannedSurvey:
+def simulate_planned_survey(
+    scene: PlanScene, cameras: PlannedCameras, marks: GroundMarks, lines: Lines
+) -> PlannedSurvey:
     """Return the future picks and tape readings, without noise, as one survey.
 
     Parameters
@@ -183,7 +193,7 @@ def planned_survey(scene: PlanScene, cameras: Cameras, marks: Marks, lines: Line
     return PlannedSurvey(problem, truth, frames, mark)
 
 
-def _frames(name: tuple[str, ...], cameras: Cameras) -> Frames:
+def _frames(name: tuple[str, ...], cameras: PlannedCameras) -> Frames:
     count = len(name)
     return Frames(
         frame_id=name,
@@ -196,7 +206,9 @@ def _frames(name: tuple[str, ...], cameras: Cameras) -> Frames:
     )
 
 
-def _exposures(name: tuple[str, ...], cameras: Cameras, logged: Logged) -> PhotoExposures:
+def _exposures(
+    name: tuple[str, ...], cameras: PlannedCameras, logged: LoggedAccuracy
+) -> PhotoExposures:
     body = cameras.world_from_body
     count = len(name)
     return PhotoExposures(
@@ -218,14 +230,14 @@ def _telemetry(frames: Frames, exposures: PhotoExposures, scene: PlanScene) -> T
 
 
 def _truth(
-    scene: PlanScene, cameras: Cameras, problem: SurveyProblem, world_m: Floats, used: Ints
+    scene: PlanScene, cameras: PlannedCameras, problem: SurveyProblem, world_m: Floats, used: Ints
 ) -> State:
     """Return the true unknowns, in the gauge of the survey."""
     layout = problem.layout
     center, rotation = cameras.center_m[used], cameras.world_from_camera[used]
     plane = np.array([scene.height_m, *scene.slope])
     if problem.survey.gauge == "plane":
-        world_m, center, rotation = in_plane_gauge(scene, world_m, center, rotation)
+        world_m, center, rotation = transform_to_plane_gauge(scene, world_m, center, rotation)
         plane = np.zeros(3)
     point = np.zeros((layout.points, layout.point_size))
     point[:, :2] = world_m[:, :2]
@@ -243,7 +255,7 @@ def _truth(
     )
 
 
-def in_plane_gauge(
+def transform_to_plane_gauge(
     scene: PlanScene, world_m: Floats, center_m: Floats, rotation: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """Transform points (K, 3) and poses (F, 3), (F, 3, 3) to the gauge of a survey without a log.
@@ -272,7 +284,7 @@ def in_plane_gauge(
 
 
 @dataclass(frozen=True, eq=False)
-class Predicted:
+class PredictedValues:
     """M values with their predicted sigmas.
 
     Attributes
@@ -295,8 +307,8 @@ class Predicted:
     mdb_m: Floats
 
 
-def survey_with(
-    scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
+def make_survey(
+    scene: PlanScene, cameras: PlannedCameras, wanted: WantedValues, ends_m: Floats
 ) -> PlannedSurvey:
     """Return the survey of wanted points, and of lines or plates on the ground.
 
@@ -314,16 +326,18 @@ def survey_with(
         corner_label(i, c) if of_plates else f"L{i + 1}{'ab'[c]}"
         for i, c in np.ndindex(laid, marks_each)
     ]
-    found = seen(scene.calibration, cameras, world, scene.deviation)
-    found = large_enough(found, count) if of_plates else found
-    marks = Marks((*wanted.label, *own), world, found, len(own) if of_plates else 0)
+    found = find_visible(scene.calibration, cameras, world, scene.deviation)
+    found = remove_small_plates(found, count) if of_plates else found
+    marks = GroundMarks((*wanted.label, *own), world, found, len(own) if of_plates else 0)
     groups = count + np.arange(len(own)).reshape(laid, marks_each)
     pairs = groups[:, np.array(SIDES if of_plates else ((0, 1),))].reshape(-1, 2)
     names = tuple(f"L{i + 1}" for i in range(len(pairs)))
-    return planned_survey(scene, cameras, marks, Lines(names, pairs, of_plates))
+    return simulate_planned_survey(scene, cameras, marks, Lines(names, pairs, of_plates))
 
 
-def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats) -> Predicted:
+def predict_values(
+    scene: PlanScene, cameras: PlannedCameras, wanted: WantedValues, ends_m: Floats
+) -> PredictedValues:
     """Predict the sigmas of the wanted values, and the reliability of the lines.
 
     Parameters
@@ -340,16 +354,16 @@ def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
     SingularError
         The poses are undetermined with these lines.
     """
-    planned = survey_with(scene, cameras, wanted, ends_m)
+    planned = make_survey(scene, cameras, wanted, ends_m)
     blocks = planned.blocks()
     adjustment = planned.adjusted(blocks)
     values = propagate(adjustment, wanted.requests, planned.frames)
     redundancy = np.zeros(0)
     if len(ends_m):
-        redundancy = reliability(blocks["lengths"], adjustment.covariance).redundancy[:, 0]
+        redundancy = compute_reliability(blocks["lengths"], adjustment.covariance).redundancy[:, 0]
     sigma = planned.problem.survey.length_sigma_m
     place = {request.name: k for k, request in enumerate(wanted.requests)}
-    return Predicted(
+    return PredictedValues(
         name=values.name,
         kind=tuple(row.request.kind for row in values.rows),
         unit=values.unit,
@@ -357,5 +371,5 @@ def predicted(scene: PlanScene, cameras: Cameras, wanted: Wanted, ends_m: Floats
         sigma=values.sigma,
         request=tuple(place[row.request.name] for row in values.rows),
         redundancy=redundancy,
-        mdb_m=minimal_detectable_bias(redundancy, sigma, SolveOptions().significance),
+        mdb_m=compute_minimal_detectable_bias(redundancy, sigma, SolveOptions().significance),
     )

@@ -12,19 +12,19 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.synthetic.plan.scene import PlanScene
 
-MOST_SPOTS = 340
+MAX_SPOTS = 340
 STEP_M = 2.0
-CELLS_IN_LINE = 3.0
+MIN_CELLS_IN_LINE = 3.0
 """Smallest length of the longest line in grid steps; else hardly any line would be that long."""
 
 RING, RIM = 8, 0.97
 """Number of points on a ring, and its diameter relative to the longest line."""
 
-FROM_EDGE_M = 1.2
+EDGE_DISTANCE_M = 1.2
 """Distance of line ends from the edge of a scene, where taping is impractical [m]."""
 
 
-def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
+def make_grid(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
     """Return a (N, 2) square grid in a polygon, along its longer side, centred between its edges.
 
     Parameters
@@ -45,8 +45,8 @@ def grid_in(area_m: Floats, step_m: float, from_edge_m: float = 0.0) -> Floats:
     return np.asarray(point[contains(area_m, point)])
 
 
-def spots(
-    area_m: Floats, no_go_m: tuple[Floats, ...], longest_m: float, most: int = MOST_SPOTS
+def make_spots(
+    area_m: Floats, no_go_m: tuple[Floats, ...], longest_m: float, most: int = MAX_SPOTS
 ) -> Floats:
     """Return (N, 2) possible line ends: a grid; in a large area, rings about the nodes of one.
 
@@ -60,14 +60,14 @@ def spots(
         Approximate number of ends.
     """
     size = find_long_axis(area_m)[2]
-    edge = min(FROM_EDGE_M, 0.1 * float(size.min()))
+    edge = min(EDGE_DISTANCE_M, 0.1 * float(size.min()))
     step = max(min(STEP_M, 0.2 * float(size.min())), float(np.sqrt(size.prod() / most)))
-    if step * CELLS_IN_LINE <= longest_m:
-        point = grid_in(area_m, step, edge)
+    if step * MIN_CELLS_IN_LINE <= longest_m:
+        point = make_grid(area_m, step, edge)
     else:
         turn = 2.0 * np.pi * np.arange(RING) / RING
         ring = 0.5 * RIM * longest_m * np.column_stack([np.cos(turn), np.sin(turn)])
-        middle = grid_in(area_m, step * float(np.sqrt(RING)), 0.5 * longest_m)
+        middle = make_grid(area_m, step * float(np.sqrt(RING)), 0.5 * longest_m)
         point = (middle[:, None] + ring).reshape(-1, 2)
         point = point[contains(area_m, point)]
     for polygon in no_go_m:
@@ -75,7 +75,7 @@ def spots(
     return point
 
 
-def joined(
+def join_spots(
     spot_m: Floats,
     no_go_m: tuple[Floats, ...],
     seen_together: Bools,
@@ -108,7 +108,7 @@ LENGTH_M = 10.0
 """Length whose standard deviation is mapped; shorter in a small area."""
 
 
-class Wanted(NamedTuple):
+class WantedValues(NamedTuple):
     """Requests, and their points: (K,) labels, (K, 2) positions."""
 
     requests: tuple[MeasurementRequest, ...]
@@ -132,14 +132,14 @@ class Map(NamedTuple):
     middle_m: Floats
     cell_m: float
     length_m: float
-    wanted: Wanted
+    wanted: WantedValues
 
 
-def lengths_over(area_m: Floats, cells: int) -> Map:
+def make_lengths(area_m: Floats, cells: int) -> Map:
     """Return lengths centred on about `cells` cells of an area (V, 2)."""
     _, _, size = find_long_axis(area_m)
     cell = float(np.sqrt(size.prod() / cells))
-    middle = grid_in(area_m, cell, min(0.5 * cell, 0.45 * float(size.min())))
+    middle = make_grid(area_m, cell, min(0.5 * cell, 0.45 * float(size.min())))
     length = min(LENGTH_M, 0.3 * float(size.min()))
     reach = 0.5 * length * np.array([[-1, 0], [1, 0], [0, -1], [0, 1]])
     names = [(f"cell{i}w", f"cell{i}e", f"cell{i}s", f"cell{i}n") for i in range(len(middle))]
@@ -149,11 +149,11 @@ def lengths_over(area_m: Floats, cells: int) -> Map:
         for a, b in ((w, e), (s, n))
     )
     label = tuple(name for four in names for name in four)
-    point = _moved_in(area_m, middle[:, None, None] + reach.reshape(2, 2, 2)).reshape(-1, 2)
-    return Map(middle, cell, length, Wanted(requests, label, point))
+    point = _move_inside(area_m, middle[:, None, None] + reach.reshape(2, 2, 2)).reshape(-1, 2)
+    return Map(middle, cell, length, WantedValues(requests, label, point))
 
 
-def equal_weights(kind: Sequence[str], unit: Sequence[str]) -> Floats:
+def compute_equal_weights(kind: Sequence[str], unit: Sequence[str]) -> Floats:
     """Return (M,) weights for a plain mean of lengths' sigmas; of all values without lengths.
 
     Coordinates are not lengths: their sigmas are those of the log, metres that no line changes.
@@ -164,7 +164,7 @@ def equal_weights(kind: Sequence[str], unit: Sequence[str]) -> Floats:
     return np.asarray(counted / counted.sum())
 
 
-def _moved_in(area_m: Floats, ends: Floats) -> Floats:
+def _move_inside(area_m: Floats, ends: Floats) -> Floats:
     """Shift lengths (N, 2, 2, 2) along themselves into the area, where they fit into it."""
     along = ends[:, :, 1] - ends[:, :, 0]
     inside = np.zeros(ends.shape[:2], dtype=np.bool_)
@@ -177,12 +177,12 @@ def _moved_in(area_m: Floats, ends: Floats) -> Floats:
     return moved
 
 
-def wanted_of(scene: PlanScene) -> Wanted:
+def list_wanted(scene: PlanScene) -> WantedValues:
     """Return the requests of a scene; lengths all over its area if it has none."""
     if scene.requests:
-        return Wanted(scene.requests, scene.label, scene.point_m)
-    return lengths_over(scene.area_m, MOST_CELLS).wanted
+        return WantedValues(scene.requests, scene.label, scene.point_m)
+    return make_lengths(scene.area_m, MAX_CELLS).wanted
 
 
-MOST_CELLS = 30
+MAX_CELLS = 30
 """Number of map cells that represent an area while lines are chosen."""

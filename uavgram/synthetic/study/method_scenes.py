@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.first_poses.pose_problem import FeatureRows, Logged
+from uavgram.estimation.first_poses.pose_problem import FeatureRows, LoggedPoses
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
@@ -20,11 +20,11 @@ from uavgram.model.camera.calibration import Calibration
 SIZE_PX = (4000, 3000)
 FOCAL_PX = 2250.0
 AREA_M = (40.0, 30.0)
-PAIRS = 12
+PAIR_COUNT = 12
 """Number of withheld distances in a scene."""
-SHORTEST_M = 3.0
+MIN_DISTANCE_M = 3.0
 """Smallest withheld distance; shorter ones depend little on the pose."""
-DRAWS = 400
+DRAW_COUNT = 400
 """Number of candidate lines, and of withheld distances, for each scene."""
 LOG_SIGMA = (1.5, 1.5, 3.0, *np.deg2rad([1.0, 1.0, 2.0]).tolist())
 """Sigmas of a usual drone's log: centre [m], rotation about the camera's axes [rad]."""
@@ -85,12 +85,12 @@ class MethodScenes:
     rows: FeatureRows
     center: Floats
     rotation: Floats
-    logged: Logged
+    logged: LoggedPoses
     check_px: Floats
     check_m: Floats
 
 
-def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> MethodScenes:
+def draw_scenes(setting: Setting, lines: int, count: int, seed: int) -> MethodScenes:
     """Draw scenes.
 
     Parameters
@@ -108,20 +108,20 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
         The lines of the setting do not fit into the ground that a camera sees.
     """
     rng = np.random.default_rng((1909, seed, lines))
-    truth = study_camera(setting.bulge)
-    drawn = [_scene(setting, lines, truth, rng) for _ in range(count)]
+    truth = make_study_camera(setting.bulge)
+    drawn = [_draw_scene(setting, lines, truth, rng) for _ in range(count)]
     center, rotation, ends, pairs = (np.stack(part) for part in zip(*drawn, strict=True))
     # picks with the true lens and relief, positions and lengths on level ground
     measured = np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=-1)
-    pixel = _seen(truth, center, rotation, _raised(ends, setting.relief_m, rng))
-    check = _raised(pairs, setting.relief_m, rng)
+    pixel = _project_points(truth, center, rotation, _raise(ends, setting.relief_m, rng))
+    check = _raise(pairs, setting.relief_m, rng)
     # logged pose with normal errors
     sigma = np.array(LOG_SIGMA)
     error = sigma * rng.normal(size=(count, 6))
     return MethodScenes(
         rows=FeatureRows(
-            calibration=study_camera(0.0),
-            pixel_px=_noisy(pixel, setting.pick_px, rng),
+            calibration=make_study_camera(0.0),
+            pixel_px=_add_noise(pixel, setting.pick_px, rng),
             pick_sigma_px=setting.pick_px,
             place_m=ends + setting.place_m * rng.normal(size=ends.shape),
             place_sigma_m=setting.place_m,
@@ -130,13 +130,13 @@ def method_scenes(setting: Setting, lines: int, count: int, seed: int) -> Method
         ),
         center=center,
         rotation=rotation,
-        logged=Logged(center + error[:, :3], rotation @ exp_so3(error[:, 3:]), sigma),
-        check_px=_noisy(_seen(truth, center, rotation, check), setting.pick_px, rng),
+        logged=LoggedPoses(center + error[:, :3], rotation @ exp_so3(error[:, 3:]), sigma),
+        check_px=_add_noise(_project_points(truth, center, rotation, check), setting.pick_px, rng),
         check_m=np.linalg.norm(check[:, :, 1, :2] - check[:, :, 0, :2], axis=-1),
     )
 
 
-def study_camera(bulge: float) -> Calibration:
+def make_study_camera(bulge: float) -> Calibration:
     """Return a camera of 12 megapixels with radial distortion k1."""
     focal, (width, height) = FOCAL_PX, SIZE_PX
     return Calibration(
@@ -149,7 +149,7 @@ def study_camera(bulge: float) -> Calibration:
     )
 
 
-def _scene(
+def _draw_scene(
     setting: Setting, lines: int, lens: Calibration, rng: np.random.Generator
 ) -> tuple[Floats, Floats, Floats, Floats]:
     """Draw centre, rotation, ends (n, 2, 2) of lines, and those (m, 2, 2) of withheld distances."""
@@ -160,30 +160,30 @@ def _scene(
     axis = rotation[:, 2]
     center = -axis / -axis[2] * setting.height_m  # it looks at the middle of the area
     camera = lens, center, rotation
-    found = _kept(_lines(setting, rng), camera, lines)
-    pairs = rng.uniform(-0.5, 0.5, (DRAWS, 2, 2)) * AREA_M
-    apart = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1) >= SHORTEST_M
-    return center, rotation, found, _kept(pairs[apart], camera, PAIRS)
+    found = _keep_visible(_draw_lines(setting, rng), camera, lines)
+    pairs = rng.uniform(-0.5, 0.5, (DRAW_COUNT, 2, 2)) * AREA_M
+    apart = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1) >= MIN_DISTANCE_M
+    return center, rotation, found, _keep_visible(pairs[apart], camera, PAIR_COUNT)
 
 
-def _lines(setting: Setting, rng: np.random.Generator) -> Floats:
+def _draw_lines(setting: Setting, rng: np.random.Generator) -> Floats:
     """Draw (k, 2, 2) ends of lines inside their part of the area."""
     half = np.array(AREA_M) / 2 * setting.share
     middle = (np.array(AREA_M) / 2 - half) * rng.choice([-1.0, 1.0], 2)
     turn = np.deg2rad(setting.turn_deg) / 2
-    angle = rng.uniform(0.0, np.pi) + rng.uniform(-turn, turn, DRAWS)
-    start = middle + rng.uniform(-half, half, (DRAWS, 2))
+    angle = rng.uniform(0.0, np.pi) + rng.uniform(-turn, turn, DRAW_COUNT)
+    start = middle + rng.uniform(-half, half, (DRAW_COUNT, 2))
     ahead = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    end = start + ahead * rng.uniform(*setting.length_m, (DRAWS, 1))
+    end = start + ahead * rng.uniform(*setting.length_m, (DRAW_COUNT, 1))
     inside = np.all(np.abs(end - middle) <= half, axis=1)
     return np.asarray(np.stack([start, end], axis=1)[inside])
 
 
-def _kept(ends: Floats, camera: tuple[Calibration, Floats, Floats], count: int) -> Floats:
+def _keep_visible(ends: Floats, camera: tuple[Calibration, Floats, Floats], count: int) -> Floats:
     """Return the first (count, 2, 2) lines with both ends in the photo."""
     lens, center, rotation = camera
     world = np.concatenate([ends, np.zeros((*ends.shape[:2], 1))], axis=-1)
-    pixel = _seen(lens, center[None], rotation[None], world[None])[0]
+    pixel = _project_points(lens, center[None], rotation[None], world[None])[0]
     with np.errstate(invalid="ignore"):
         inside = ((pixel > 0) & (pixel < np.array(SIZE_PX) - 1)).all(axis=(1, 2))
     if inside.sum() < count:
@@ -191,17 +191,17 @@ def _kept(ends: Floats, camera: tuple[Calibration, Floats, Floats], count: int) 
     return np.asarray(ends[inside][:count])
 
 
-def _raised(ends: Floats, relief_m: float, rng: np.random.Generator) -> Floats:
+def _raise(ends: Floats, relief_m: float, rng: np.random.Generator) -> Floats:
     """Return (..., 3) world points, with random heights of the relief."""
     up = relief_m * rng.normal(size=(*ends.shape[:-1], 1))
     return np.concatenate([ends, up], axis=-1)
 
 
-def _seen(lens: Calibration, center: Floats, rotation: Floats, world: Floats) -> Floats:
+def _project_points(lens: Calibration, center: Floats, rotation: Floats, world: Floats) -> Floats:
     """Project world points (B, k, 2, 3) to pixels (B, k, 2, 2); NaN behind the camera."""
     away = world - center[:, None, None]
     return project(lens.model, lens.parameters, np.einsum("bji,bkej->bkei", rotation, away))
 
 
-def _noisy(pixel: Floats, sigma_px: float, rng: np.random.Generator) -> Floats:
+def _add_noise(pixel: Floats, sigma_px: float, rng: np.random.Generator) -> Floats:
     return pixel + sigma_px * rng.normal(size=pixel.shape)

@@ -7,27 +7,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.first_poses.known_lines import direct_poses, poses_from_lines, rivals
+from uavgram.estimation.first_poses.known_lines import (
+    compute_direct_poses,
+    compute_rival_differences,
+    poses_from_lines,
+)
 from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
 from uavgram.estimation.first_poses.pose_problem import (
     FeatureRows,
     LineRows,
-    first_points,
-    ground_points,
+    intersect_ground_picks,
+    intersect_ground_rays,
 )
-from uavgram.estimation.solver.batched import Ends, minimise_each
+from uavgram.estimation.solver.batched import Minima, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.simulation import MethodRow
-from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, method_scenes
+from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, draw_scenes
 
 Starts = tuple[Floats, Floats]
 """Centres (B, S, 3) and rotations (B, S, 3, 3) of S starts of each scene; NaN: no more."""
 
 
-def on_lines(scenes: MethodScenes) -> LineRows:
+def make_line_rows(scenes: MethodScenes) -> LineRows:
     """Return the picks of the scenes' lines, for a first pose."""
     rows = scenes.rows
     count = len(rows.pixel_px)
@@ -45,14 +49,14 @@ def on_lines(scenes: MethodScenes) -> LineRows:
     )
 
 
-def line_starts(scenes: MethodScenes) -> Starts:
+def find_line_starts(scenes: MethodScenes) -> Starts:
     """Return the best poses of the search with lines."""
-    ends = poses_from_lines(on_lines(scenes))
+    ends = poses_from_lines(make_line_rows(scenes))
     some = np.isfinite(ends.cost)[..., None]
     return np.where(some, ends.state[0], np.nan), np.where(some[..., None], ends.state[1], np.nan)
 
 
-def point_starts(scenes: MethodScenes) -> Starts:
+def find_point_starts(scenes: MethodScenes) -> Starts:
     """Return both poses of OpenCV's IPPE; it takes four points."""
     rows = scenes.rows
     count = len(rows.pixel_px)
@@ -71,7 +75,7 @@ def point_starts(scenes: MethodScenes) -> Starts:
     return center, rotation
 
 
-def length_starts(scenes: MethodScenes, most: int = 4) -> Starts:
+def find_length_starts(scenes: MethodScenes, most: int = 4) -> Starts:
     """Return poses above the planes that explain the lengths, with the origin as foot point."""
     rows = scenes.rows
     count, lines = rows.pixel_px.shape[:2]
@@ -91,24 +95,24 @@ def length_starts(scenes: MethodScenes, most: int = 4) -> Starts:
     return center, rotation
 
 
-def log_starts(scenes: MethodScenes) -> Starts:
+def get_log_starts(scenes: MethodScenes) -> Starts:
     """Return the logged poses."""
     return scenes.logged.center[:, None], scenes.logged.rotation[:, None]
 
 
-def direct_starts(scenes: MethodScenes) -> Starts:
+def find_direct_starts(scenes: MethodScenes) -> Starts:
     """Return the direct linear transformation of lines."""
-    center, rotation = direct_poses(on_lines(scenes))
+    center, rotation = compute_direct_poses(make_line_rows(scenes))
     return center[:, None], rotation[:, None]
 
 
-FAILED = 0.05
+MAX_RMS_ERROR = 0.05
 """Relative root mean square error of withheld distances above which a method has failed."""
-SIGMAS_95 = 1.959964
+NORMAL_QUANTILE_95 = 1.959964
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class MethodResults:
     """Results of a method for B scenes.
 
     Attributes
@@ -151,10 +155,10 @@ class Found:
 
     def _are_useless(self, off_m: Floats) -> Bools:
         share = np.sqrt(np.mean((off_m / self.true_m) ** 2, axis=1))
-        return ~np.asarray(share <= FAILED)
+        return ~np.asarray(share <= MAX_RMS_ERROR)
 
 
-def row_of(setting: str, method: str, parts: list[Found]) -> MethodRow:
+def make_row(setting: str, method: str, parts: list[MethodResults]) -> MethodRow:
     """Return the row of one method.
 
     Parameters
@@ -182,15 +186,15 @@ def row_of(setting: str, method: str, parts: list[Found]) -> MethodRow:
         ambiguous=float(np.concatenate([one.ambiguous for one in parts]).mean()),
         told=float(told.mean()),
         failed_silently=float((failed & ~told).mean()),
-        coverage=float(np.mean(np.abs(z) <= SIGMAS_95)) if len(z) else float("nan"),
+        coverage=float(np.mean(np.abs(z) <= NORMAL_QUANTILE_95)) if len(z) else float("nan"),
         z=float(np.sqrt(np.mean(z**2))) if len(z) else float("nan"),
     )
 
 
-AMBIGUOUS = 9.0
+MAX_RIVAL_INCREASE = 9.0
 """Largest rise of the sum of squares at which another pose fits as well: three sigma."""
 
-LIMITS = (
+LIMIT_SETTINGS = (
     Setting(name="three lines", features=(3, 3)),
     Setting(name="lines of 1 to 2 m", length_m=(1.0, 2.0)),
     Setting(name="lines parallel to 3 degrees", turn_deg=3.0),
@@ -205,7 +209,7 @@ LIMITS = (
 Starter = Callable[[MethodScenes], Starts]
 
 
-def compared(
+def compare_methods(
     setting: Setting, scenes: int, seed: int = 0, more: Mapping[str, Starter] | None = None
 ) -> list[MethodRow]:
     """Compare all methods in one setting.
@@ -223,23 +227,23 @@ def compared(
     """
     counts = range(setting.features[0], setting.features[1] + 1)
     each = max(1, scenes // len(counts))
-    found: dict[str, list[Found]] = {}
+    found: dict[str, list[MethodResults]] = {}
     for lines in counts:
-        drawn = method_scenes(setting, lines, each, seed)
+        drawn = draw_scenes(setting, lines, each, seed)
         for name, method in METHODS.items():
             found.setdefault(name, []).append(method(drawn))
         for name, starter in (more or {}).items():
             found.setdefault(name, []).append(_by_lines(drawn, starter(drawn)))
-    return [row_of(setting.name, name, parts) for name, parts in found.items()]
+    return [make_row(setting.name, name, parts) for name, parts in found.items()]
 
 
-def solved(rows: FeatureRows, starts: Starts) -> Ends:
+def find_minima(rows: FeatureRows, starts: Starts) -> Minima:
     """Find minima (B, S, ...) from S starts of each scene, the lowest first; cost inf: none."""
     scenes, count = starts[0].shape[:2]
     owner = np.repeat(np.arange(scenes), count)
-    repeated = _some(rows, owner)
+    repeated = _select(rows, owner)
     center, rotation = starts[0].reshape(-1, 3), starts[1].reshape(-1, 3, 3)
-    point, good = first_points(repeated, center, rotation)
+    point, good = intersect_ground_picks(repeated, center, rotation)
     center = np.where(good[:, None], center, [0.0, 0.0, -1.0])  # below ground: no pose
     rotation = np.where(good[:, None, None], rotation, np.eye(3))
     if rows.held is not None:  # each start fixes its own gauge
@@ -247,7 +251,7 @@ def solved(rows: FeatureRows, starts: Starts) -> Ends:
     return minimise_each(repeated, (center, rotation, point)).lowest_first(count)
 
 
-def _some(rows: FeatureRows, which: Ints) -> FeatureRows:
+def _select(rows: FeatureRows, which: Ints) -> FeatureRows:
     logged = rows.logged
     if logged is not None:
         logged = replace(logged, center=logged.center[which], rotation=logged.rotation[which])
@@ -260,12 +264,12 @@ def _some(rows: FeatureRows, which: Ints) -> FeatureRows:
     )
 
 
-def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Found:
+def _judge(scenes: MethodScenes, ends: Minima, told: Bools | None = None) -> MethodResults:
     """Compute errors and predicted sigmas of withheld distances with each scene's best pose."""
     center, rotation = (part[:, 0] for part in ends.state[:2])
     lens, sigma_px = scenes.rows.calibration, scenes.rows.pick_sigma_px
     # variance by propagation: from the pose, and from the picks of the distance itself
-    point, by_pose, by_pixel = ground_points(lens, scenes.check_px, center, rotation)
+    point, by_pose, by_pixel = intersect_ground_rays(lens, scenes.check_px, center, rotation)
     away = point[:, :, 1] - point[:, :, 0]
     length = np.linalg.norm(away, axis=-1)
     unit = away / length[..., None]
@@ -277,72 +281,78 @@ def _judged(scenes: MethodScenes, ends: Ends, told: Bools | None = None) -> Foun
     whole = np.where(whole >= 0, whole, np.inf)  # negative by rounding: undetermined
     variance = whole + np.sum(of_picks**2, axis=(2, 3))
     none = np.where(solvable, 0.0, np.nan)[:, None]
-    return Found(
+    return MethodResults(
         error_m=length - scenes.check_m + none,
         sigma_m=np.sqrt(variance) + none,
         true_m=scenes.check_m,
         cost=ends.cost[:, 0],
-        ambiguous=np.isfinite(rivals(ends, AMBIGUOUS)) if told is None else told,
+        ambiguous=np.isfinite(compute_rival_differences(ends, MAX_RIVAL_INCREASE))
+        if told is None
+        else told,
     )
 
 
-def by_points(scenes: MethodScenes) -> Found:
+def by_points(scenes: MethodScenes) -> MethodResults:
     """Use the start of every line as a known point: IPPE, then maximum likelihood."""
-    return _judged(scenes, solved(replace(scenes.rows, start_place=True), point_starts(scenes)))
+    return _judge(
+        scenes, find_minima(replace(scenes.rows, start_place=True), find_point_starts(scenes))
+    )
 
 
-def by_points_alone(scenes: MethodScenes) -> Found:
+def by_points_alone(scenes: MethodScenes) -> MethodResults:
     """Use the same points: the best pose of IPPE as it is, without sigmas."""
-    center, rotation = point_starts(scenes)
+    center, rotation = find_point_starts(scenes)
     count = len(center)
     cost = np.where(np.isfinite(center[:, :, 0]), 0.0, np.inf)
     nothing = np.full((count, center.shape[1], 6, 6), np.nan)
     nothing[:] = np.eye(6)
     fits = np.isfinite(cost)
-    ends = Ends((center, rotation), cost, nothing, fits, np.zeros(fits.shape, dtype=np.int64))
-    found = _judged(scenes, ends, np.zeros(count, dtype=np.bool_))
+    ends = Minima((center, rotation), cost, nothing, fits, np.zeros(fits.shape, dtype=np.int64))
+    found = _judge(scenes, ends, np.zeros(count, dtype=np.bool_))
     return replace(found, sigma_m=np.full(found.sigma_m.shape, np.nan))
 
 
-def by_lines(scenes: MethodScenes) -> Found:
+def by_lines(scenes: MethodScenes) -> MethodResults:
     """Use lines of known position: the direct start and the search, then maximum likelihood."""
-    return _by_lines(scenes, line_starts(scenes))
+    return _by_lines(scenes, find_line_starts(scenes))
 
 
-def by_lines_directly(scenes: MethodScenes) -> Found:
+def by_lines_directly(scenes: MethodScenes) -> MethodResults:
     """Use lines of known position from the direct linear transformation alone."""
-    return _by_lines(scenes, direct_starts(scenes))
+    return _by_lines(scenes, find_direct_starts(scenes))
 
 
-def by_lengths(scenes: MethodScenes) -> Found:
+def by_lengths(scenes: MethodScenes) -> MethodResults:
     """Use the lengths of the lines alone: position and heading of the camera stay free."""
-    starts = length_starts(scenes)
+    starts = find_length_starts(scenes)
     rows = replace(scenes.rows, length=True, held=(starts[0][:, 0], starts[1][:, 0]))
-    return _judged(scenes, solved(rows, starts))
+    return _judge(scenes, find_minima(rows, starts))
 
 
-def by_log(scenes: MethodScenes) -> Found:
+def by_log(scenes: MethodScenes) -> MethodResults:
     """Use the log alone."""
-    return _judged(scenes, solved(replace(scenes.rows, logged=scenes.logged), log_starts(scenes)))
+    return _judge(
+        scenes, find_minima(replace(scenes.rows, logged=scenes.logged), get_log_starts(scenes))
+    )
 
 
-def by_lengths_and_log(scenes: MethodScenes) -> Found:
+def by_lengths_and_log(scenes: MethodScenes) -> MethodResults:
     """Use the thesis's lengths with the log as a prior, like this program."""
     rows = replace(scenes.rows, length=True, logged=scenes.logged)
-    return _judged(scenes, solved(rows, log_starts(scenes)))
+    return _judge(scenes, find_minima(rows, get_log_starts(scenes)))
 
 
-def by_all(scenes: MethodScenes) -> Found:
+def by_all(scenes: MethodScenes) -> MethodResults:
     """Use the start's position, the end on its line, length and log; without double counting."""
     rows = replace(
         scenes.rows, start_place=True, end_on_line=True, length=True, logged=scenes.logged
     )
-    starts = [point_starts(scenes), log_starts(scenes)]
+    starts = [find_point_starts(scenes), get_log_starts(scenes)]
     center, rotation = (np.concatenate(part, axis=1) for part in zip(*starts, strict=True))
-    return _judged(scenes, solved(rows, (center, rotation)))
+    return _judge(scenes, find_minima(rows, (center, rotation)))
 
 
-METHODS: Mapping[str, Callable[[MethodScenes], Found]] = {
+METHODS: Mapping[str, Callable[[MethodScenes], MethodResults]] = {
     "points, IPPE alone": by_points_alone,
     "points": by_points,
     "lines of known position": by_lines,
@@ -355,6 +365,6 @@ METHODS: Mapping[str, Callable[[MethodScenes], Found]] = {
 """Methods by name, in the order of tables."""
 
 
-def _by_lines(scenes: MethodScenes, starts: Starts) -> Found:
+def _by_lines(scenes: MethodScenes, starts: Starts) -> MethodResults:
     rows = replace(scenes.rows, start_on_line=True, end_on_line=True)
-    return _judged(scenes, solved(rows, starts))
+    return _judge(scenes, find_minima(rows, starts))

@@ -16,7 +16,13 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.options import GroundOptions
 from uavgram.model.simulation import Cell, PhotoDesign, PhotoDraws
 from uavgram.pipeline.threads import one_blas_thread
-from uavgram.synthetic.study.method_scenes import AREA_M, FOCAL_PX, LOG_SIGMA, SIZE_PX, study_camera
+from uavgram.synthetic.study.method_scenes import (
+    AREA_M,
+    FOCAL_PX,
+    LOG_SIGMA,
+    SIZE_PX,
+    make_study_camera,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,27 +53,29 @@ class StudyScene:
     centre_px: float = 0.0
 
 
-WANTED, SHORTEST_M = 16, 5.0
+DISTANCE_COUNT, MIN_DISTANCE_M = 16, 5.0
 """Number of measured distances, and the shortest of them [m]."""
 
-EDGE = 0.75
+EDGE_SHARE = 0.75
 """Distance of the taped lengths from the middle, relative to half the area."""
 
 LINE_M = 10.0
 """Length of each taped length [m]."""
 
-BEFOREHAND = np.array(LOG_SIGMA)
+LOG_SIGMAS = np.array(LOG_SIGMA)
 """Sigmas of the log's pose: centre [m], rotation about the camera's axes [rad]."""
 
-GROUND = np.diag([GroundOptions.height_sigma_m, *[np.deg2rad(GroundOptions.slope_sigma_deg)] * 2])
+GROUND_ROOT = np.diag(
+    [GroundOptions.height_sigma_m, *[np.deg2rad(GroundOptions.slope_sigma_deg)] * 2]
+)
 """Root of the ground plane's prior covariance: the default of projects."""
 
-CAMERA = study_camera(0.0)
+CAMERA = make_study_camera(0.0)
 LENS = CAMERA.parameters
 
 
 @dataclass(frozen=True)
-class Photo:
+class StudyPhoto:
     """A scene's geometry: design, true pose, true positions (E, 2), measured pairs (M, 2)."""
 
     scene: StudyScene
@@ -78,7 +86,7 @@ class Photo:
     pairs: Ints
 
 
-def photo_of(scene: StudyScene) -> Photo:
+def make_photo(scene: StudyScene) -> StudyPhoto:
     """Compute the geometry of a scene.
 
     Parameters
@@ -91,15 +99,15 @@ def photo_of(scene: StudyScene) -> Photo:
     ValueError
         A part of it is outside the photo.
     """
-    ends, line = _taped(scene)
-    wanted = _wanted()
+    ends, line = _list_taped(scene)
+    wanted = _list_distances()
     place = np.concatenate([ends, wanted.reshape(-1, 2)])
-    pairs = len(ends) + np.arange(2 * WANTED).reshape(-1, 2)
+    pairs = len(ends) + np.arange(2 * DISTANCE_COUNT).reshape(-1, 2)
     tilt = np.deg2rad(scene.tilt_deg)
     center = np.array([0.0, -scene.height_m * np.tan(tilt), scene.height_m])
     # image up is north; tilting lifts the view from straight down to the north
     rotation = exp_so3(np.array([tilt, 0.0, 0.0])) @ np.diag([1.0, -1.0, -1.0])
-    pixel = _exactly(place, center, rotation)
+    pixel = _project_exactly(place, center, rotation)
     if not (np.all(pixel > 0) and np.all(pixel < np.array(SIZE_PX))):
         raise ValueError(f"not everything is in the photo: {scene}")
     design = PhotoDesign(
@@ -108,15 +116,15 @@ def photo_of(scene: StudyScene) -> Photo:
         line=line,
         pixel_sigma_px=np.full(len(place), scene.pick_px),
         length_sigma_m=np.full(len(line), scene.tape_m),
-        information=np.diag(BEFOREHAND**-2.0),
+        information=np.diag(LOG_SIGMAS**-2.0),
         camera_root=_camera_root(scene),
-        ground_root=GROUND,
+        ground_root=GROUND_ROOT,
         tape_scale_sigma=scene.tape_scale,
     )
-    return Photo(scene, design, center, rotation, place, pairs)
+    return StudyPhoto(scene, design, center, rotation, place, pairs)
 
 
-def exact_draw(photo: Photo) -> PhotoDraws:
+def make_exact_draw(photo: StudyPhoto) -> PhotoDraws:
     """Return the photo without any error.
 
     Parameters
@@ -124,7 +132,7 @@ def exact_draw(photo: Photo) -> PhotoDraws:
     photo
         The geometry.
     """
-    pixel = _exactly(photo.place_m, photo.center, photo.rotation)
+    pixel = _project_exactly(photo.place_m, photo.center, photo.rotation)
     return PhotoDraws(
         pixel_px=pixel[None],
         length_m=_lengths(photo.place_m, photo.design.line)[None],
@@ -134,7 +142,9 @@ def exact_draw(photo: Photo) -> PhotoDraws:
     )
 
 
-def draw(photo: Photo, count: int, rng: np.random.Generator) -> tuple[PhotoDraws, Floats]:
+def draw_observations(
+    photo: StudyPhoto, count: int, rng: np.random.Generator
+) -> tuple[PhotoDraws, Floats]:
     """Draw observations with all errors of the scene, and return (B, M) the true distances too.
 
     Parameters
@@ -148,25 +158,25 @@ def draw(photo: Photo, count: int, rng: np.random.Generator) -> tuple[PhotoDraws
     lens = np.repeat(LENS[:, None], count, axis=1)
     if design.camera_root is not None:
         lens += design.camera_root @ rng.standard_normal((design.camera_root.shape[1], count))
-    pixel = _seen(lens, photo)
+    pixel = _project_points(lens, photo)
     noise = rng.standard_normal(pixel.shape) * design.pixel_sigma_px[:, None]
     length = _lengths(photo.place_m, design.line)
     reading = length + design.length_sigma_m * rng.standard_normal((count, len(length)))
     # a tape of scale s reads l / (1 + s)
     reading /= 1.0 + scene.tape_scale * rng.standard_normal((count, 1))
-    off = BEFOREHAND * rng.standard_normal((count, 6))
+    off = LOG_SIGMAS * rng.standard_normal((count, 6))
     draws = PhotoDraws(
         pixel_px=pixel + noise,
         length_m=reading,
         center_world_m=photo.center + off[:, :3],
         # true = prior @ exp(error)
         world_from_camera=photo.rotation @ exp_so3(-off[:, 3:]),
-        ground=rng.standard_normal((count, 3)) @ GROUND.T,
+        ground=rng.standard_normal((count, 3)) @ GROUND_ROOT.T,
     )
     return draws, np.tile(_lengths(photo.place_m, photo.pairs), (count, 1))
 
 
-def _exactly(place_m: Floats, center: Floats, rotation: Floats) -> Floats:
+def _project_exactly(place_m: Floats, center: Floats, rotation: Floats) -> Floats:
     """Project points on level ground to (E, 2) pixels with the stated lens."""
     world = np.column_stack([place_m, np.zeros(len(place_m))])
     return project("brown", LENS, (world - center) @ rotation)
@@ -181,21 +191,21 @@ def _camera_root(scene: StudyScene) -> Floats | None:
     return kept if kept.size else None
 
 
-def _taped(scene: StudyScene) -> tuple[Floats, Ints]:
+def _list_taped(scene: StudyScene) -> tuple[Floats, Ints]:
     """Return ends (E, 2) of the taped lengths, and their pairs (L, 2)."""
     turn = 2 * np.pi * (np.arange(scene.lines) + 0.5) / scene.lines
-    out = np.array([np.cos(turn), np.sin(turn)]).T * np.array(AREA_M) / 2 * EDGE
+    out = np.array([np.cos(turn), np.sin(turn)]).T * np.array(AREA_M) / 2 * EDGE_SHARE
     along = np.array([-np.sin(turn), np.cos(turn)]).T
     reach = LINE_M / 2 * along
     ends = np.stack([out - reach, out + reach], axis=1).reshape(-1, 2)
     return ends, np.arange(2 * scene.lines).reshape(-1, 2)
 
 
-def _wanted() -> Floats:
+def _list_distances() -> Floats:
     """Return the (M, 2, 2) ends of the measured distances: the same in all scenes."""
     drawn = np.random.default_rng(1901).uniform(-0.5, 0.5, (200, 2, 2)) * np.array(AREA_M)
     length = np.linalg.norm(drawn[:, 1] - drawn[:, 0], axis=1)
-    return np.asarray(drawn[length >= SHORTEST_M][:WANTED])
+    return np.asarray(drawn[length >= MIN_DISTANCE_M][:DISTANCE_COUNT])
 
 
 def _lengths(place_m: Floats, pairs: Ints) -> Floats:
@@ -204,7 +214,7 @@ def _lengths(place_m: Floats, pairs: Ints) -> Floats:
     )
 
 
-def _seen(lens: Floats, photo: Photo) -> Floats:
+def _project_points(lens: Floats, photo: StudyPhoto) -> Floats:
     """Project the points with B lenses (9, B) to (B, E, 2) pixels.
 
     No point is beyond the lens's fold or behind the camera, for which `project` would check.
@@ -217,7 +227,7 @@ def _seen(lens: Floats, photo: Photo) -> Floats:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class StudyCell:
     """Position of a cell in its study: curve, value on the axis with its text, and the scene."""
 
     curve: str
@@ -226,7 +236,7 @@ class Place:
     scene: StudyScene
 
 
-def photo_cell(place: Place, repetitions: int) -> Cell:
+def simulate_cell(place: StudyCell, repetitions: int) -> Cell:
     """Predict and simulate a cell.
 
     Parameters
@@ -238,10 +248,10 @@ def photo_cell(place: Place, repetitions: int) -> Cell:
     """
     scene = place.scene
     with one_blas_thread():
-        photo = photo_of(scene)
-        expected = predict_lengths(photo.design, exact_draw(photo), photo.place_m, photo.pairs)
+        photo = make_photo(scene)
+        expected = predict_lengths(photo.design, make_exact_draw(photo), photo.place_m, photo.pairs)
         rng = np.random.default_rng([19, crc32(repr(scene).encode())])
-        draws, true = draw(photo, repetitions, rng)
+        draws, true = draw_observations(photo, repetitions, rng)
         found = adjust_photos(photo.design, draws, (photo.center, photo.rotation))
     # errors of the distances in the repetitions that converged
     ends = found.place_m[:, photo.pairs]
@@ -249,7 +259,7 @@ def photo_cell(place: Place, repetitions: int) -> Cell:
     good = found.converged & np.isfinite(error).all(axis=1)
     error = error[good]
     # root mean square of errors over predicted errors, and its 95 % range
-    low, middle, high = ratio_of(error / expected.error_m)
+    low, middle, high = compute_ratio(error / expected.error_m)
     total = expected.variance.sum()
     return Cell(
         curve=place.curve,
@@ -266,7 +276,7 @@ def photo_cell(place: Place, repetitions: int) -> Cell:
     )
 
 
-def ratio_of(z: Floats) -> tuple[float, float, float]:
+def compute_ratio(z: Floats) -> tuple[float, float, float]:
     """Compute the root mean square of (B, M), whose rows are independent, and its 95 % range."""
     each = np.mean(z**2, axis=1)
     middle, half = float(each.mean()), 1.96 * float(each.std(ddof=1)) / np.sqrt(len(each))

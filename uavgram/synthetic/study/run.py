@@ -17,8 +17,8 @@ from uavgram.pipeline.parallel import in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.study.method_scenes import Setting
-from uavgram.synthetic.study.methods import LIMITS, compared
-from uavgram.synthetic.study.photos import Place, StudyScene, photo_cell
+from uavgram.synthetic.study.methods import LIMIT_SETTINGS, compare_methods
+from uavgram.synthetic.study.photos import StudyCell, StudyScene, simulate_cell
 from uavgram.views.study.figures import figure_files
 from uavgram.views.study.page import render_study_page
 
@@ -30,14 +30,14 @@ Scenes = Mapping[str, Numbers]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Grid:
+class StudyGrid:
     """A study before it is made; fields as of `Study`, with places instead of cells."""
 
     title: str
     question: str
     axis: str
     is_log: bool
-    places: tuple[Place, ...]
+    places: tuple[StudyCell, ...]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,10 +49,10 @@ class _Axis:
     unit: str
     factor: float = 1.0
 
-    def places(self, curve: str, others: Numbers) -> tuple[Place, ...]:
+    def places(self, curve: str, others: Numbers) -> tuple[StudyCell, ...]:
         """Return the places along one curve; the other values are constant along it."""
         return tuple(
-            Place(
+            StudyCell(
                 curve=curve,
                 at=self.factor * value,
                 label=_label(self.factor * value, self.unit),
@@ -64,13 +64,13 @@ class _Axis:
 
 def _grid(
     words: tuple[str, str, str], axis: _Axis, curves: Scenes, *, is_log: bool = False
-) -> Grid:
+) -> StudyGrid:
     """Return a study along one axis: its title, its question and the name of its axis."""
     title, question, name = words
     places = tuple(
         place for curve, others in curves.items() for place in axis.places(curve, others)
     )
-    return Grid(title=title, question=question, axis=name, is_log=is_log, places=places)
+    return StudyGrid(title=title, question=question, axis=name, is_log=is_log, places=places)
 
 
 def _label(value: float, unit: str) -> str:
@@ -101,7 +101,7 @@ CAMERAS: Scenes = {
     "20°, one length and the log": {"lines": 1},
 }
 
-GRIDS: dict[str, Grid] = {
+STUDY_GRIDS: dict[str, StudyGrid] = {
     "lengths": _grid(
         (
             "Errors in the reference lengths",
@@ -148,14 +148,14 @@ GRIDS: dict[str, Grid] = {
 
 JSON_FILE, PAGE_FILE = "study.json", "study.html"
 METHODS = "methods"
-NAMES = (*GRIDS, METHODS)
+STUDY_NAMES = (*STUDY_GRIDS, METHODS)
 
-SETTINGS = (Setting(name="usual"), *LIMITS)
-USUAL_TO_LIMITS = 4
+METHOD_SETTINGS = (Setting(name="usual"), *LIMIT_SETTINGS)
+USUAL_DRAW_RATIO = 4
 """Ratio of scene numbers: fewer suffice to show where a method fails."""
 
 
-def study_names(asked: str) -> tuple[str, ...]:
+def list_studies(asked: str) -> tuple[str, ...]:
     """Return the studies of a name, or all.
 
     Parameters
@@ -169,13 +169,13 @@ def study_names(asked: str) -> tuple[str, ...]:
         There is no such study.
     """
     if asked == "all":
-        return NAMES
-    if asked in NAMES:
+        return STUDY_NAMES
+    if asked in STUDY_NAMES:
         return (asked,)
-    hint = near_miss(asked, [*NAMES, "all"])
+    hint = near_miss(asked, [*STUDY_NAMES, "all"])
     raise UavgramError(
-        f"there is no study {asked!r}{hint and f' ({hint})'}: name one of {', '.join(NAMES)}, "
-        "or all of them by uavgram study all"
+        f"there is no study {asked!r}{hint and f' ({hint})'}: "
+        f"name one of {', '.join(STUDY_NAMES)}, or all of them by uavgram study all"
     )
 
 
@@ -185,7 +185,7 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
     Parameters
     ----------
     name
-        One of `NAMES`.
+        One of `STUDY_NAMES`.
     repetitions
         Of each of its cells.
     workers
@@ -195,8 +195,10 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
     """
     began = time.perf_counter()
     if name == METHODS:
-        made = in_processes(partial(_setting, repetitions), SETTINGS, workers)
-        rows = [row for rows in progress(made, f"study of {name}", len(SETTINGS)) for row in rows]
+        made = in_processes(partial(_setting, repetitions), METHOD_SETTINGS, workers)
+        rows = [
+            row for rows in progress(made, f"study of {name}", len(METHOD_SETTINGS)) for row in rows
+        ]
         return Study(
             name=name,
             title="Ways to find the pose, compared",
@@ -207,8 +209,8 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
             seconds=time.perf_counter() - began,
             methods=tuple(rows),
         )
-    grid = GRIDS[name]
-    found = in_processes(partial(photo_cell, repetitions=repetitions), grid.places, workers)
+    grid = STUDY_GRIDS[name]
+    found = in_processes(partial(simulate_cell, repetitions=repetitions), grid.places, workers)
     return Study(
         name=name,
         title=grid.title,
@@ -222,9 +224,9 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
 
 def _setting(scenes: int, setting: Setting) -> list[MethodRow]:
     """Compare all methods in one setting."""
-    count = scenes if setting == SETTINGS[0] else scenes // USUAL_TO_LIMITS
+    count = scenes if setting == METHOD_SETTINGS[0] else scenes // USUAL_DRAW_RATIO
     with one_blas_thread():
-        return compared(setting, max(count, 20))
+        return compare_methods(setting, max(count, 20))
 
 
 def make_studies(

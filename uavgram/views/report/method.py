@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from uavgram.estimation.reliability.redundancy import POWER, critical_value, noncentrality
+from uavgram.estimation.reliability.redundancy import (
+    TEST_POWER,
+    compute_critical_value,
+    compute_noncentrality,
+)
 from uavgram.geometry.ground.ellipse import ELLIPSE_95
 from uavgram.model.result.result import Result
 from uavgram.views.survey.limits import significance_of
@@ -25,7 +29,7 @@ def method_facts(result: Result) -> dict[str, str | bool]:
         "has_volume": "volume" in result.measurements.kind,
         "ellipse": number(ELLIPSE_95, 4),
         "significance": f"{significance:g}",
-        "critical": number(critical_value(significance), 2),
-        "noncentrality": number(noncentrality(significance), 2),
-        "power": f"{100 * POWER:.0f} %",
+        "critical": number(compute_critical_value(significance), 2),
+        "noncentrality": number(compute_noncentrality(significance), 2),
+        "power": f"{100 * TEST_POWER:.0f} %",
     }

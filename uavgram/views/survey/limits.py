@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.reliability.redundancy import critical_value, level_of_each
+from uavgram.estimation.reliability.redundancy import compute_critical_value, compute_level
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.result import Result
@@ -41,4 +41,4 @@ def prior_limits(result: Result) -> Floats:
 
 
 def _limit(result: Result, tests: int) -> float:
-    return critical_value(level_of_each(significance_of(result), tests))
+    return compute_critical_value(compute_level(significance_of(result), tests))

@@ -9,7 +9,7 @@ import pytest
 from place_only_scenes import LENS, place_only
 from scenes import cv_pixels
 
-from uavgram.estimation.first_poses.first_points import with_first_ties
+from uavgram.estimation.first_poses.first_points import add_first_ties
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.model.survey.ties import Sightings
 
@@ -41,7 +41,7 @@ def test_a_point_beside_a_camera_has_no_first_value(away_m: float, ties: int) ->
     poses = np.concatenate([center, scene.center[2:]]), scene.rotation
     values = FirstValues(np.zeros((count, 2)), *poses, 0.0, np.zeros(count))
 
-    usable, first = with_first_ties(survey, values)
+    usable, first = add_first_ties(survey, values)
 
     assert usable.ties.points == len(first) == ties
     np.testing.assert_allclose(first, place[None][:ties], atol=1e-3)

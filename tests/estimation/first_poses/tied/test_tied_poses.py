@@ -10,14 +10,14 @@ import pytest
 from tied_flights import TWENTY, Conditions, TiedFlight, errors_of, tied_flight
 
 from uavgram.estimation.first_poses.tied.bundle import TiedPoses
-from uavgram.estimation.first_poses.tied.placing import levelled, moved, onto_positions
-from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
+from uavgram.estimation.first_poses.tied.placing import fit_to_positions, level_scene, transform
+from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
 from uavgram.geometry.motion.rotation import exp_so3
 
 
 def found_of(flight: TiedFlight) -> TiedPoses:
     """Poses that must be there."""
-    found = tied_poses(flight.sightings)
+    found = estimate_tied_poses(flight.sightings)
     assert found is not None
     return found
 
@@ -59,22 +59,22 @@ def test_frames_that_nothing_joins_have_no_pose() -> None:
     flight = tied_flight(Conditions(photos=6, seed=1))
     rays = flight.sightings
     alone = rays.take(rays.frame != 5)
-    found = tied_poses(alone)
+    found = estimate_tied_poses(alone)
     assert found is not None
     np.testing.assert_array_equal(found.placed, np.arange(6) != 5)
-    assert tied_poses(rays.take(rays.frame == 5)) is None
+    assert estimate_tied_poses(rays.take(rays.frame == 5)) is None
 
 
 def test_ground_and_positions_tell_the_axes() -> None:
     """On a flight along a line the roll about it is the ground's to tell."""
     for number in (0, 4):
         flight, found = case(number)
-        aside = moved(found, exp_so3(np.array([0.5, 2.0, -1.0])), 3.0, np.ones(3))
-        level = levelled(aside)
+        aside = transform(found, exp_so3(np.array([0.5, 2.0, -1.0])), 3.0, np.ones(3))
+        level = level_scene(aside)
         assert level is not None
         tilt = np.arccos(np.einsum("fi,fi->f", level.rotation[:, 2], flight.rotation[:, 2]))
         assert np.degrees(tilt.max()) < 0.3
-        known = onto_positions(aside, flight.center, np.ones(len(flight.center), np.bool_))
+        known = fit_to_positions(aside, flight.center, np.ones(len(flight.center), np.bool_))
         assert known is not None
         np.testing.assert_allclose(known.center, flight.center, atol=0.2)
         np.testing.assert_allclose(known.rotation, flight.rotation, atol=0.01)

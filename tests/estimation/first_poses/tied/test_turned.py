@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from tied_flights import Conditions, TiedFlight, tied_flight
 
-from uavgram.estimation.first_poses.tied.tied_poses import tied_poses
-from uavgram.estimation.first_poses.tied.two_views import spread, turn_between
+from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
+from uavgram.estimation.first_poses.tied.two_views import estimate_rotation, transfer_poses
 from uavgram.geometry.motion.rotation import exp_so3
 
 NOISE_RAD = 1e-4
@@ -45,7 +45,7 @@ def test_frames_that_only_turned_have_the_place_of_the_one_that_is_known(
     center, rotation = np.full((4, 3), np.nan), np.full((4, 3, 3), np.nan)
     center[2], rotation[2] = [3.0, 4.0, 50.0], hovering.rotation[2]
 
-    center, rotation = spread(center, rotation, hovering.sightings)
+    center, rotation = transfer_poses(center, rotation, hovering.sightings)
 
     np.testing.assert_array_equal(center, np.tile([3.0, 4.0, 50.0], (4, 1)))
     # Some hundred rays, and at most two turns from the one that is known.
@@ -53,14 +53,14 @@ def test_frames_that_only_turned_have_the_place_of_the_one_that_is_known(
 
 
 def test_no_base_is_made_of_the_noise_of_a_camera_that_hovers(hovering: TiedFlight) -> None:
-    assert tied_poses(hovering.sightings) is None
+    assert estimate_tied_poses(hovering.sightings) is None
 
 
 def test_cameras_far_apart_have_no_turn_in_common() -> None:
     sightings = tied_flight(Conditions(photos=4, tilt_deg=40.0, seed=2)).sightings
     one, other = sightings.of_pair(0, 3)
 
-    assert turn_between(sightings.ray[one], sightings.ray[other]) is None
+    assert estimate_rotation(sightings.ray[one], sightings.ray[other]) is None
 
 
 def test_frames_that_share_nothing_stay_without_a_pose(hovering: TiedFlight) -> None:
@@ -68,6 +68,6 @@ def test_frames_that_share_nothing_stay_without_a_pose(hovering: TiedFlight) -> 
     center, rotation = np.full((4, 3), np.nan), np.full((4, 3, 3), np.nan)
     center[0], rotation[0] = 0.0, np.eye(3)
 
-    center, _ = spread(center, rotation, rays)
+    center, _ = transfer_poses(center, rotation, rays)
 
     np.testing.assert_array_equal(np.isfinite(center[:, 0]), [True, True, True, False])

@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from uavgram.estimation.first_poses.tied.tied_poses import poses_from_three, resected
+from uavgram.estimation.first_poses.tied.tied_poses import resect_photo, solve_three_points
 from uavgram.estimation.first_poses.tied.two_views import (
-    epipolar_angles,
-    essential_matrices,
-    poses_of,
-    relative_poses,
+    compute_epipolar_angles,
+    compute_essential_matrices,
+    decompose_essential,
+    estimate_relative_poses,
 )
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Floats
@@ -37,12 +37,12 @@ def two_views(
 def test_five_exact_rays_have_the_true_matrix_among_their_own(seed: int) -> None:
     first, second, rotation, shift = two_views(seed, count=5)
     true = hat(shift) @ rotation
-    found = essential_matrices(first[None], second[None])
+    found = compute_essential_matrices(first[None], second[None])
     assert np.abs(np.abs(np.einsum("mij,ij->m", found, true)) / 2.0).max() > 1 - 1e-9
     # Each is an essential matrix: two equal singular values and a zero.
     values = np.linalg.svd(found, compute_uv=False)
     np.testing.assert_allclose(values, np.tile([1.0, 1.0, 0.0], (len(found), 1)), atol=1e-6)
-    assert np.abs(epipolar_angles(found, first, second)).max() < 1e-7
+    assert np.abs(compute_epipolar_angles(found, first, second)).max() < 1e-7
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -52,7 +52,7 @@ def test_all_roots_that_opencv_finds_are_found(seed: int) -> None:
         first[:, :2] / first[:, 2:], second[:, :2] / second[:, 2:], np.eye(3)
     )
     theirs = np.asarray(stacked, dtype=np.float64).reshape(-1, 9)
-    ours = essential_matrices(first[None], second[None]).reshape(-1, 9)
+    ours = compute_essential_matrices(first[None], second[None]).reshape(-1, 9)
     theirs, ours = unit(theirs), unit(ours)
     assert np.abs(theirs @ ours.T).max(axis=1).min() > 1 - 1e-8
 
@@ -61,7 +61,7 @@ def test_the_four_poses_are_those_of_opencv() -> None:
     *_, rotation, shift = two_views(3)
     essential = hat(shift) @ rotation
     one, other, theirs = cv2.decomposeEssentialMat(essential)
-    turns, shifts = poses_of(essential)
+    turns, shifts = decompose_essential(essential)
     for turn in (one, other):
         assert np.abs(turns - turn).max(axis=(1, 2)).min() < 1e-9
     np.testing.assert_allclose(np.abs(shifts @ theirs.ravel()), 1.0, atol=1e-9)
@@ -75,7 +75,7 @@ def test_a_pose_among_wrong_ties_and_points_in_a_plane(relief: float) -> None:
     first, second, rotation, shift = two_views(7, count=120, relief=relief)
     rng = np.random.default_rng(1)
     second[:20] = unit(rng.normal(size=(20, 3)) * 0.3 + [0, 0, 1])
-    poses = relative_poses(first, second, rng)
+    poses = estimate_relative_poses(first, second, rng)
     errors = [np.abs(p.rotation - rotation).max() + np.abs(p.shift - shift).max() for p in poses]
     assert min(errors) < 1e-6
     assert len(poses) <= 4
@@ -88,7 +88,7 @@ def test_three_points_place_a_camera(seed: int) -> None:
     rotation = exp_so3(rng.normal(size=3))
     center = rotation @ np.array([0.3, -0.2, -9.0])
     ray = unit((world - center) @ rotation)
-    centers, rotations = poses_from_three(world[None], ray[None])
+    centers, rotations = solve_three_points(world[None], ray[None])
     errors = np.abs(centers - center).max(axis=1) + np.abs(rotations - rotation).max(axis=(1, 2))
     assert errors.min() < 1e-6
     for c, r in zip(centers, rotations, strict=True):  # all of them show the points so
@@ -102,7 +102,7 @@ def test_a_camera_is_placed_though_a_third_of_its_points_are_wrong() -> None:
     center = np.array([2.0, -3.0, 30.0])
     ray = unit((world - center) @ rotation)
     ray[:30] = unit(ray[:30] + rng.normal(0, 0.2, (30, 3)))
-    found = resected(world, ray, rng)
+    found = resect_photo(world, ray, rng)
     assert found is not None
     np.testing.assert_allclose(found[0], center, atol=1e-6)
     np.testing.assert_allclose(found[1], rotation, atol=1e-7)

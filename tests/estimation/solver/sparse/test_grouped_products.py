@@ -13,7 +13,7 @@ from uavgram.estimation.solver.sparse.block_matrix import GroupedProducts
 def test_every_product_is_added_once_to_its_group(
     monkeypatch: pytest.MonkeyPatch, chunk: int
 ) -> None:
-    monkeypatch.setattr(block_matrix, "CHUNK", chunk)
+    monkeypatch.setattr(block_matrix, "CHUNK_SIZE", chunk)
     rng = np.random.default_rng(0)
     left, right = rng.normal(size=(30, 2, 3)), rng.normal(size=(20, 2, 4))
     one, other = rng.integers(0, 30, 200), rng.integers(0, 20, 200)

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.sparse import csr_matrix
 from scipy.spatial import cKDTree
 
-from uavgram.estimation.solver.sparse.nested_dissection import LEAF, dissect
+from uavgram.estimation.solver.sparse.nested_dissection import LEAF_SIZE, dissect
 from uavgram.model.arrays import Floats, Ints
 
 
@@ -59,7 +59,7 @@ def test_every_block_is_in_one_node_and_edges_lead_only_to_ancestors(graph: csr_
 def test_the_first_separator_of_a_grid_is_hardly_longer_than_its_short_side() -> None:
     nodes = dissect(GRAPHS["grid"])
     assert len(nodes[-1].own) <= 1.25 * 20
-    assert max(len(node.own) for node in nodes[:-1]) <= max(LEAF, 20)
+    assert max(len(node.own) for node in nodes[:-1]) <= max(LEAF_SIZE, 20)
 
 
 def test_a_strip_falls_apart_at_a_few_blocks() -> None:

@@ -9,7 +9,7 @@ from pyproj import CRS, Proj, Transformer
 from scenes import make_scene
 
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.estimation.survey.known_kinds.known_kind import Alike
+from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.known import KnownThing
 
@@ -30,7 +30,7 @@ def off(world: Floats, value: float, **parameters: float) -> float:
         parameters=tuple(parameters.items()),
     )
     survey = make_scene(3).survey
-    alike = Alike((thing,), world[None], world[None], on_ground=True, survey=survey)
+    alike = AlikeThings((thing,), world[None], world[None], on_ground=True, survey=survey)
     return float(ALL_KINDS["azimuth"].departures(alike).value[0, 0])
 
 

@@ -11,8 +11,8 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.known import KnownRows, known_rows
-from uavgram.estimation.survey.unknowns import State, move
+from uavgram.estimation.survey.observations.known import KnownRows, compute_known_rows
+from uavgram.estimation.survey.unknowns import State, apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.known import KnownThing
 
@@ -72,7 +72,7 @@ def problem_of(scene: Scene) -> SurveyProblem:
 
 def test_what_is_met_exactly_has_no_residual() -> None:
     scene = exact_scene()
-    rows = known_rows(problem_of(scene), scene.truth, scene.survey.known)
+    rows = compute_known_rows(problem_of(scene), scene.truth, scene.survey.known)
 
     assert set(rows.thing.tolist()) == set(range(len(EXACT)))
     assert np.abs(rows.value).max() < 1e-12
@@ -83,8 +83,10 @@ def test_derivatives_are_central_differences_at_zero_too(away_m: float) -> None:
     scene = exact_scene()
     problem = problem_of(scene)
     layout = problem.layout
-    state = move(layout, scene.truth, away_m * np.random.default_rng(1).normal(size=layout.size))
-    found = known_rows(problem, state, scene.survey.known)
+    state = apply_increment(
+        layout, scene.truth, away_m * np.random.default_rng(1).normal(size=layout.size)
+    )
+    found = compute_known_rows(problem, state, scene.survey.known)
     analytic = np.zeros((len(found.value), layout.size))
     np.add.at(analytic, (np.arange(len(analytic))[:, None], found.columns), found.gradient)
 
@@ -99,7 +101,9 @@ def slope(problem: SurveyProblem, state: State, column: int) -> Floats:
     step = np.zeros(problem.layout.size)
     step[column] = 1e-6
     ahead, behind = (
-        known_rows(problem, move(problem.layout, state, way * step), problem.survey.known).value
+        compute_known_rows(
+            problem, apply_increment(problem.layout, state, way * step), problem.survey.known
+        ).value
         for way in (1, -1)
     )
     return np.asarray((ahead - behind) / 2e-6)
@@ -123,12 +127,12 @@ def test_rows_say_how_they_change_when_a_point_stands_higher() -> None:
 
 
 def rows_of(scene: Scene) -> KnownRows:
-    return known_rows(problem_of(scene), scene.truth, scene.survey.known)
+    return compute_known_rows(problem_of(scene), scene.truth, scene.survey.known)
 
 
 def test_on_the_ground_only_what_is_along_it_counts() -> None:
     scene = exact_scene()
-    rows = known_rows(problem_of(scene), scene.truth, scene.survey.known)
+    rows = compute_known_rows(problem_of(scene), scene.truth, scene.survey.known)
     count = dict(zip(EXACT, np.bincount(rows.thing).tolist(), strict=True))
 
     assert [count["on a line"], count["collinear"], count["parallel"]] == [1, 1, 1]
@@ -140,9 +144,11 @@ def test_a_known_thing_is_an_observation_in_its_own_sigmas() -> None:
     scene = exact_scene()
     problem = problem_of(scene)
     layout = problem.layout
-    state = move(layout, scene.truth, 0.02 * np.random.default_rng(2).normal(size=layout.size))
+    state = apply_increment(
+        layout, scene.truth, 0.02 * np.random.default_rng(2).normal(size=layout.size)
+    )
     blocks = problem.evaluate(state)
-    rows = known_rows(problem, state, scene.survey.known)
+    rows = compute_known_rows(problem, state, scene.survey.known)
 
     assert blocks is not None
     sigma = np.array([thing.sigma for thing in scene.survey.known])[rows.thing]

@@ -9,9 +9,9 @@ import pytest
 from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.known import known_rows
+from uavgram.estimation.survey.observations.known import compute_known_rows
 from uavgram.estimation.survey.selection import select_picks
-from uavgram.estimation.survey.unknowns import move
+from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.survey.known import ON_LINE, KnownThing, LinePosition, do_lines_fix_plan
 
 SIGMA = np.array([[0.02, 0.01, 0.03], [0.01, 0.03, 0.02]])
@@ -53,7 +53,7 @@ def test_derivatives_are_central_differences(*, has_height: bool) -> None:
     scene = scene_of(has_height=has_height)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     layout = problem.layout
-    block = known_rows(problem, scene.truth, problem.known).block()
+    block = compute_known_rows(problem, scene.truth, problem.known).block()
     dense = np.zeros((len(block.residual), layout.size))
     np.add.at(dense, (np.arange(len(dense))[:, None], block.columns), block.jacobian[:, 0])
 
@@ -63,7 +63,9 @@ def test_derivatives_are_central_differences(*, has_height: bool) -> None:
         step = np.zeros(layout.size)
         step[column] = 1e-5
         ahead, behind = (
-            known_rows(problem, move(layout, scene.truth, sign * step), problem.known).block()
+            compute_known_rows(
+                problem, apply_increment(layout, scene.truth, sign * step), problem.known
+            ).block()
             for sign in (1.0, -1.0)
         )
         slope = (ahead.residual - behind.residual)[:, 0] / 2e-5
@@ -74,8 +76,10 @@ def test_squares_are_those_of_the_joint_covariance() -> None:
     scene = scene_of(has_height=True)
     problem = SurveyProblem(scene.survey, scene.pivot, np.ones(6, dtype=bool))
     layout = problem.layout
-    moved = move(layout, scene.truth, 0.01 * np.random.default_rng(1).normal(size=layout.size))
-    rows = known_rows(problem, moved, problem.known)
+    moved = apply_increment(
+        layout, scene.truth, 0.01 * np.random.default_rng(1).normal(size=layout.size)
+    )
+    rows = compute_known_rows(problem, moved, problem.known)
     whole = rows.covariance(np.arange(6))
 
     assert np.abs(whole - np.diag(np.diag(whole))).max() > 1e-5

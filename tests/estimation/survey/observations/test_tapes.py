@@ -12,7 +12,7 @@ from taped_scenes import read_on_tapes
 
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.lengths import Taped
+from uavgram.estimation.survey.observations.lengths import TapedLengths
 from uavgram.model.options import SolveOptions
 from uavgram.stages.refine import refine
 
@@ -80,7 +80,7 @@ def test_without_anything_else_the_scale_is_its_prior_and_in_every_sigma(
     found = adjusted(scene)
     exact = adjusted(replace(scene, survey=replace(scene.survey, tape_scale_sigma=0.0)))
     ends = np.arange(0, 8), np.arange(1, 9)
-    plain = Taped(*ends, ("?",) * 8, np.zeros(8, dtype=bool))
+    plain = TapedLengths(*ends, ("?",) * 8, np.zeros(8, dtype=bool))
 
     def lengths(adjustment: Adjustment) -> tuple[np.ndarray, np.ndarray]:
         problem, state = adjustment.problem, adjustment.state

@@ -10,7 +10,7 @@ import pytest
 from scenes import Scene
 from scipy.stats import chi2
 
-from uavgram.estimation.reliability.hypotheses import explained
+from uavgram.estimation.reliability.hypotheses import compare_hypotheses
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.common_length_errors import (
     MIN_SHARE_IN_RESIDUALS,
@@ -47,7 +47,7 @@ def test_a_factor_and_an_offset_are_found_within_their_sigmas(
             (one,) = (
                 each for each in _list_common_errors(adjustment) if each.is_factor == is_factor
             )
-            (found,) = explained(adjustment, [one.moved], MIN_SHARE_IN_RESIDUALS)
+            (found,) = compare_hypotheses(adjustment, [one.moved], MIN_SHARE_IN_RESIDUALS)
             off = float(found.value[0]) - truth
             squares[is_factor].append(off**2 / float(found.covariance[0, 0]))
     for square in squares.values():
@@ -75,7 +75,7 @@ def test_an_offset_below_four_sigmas_is_not_told(scene_factory: Callable[..., Sc
     survey = scene_factory(3, frames=4, ends=PAIRS).survey
     given = diagnosis(off_by(survey, 0.0, -0.125))
     (one,) = (each for each in _list_common_errors(given.adjustment) if not each.is_factor)
-    (found,) = explained(given.adjustment, [one.moved], MIN_SHARE_IN_RESIDUALS)
+    (found,) = compare_hypotheses(given.adjustment, [one.moved], MIN_SHARE_IN_RESIDUALS)
     assert 3.0 < -found.value[0] / np.sqrt(found.covariance[0, 0]) < 4.0
     assert identify_causes(given).causes == ()
 
@@ -96,7 +96,7 @@ def test_without_a_log_a_factor_is_checked_by_nothing(
     survey = scene_factory(1, frames=5, labels=40, ends=PAIRS, **alone).survey
     given = diagnosis(replace(survey, length_sigma_m=np.full(len(PAIRS), 0.05)))
     (factor,) = (one for one in _list_common_errors(given.adjustment) if one.is_factor)
-    (found,) = explained(given.adjustment, [factor.moved], MIN_SHARE_IN_RESIDUALS)
+    (found,) = compare_hypotheses(given.adjustment, [factor.moved], MIN_SHARE_IN_RESIDUALS)
     assert np.isinf(found.covariance[0, 0])
     assert found.gain == 0.0
     assert not has_common_misfit(given.adjustment)

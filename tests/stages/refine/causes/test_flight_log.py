@@ -10,7 +10,7 @@ from scenes import Scene, make_scene
 from scipy.spatial.transform import Rotation
 from scipy.stats import norm
 
-from uavgram.estimation.reliability.hypotheses import explained
+from uavgram.estimation.reliability.hypotheses import compare_hypotheses
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.flight.log import Track
@@ -137,7 +137,9 @@ def test_the_places_show_by_how_much_all_headings_are_off(degrees: float) -> Non
     turn = find_turn_by_places(adjustment)
     off = np.degrees(turn.angle_rad) - degrees
     assert (off + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=20.0)
-    (linear,) = explained(adjustment, [[prior_derivative(adjustment, kind="heading_bias")]])
+    (linear,) = compare_hypotheses(
+        adjustment, [[prior_derivative(adjustment, kind="heading_bias")]]
+    )
     if degrees:
         assert turn.gain > max(1.5 * linear.gain, 11.0)
     else:
@@ -223,7 +225,7 @@ def test_the_linear_test_finds_what_an_adjustment_without_the_prior_finds() -> N
     for one, of_mean in zip(hypotheses, own, strict=True):
         assert one.freed is not None
         assert one.settled is not None
-        found = explained(stands.adjustment, [one.moved])[0]
+        found = compare_hypotheses(stands.adjustment, [one.moved])[0]
         value, covariance = one.settled(diagnosis(one.freed(stands.survey)).adjustment)
         sigma = np.sqrt(covariance.diagonal() + of_mean**2)
         assert np.sqrt(found.covariance.diagonal()) == pytest.approx(sigma, rel=0.05)
@@ -253,7 +255,7 @@ def test_the_likeliest_step_is_where_the_log_jumps(first: int) -> None:
     survey = replace(scene.survey, track=replace(track, position_world_m=place.reshape(-1, 3)))
     stands = diagnosis(survey)
     steps = [one for one in propose_position_step(stands) if one.message is not None]
-    found = explained(stands.adjustment, [one.moved for one in steps])
+    found = compare_hypotheses(stands.adjustment, [one.moved for one in steps])
     best = int(np.argmax([one.gain for one in found]))
     assert best == 0  # the cheap bound has it first as well
     tell, freed = steps[best].message, steps[best].freed

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scenes import Scene, make_scene
 
-from uavgram.estimation.reliability.hypotheses import Explained, Moved
+from uavgram.estimation.reliability.hypotheses import HypothesisTest, ObservationChange
 from uavgram.model.message import Message
 from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
@@ -29,7 +29,7 @@ from uavgram.stages.refine.minima import Participants, find_best_minima
 TAPE, LABELS = SurveyCorrection(length_m={0: 3.0}), SurveyCorrection(label_of_pick={0: 1})
 
 
-def told_as(code: str) -> Callable[[Explained | None], Message]:
+def told_as(code: str) -> Callable[[HypothesisTest | None], Message]:
     return lambda _: Message("warning", code, f"The {code} is wrong: look there. And more.")
 
 
@@ -83,7 +83,7 @@ def test_a_single_wrong_reading_that_does_as_well_is_told_instead() -> None:
 
 
 def test_all_tapes_are_not_blamed_where_another_cause_does_as_well() -> None:
-    moved = (Moved("lengths", np.array([0]), np.ones((1, 1, 1))),)
+    moved = (ObservationChange("lengths", np.array([0]), np.ones((1, 1, 1))),)
     hook = JudgedHypothesis(Hypothesis(message=told_as("hook"), moved=moved), None, 100.0, 50.0)
     for odds in (50.0 - SURE_LOG_ODDS + 0.1, 50.0 - SURE_LOG_ODDS - 0.1):
         first, _ = room._with_rival(hook, [hook, judged("zoom", LABELS, odds=odds)])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scenes import Scene
 
-from uavgram.estimation.reliability.hypotheses import explained
+from uavgram.estimation.reliability.hypotheses import compare_hypotheses
 from uavgram.model.arrays import Ints
 from uavgram.model.survey.corrections import Cause
 from uavgram.model.survey.survey import Survey
@@ -145,7 +145,7 @@ def test_a_point_off_the_ground_is_no_wrong_pick(scene_factory: Callable[..., Sc
     )
     diagnosis = Diagnosis(taking, find_best_minima(taking))
     found = list(propose_heights(diagnosis))
-    tests = explained(diagnosis.adjustment, [one.moved for one in found])
+    tests = compare_hypotheses(diagnosis.adjustment, [one.moved for one in found])
     test, best = max(zip(tests, found, strict=True), key=lambda one: one[0].gain)
     assert best.mend is not None
     assert best.message is not None

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 from scipy.sparse import csr_array
 
-from uavgram.estimation.first_poses.pose_problem import across_rays, ray_residuals
+from uavgram.estimation.first_poses.pose_problem import compute_across_axes, compute_ray_residuals
 from uavgram.estimation.solver.levenberg_marquardt import minimise
 from uavgram.estimation.solver.normal_equations import Block, SingularError
 from uavgram.estimation.solver.sparse.structure import Structure
@@ -97,7 +97,7 @@ class TiedPoses:
         return np.isfinite(self.center[:, 0])
 
 
-def tied_rays(survey: Survey) -> tuple[TiedRays, Ints]:
+def compute_tied_rays(survey: Survey) -> tuple[TiedRays, Ints]:
     """Return rays to tie points and along chains of matches, each once by frame and point.
 
     Returns
@@ -114,10 +114,10 @@ def tied_rays(survey: Survey) -> tuple[TiedRays, Ints]:
     pixel = np.concatenate([ties.pixel_px, matches.pixel_px])
     sigma = np.concatenate([ties.sigma_px, matches.sigma_px])
     sizes = len(survey.frame_id), ties.points + len(clicked)
-    return rays_of(camera, (frame, point), pixel, sigma, sizes)
+    return compute_rays(camera, (frame, point), pixel, sigma, sizes)
 
 
-def rays_of(
+def compute_rays(
     camera: Calibration,
     seen: tuple[Ints, Ints],
     pixel_px: Floats,
@@ -154,13 +154,13 @@ def rays_of(
     return found, rows
 
 
-STAY = 1.0
+WEAK_SIGMA = 1.0
 """Sigma of weak priors that keep each centre (in units of the largest distance of a camera from
 their mean) and attitude (rad), compared with rays of a ten-thousandth: they fix axes and scale
 without distortion."""
 
-ITERATIONS = 12
-SETTLED = 1e-3
+MAX_ITERATIONS = 12
+MIN_REDUCTION = 1e-3
 """Predicted reduction of the sum of squares, per ray, below which the iteration ends."""
 
 
@@ -192,7 +192,9 @@ class Scene:
         return np.asarray(2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)))
 
 
-def adjusted(scene: Scene, sightings: TiedRays, rows: Bools, iterations: int = ITERATIONS) -> Scene:
+def adjust_scene(
+    scene: Scene, sightings: TiedRays, rows: Bools, iterations: int = MAX_ITERATIONS
+) -> Scene:
     """Adjust the poses and points to some of the sightings.
 
     Parameters
@@ -225,7 +227,7 @@ def adjusted(scene: Scene, sightings: TiedRays, rows: Bools, iterations: int = I
             size,
             structure,
             most=iterations,
-            at_rest=SETTLED * len(used.frame),
+            at_rest=MIN_REDUCTION * len(used.frame),
         )
     except SingularError:
         return scene
@@ -246,7 +248,7 @@ class _Rays:
 
     def __init__(self, sightings: TiedRays, frame: Ints, point: Ints, center: Floats) -> None:
         self._ray, self._frame, self._point = sightings.ray, frame, point
-        self._across = across_rays(sightings.ray) / sightings.sigma_rad[:, None, None]
+        self._across = compute_across_axes(sightings.ray) / sightings.sigma_rad[:, None, None]
         self._first_frame = 3 * (int(point.max()) + 1)
         self._columns = np.concatenate(
             [
@@ -266,7 +268,7 @@ class _Rays:
         center, rotation, place = state
         residual, by_point, by_turn = (
             part[:, 0]
-            for part in ray_residuals(
+            for part in compute_ray_residuals(
                 self._ray[:, None],
                 self._across[:, None],
                 place[self._point][:, None],
@@ -278,10 +280,10 @@ class _Rays:
         jacobian = np.concatenate([by_point, -by_point, by_turn], axis=2)
         # Weak priors fix the seven free parameters (axes, origin and scale).
         stay = np.zeros((len(center), 6))
-        stay[:, :3] = (center - self._center) / (STAY * self._size)
+        stay[:, :3] = (center - self._center) / (WEAK_SIGMA * self._size)
         held = np.zeros((len(center), 6, 6))
-        held[:, range(3), range(3)] = 1.0 / (STAY * self._size)
-        held[:, range(3, 6), range(3, 6)] = 1.0 / STAY
+        held[:, range(3), range(3)] = 1.0 / (WEAK_SIGMA * self._size)
+        held[:, range(3, 6), range(3, 6)] = 1.0 / WEAK_SIGMA
         return {
             "rays": Block(residual, self._columns, jacobian),
             "stay": Block(stay, self._stay_columns, held),

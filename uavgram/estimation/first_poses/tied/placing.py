@@ -10,18 +10,18 @@ from uavgram.estimation.first_poses.tied.bundle import TiedPoses
 from uavgram.geometry.motion.rotation import exp_so3, nearest_rotation
 from uavgram.model.arrays import Bools, Floats, Ints
 
-SAMPLES = 200
+SAMPLE_COUNT = 200
 """Number of samples of three points, one of which should be entirely on the ground."""
 
-IN_LINE = 0.05
+MAX_EXTENT_RATIO = 0.05
 """Second extent of known positions, as a share of the first, below which they are in line: the roll
 about the line is then determined by the ground."""
 
-FEWEST_POINTS = 10
+MIN_POINTS = 10
 """Smallest number of tie points that determine the ground."""
 
 
-def moved(poses: TiedPoses, turn: Floats, scale: float, shift: Floats) -> TiedPoses:
+def transform(poses: TiedPoses, turn: Floats, scale: float, shift: Floats) -> TiedPoses:
     """Transform poses to axes where x is scale * turn x + shift.
 
     Parameters
@@ -43,7 +43,7 @@ def moved(poses: TiedPoses, turn: Floats, scale: float, shift: Floats) -> TiedPo
     )
 
 
-def levelled(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
+def level_scene(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
     """Transform poses so that most tie points are on the plane z = 0; None if undetermined.
 
     The plane with the smallest median distance of the points, among planes through three of them
@@ -58,10 +58,10 @@ def levelled(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
     """
     point = poses.point[np.isfinite(poses.point[:, 0])]
     center = poses.center[poses.placed]
-    if len(point) < FEWEST_POINTS:
+    if len(point) < MIN_POINTS:
         return None
     rng = np.random.default_rng(seed)
-    three = point[np.argsort(rng.random((SAMPLES, len(point))), axis=1)[:, :3]]
+    three = point[np.argsort(rng.random((SAMPLE_COUNT, len(point))), axis=1)[:, :3]]
     normal = np.cross(three[:, 1] - three[:, 0], three[:, 2] - three[:, 0])
     size = np.linalg.norm(normal, axis=1)
     normal, base = normal[size > 0] / size[size > 0, None], three[size > 0, 0]
@@ -81,11 +81,11 @@ def levelled(poses: TiedPoses, seed: int = 0) -> TiedPoses | None:
     middle = near.mean(axis=0)
     fitted = np.linalg.svd(near - middle, full_matrices=False)[2][2]
     up = fitted * np.sign(fitted @ normal[best])
-    turn = turn_between(up, np.array([0.0, 0.0, 1.0]))
-    return moved(poses, turn, 1.0, -turn @ middle)
+    turn = rotate_vector(up, np.array([0.0, 0.0, 1.0]))
+    return transform(poses, turn, 1.0, -turn @ middle)
 
 
-def turn_between(source: Floats, target: Floats) -> Floats:
+def rotate_vector(source: Floats, target: Floats) -> Floats:
     """Compute the smallest rotation (3, 3) that brings one unit vector (3,) onto another."""
     axis, cosine = np.cross(source, target), float(source @ target)
     sine = float(np.linalg.norm(axis))
@@ -95,7 +95,7 @@ def turn_between(source: Floats, target: Floats) -> Floats:
     return np.asarray(exp_so3(axis / sine * np.arctan2(sine, cosine)))
 
 
-def onto_positions(poses: TiedPoses, position_m: Floats, usable: Bools) -> TiedPoses | None:
+def fit_to_positions(poses: TiedPoses, position_m: Floats, usable: Bools) -> TiedPoses | None:
     """Transform poses to known positions of cameras (F, 3); None if these do not suffice.
 
     Positions in line do not determine the roll about the line: then the ground is assumed level.
@@ -116,13 +116,13 @@ def onto_positions(poses: TiedPoses, position_m: Floats, usable: Bools) -> TiedP
     extent = np.linalg.svd(given, compute_uv=False)
     if extent[0] <= 0:
         return None
-    if len(rows) >= 3 and extent[1] > IN_LINE * extent[0]:
-        return _similar(poses, position_m, rows)
-    level = levelled(poses)
-    return None if level is None else _similar(level, position_m, rows, upright=True)
+    if len(rows) >= 3 and extent[1] > MAX_EXTENT_RATIO * extent[0]:
+        return _fit_similarity(poses, position_m, rows)
+    level = level_scene(poses)
+    return None if level is None else _fit_similarity(level, position_m, rows, upright=True)
 
 
-def _similar(
+def _fit_similarity(
     poses: TiedPoses, position_m: Floats, rows: Ints, *, upright: bool = False
 ) -> TiedPoses:
     """Fit a similarity in closed form (Umeyama 1991); `upright`: rotation about up only.
@@ -148,4 +148,4 @@ def _similar(
     turned = from_source @ turn.T
     scale = float(np.sum(from_target * turned) / np.sum(turned**2))
     shift = target.mean(axis=0) - scale * turn @ source.mean(axis=0)
-    return moved(poses, turn, scale, shift)
+    return transform(poses, turn, scale, shift)

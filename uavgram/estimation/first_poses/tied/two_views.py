@@ -11,28 +11,28 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.pose_problem import across_rays
-from uavgram.estimation.first_poses.tied.bundle import TiedRays, tied_rays
-from uavgram.estimation.solver.batched import Explicit, State, minimise_trimmed
+from uavgram.estimation.first_poses.pose_problem import compute_across_axes
+from uavgram.estimation.first_poses.tied.bundle import TiedRays, compute_tied_rays
+from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_trimmed
 from uavgram.geometry.motion.rotation import exp_so3, hat, nearest_rotation
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
 
-FEWEST = 10
+MIN_POINTS = 10
 """Smallest number of points that two frames must share, and that must fit the rotation between
 them."""
 
-TYPICAL_RAD = 0.01
+MAX_TYPICAL_RAD = 0.01
 """Largest typical angle between rays after the rotation [rad]: a hundredth of the distance
 flown."""
 
-AGREE = 3.0
+MAX_RELATIVE_RESIDUAL = 3.0
 """Residual in units of the typical one up to which a ray takes part in the rotation."""
 
-ROUNDS = 10
+MAX_ROUNDS = 10
 
 
-def with_turned(survey: Survey, center: Floats, rotation: Floats) -> tuple[Floats, Floats]:
+def add_turned_frames(survey: Survey, center: Floats, rotation: Floats) -> tuple[Floats, Floats]:
     """Add poses of frames that only turned from one that has a pose: (F, 3), (F, 3, 3).
 
     Parameters
@@ -45,10 +45,10 @@ def with_turned(survey: Survey, center: Floats, rotation: Floats) -> tuple[Float
     missing = np.isnan(center[:, 0])
     if not survey.ties.points + survey.matches.points or missing.all() or not missing.any():
         return center, rotation
-    return spread(center, rotation, tied_rays(survey)[0])
+    return transfer_poses(center, rotation, compute_tied_rays(survey)[0])
 
 
-def spread(center: Floats, rotation: Floats, sightings: TiedRays) -> tuple[Floats, Floats]:
+def transfer_poses(center: Floats, rotation: Floats, sightings: TiedRays) -> tuple[Floats, Floats]:
     """Transfer poses from frame to frame, each time between the two that share most points.
 
     Parameters
@@ -65,17 +65,17 @@ def spread(center: Floats, rotation: Floats, sightings: TiedRays) -> tuple[Float
     while True:
         count = np.where(placed[:, None] & ~placed[None] & ~tried, shared, 0)
         known, new = np.unravel_index(int(np.argmax(count)), count.shape)
-        if count[known, new] < FEWEST:
+        if count[known, new] < MIN_POINTS:
             return center, rotation
         tried[known, new] = True
         one, other = sightings.of_pair(int(new), int(known))
-        turn = turn_between(sightings.ray[one], sightings.ray[other])
+        turn = estimate_rotation(sightings.ray[one], sightings.ray[other])
         if turn is not None:
             center[new], rotation[new] = center[known], rotation[known] @ turn
             placed[new] = True
 
 
-def turn_between(first: Floats, second: Floats) -> Floats | None:
+def estimate_rotation(first: Floats, second: Floats) -> Floats | None:
     """Compute the rotation (3, 3) of most rays of a camera onto those of a second; None if bad.
 
     Parameters
@@ -83,9 +83,9 @@ def turn_between(first: Floats, second: Floats) -> Floats | None:
     first, second
         (n, 3) unit rays to the same points.
     """
-    turn = best_turn(first, second)
-    enough = turn.agree >= max(FEWEST, len(first) // 2)
-    return turn.rotation if enough and turn.miss_rad <= TYPICAL_RAD else None
+    turn = find_best_turn(first, second)
+    enough = turn.agree >= max(MIN_POINTS, len(first) // 2)
+    return turn.rotation if enough and turn.miss_rad <= MAX_TYPICAL_RAD else None
 
 
 class Turn(NamedTuple):
@@ -106,7 +106,7 @@ class Turn(NamedTuple):
     agree: int
 
 
-def best_turn(first: Floats, second: Floats) -> Turn:
+def find_best_turn(first: Floats, second: Floats) -> Turn:
     """Estimate the best rotation between rays; rays with large residuals are left out.
 
     Parameters
@@ -115,18 +115,18 @@ def best_turn(first: Floats, second: Floats) -> Turn:
         (n, 3) unit rays to the same points, n >= 1.
     """
     good = np.ones(len(first), dtype=np.bool_)
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         rotation = nearest_rotation(second[good].T @ first[good])
         miss = np.linalg.norm(second - first @ rotation.T, axis=1)
         typical = float(np.median(miss))
-        near = miss <= AGREE * typical + 1e-12
+        near = miss <= MAX_RELATIVE_RESIDUAL * typical + 1e-12
         if (near == good).all():
             break
         good = near
     return Turn(rotation, typical, int(good.sum()))
 
 
-REAL = 1e-6
+MAX_IMAGINARY_SHARE = 1e-6
 """Imaginary part, as a share of the size, up to which a root counts as real."""
 
 _CUBIC = [m for m in combinations_with_replacement(range(4), 3) if 3 not in m]
@@ -142,7 +142,7 @@ _SIGN[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
 _SIGN[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
 
 
-def _gathering() -> Floats:
+def _make_gather_matrix() -> Floats:
     """Return a (64, 20) matrix that sums products of three of (x, y, z, 1) to monomials."""
     gather = np.zeros((64, 20))
     for row, factors in enumerate(product(range(4), repeat=3)):
@@ -150,10 +150,10 @@ def _gathering() -> Floats:
     return gather
 
 
-_GATHER = _gathering()
+_GATHER = _make_gather_matrix()
 
 
-def essential_matrices(first: Floats, second: Floats) -> Floats:
+def compute_essential_matrices(first: Floats, second: Floats) -> Floats:
     """Compute matrices E with second . E first = 0 from samples of five rays each.
 
     Parameters
@@ -189,7 +189,9 @@ def essential_matrices(first: Floats, second: Floats) -> Floats:
             action[:, row, raised - 10] = 1.0
     values, vectors = np.linalg.eig(action)
     ones = vectors[:, -1]
-    real = (np.abs(values.imag) <= REAL * (1.0 + np.abs(values))) & (np.abs(ones) > 0)
+    real = (np.abs(values.imag) <= MAX_IMAGINARY_SHARE * (1.0 + np.abs(values))) & (
+        np.abs(ones) > 0
+    )
     sample, root = np.nonzero(real)
     weights = (vectors[sample, :, root][:, _LINEAR] / ones[sample, root][:, None]).real
     found = np.einsum("mi,mijk->mjk", weights, basis[sample])
@@ -217,7 +219,7 @@ def _conditions(basis: Floats) -> Floats:
     return np.asarray(conditions @ _GATHER)
 
 
-def poses_of(essential: Floats) -> tuple[Floats, Floats]:
+def decompose_essential(essential: Floats) -> tuple[Floats, Floats]:
     """Compute four poses of the second camera (4, 3, 3), (4, 3): x2 = R x1 + t, t of length one."""
     left, _, right = np.linalg.svd(essential)
     left, right = left * np.linalg.det(left), right * np.linalg.det(right)
@@ -227,7 +229,7 @@ def poses_of(essential: Floats) -> tuple[Floats, Floats]:
     return np.concatenate([rotation, rotation]), np.stack([shift, shift, -shift, -shift])
 
 
-def epipolar_angles(essential: Floats, first: Floats, second: Floats) -> Floats:
+def compute_epipolar_angles(essential: Floats, first: Floats, second: Floats) -> Floats:
     """Compute (M, n) angles between rays (n, 3) under M matrices [rad], to first order.
 
     Sampson's distance (Hartley and Zisserman 2004, sec. 11.4.3) on the sphere instead of the image.
@@ -239,11 +241,13 @@ def epipolar_angles(essential: Floats, first: Floats, second: Floats) -> Floats:
     first, second
         (n, 3) unit rays to the same points from the two cameras.
     """
-    miss, slope = epipolar_misses(essential, first, second)
+    miss, slope = compute_epipolar_misclosures(essential, first, second)
     return np.asarray(miss / slope)
 
 
-def epipolar_misses(essential: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
+def compute_epipolar_misclosures(
+    essential: Floats, first: Floats, second: Floats
+) -> tuple[Floats, Floats]:
     """Compute (M, n) second . E first, and its change with the rays, per rad.
 
     Parameters
@@ -260,26 +264,26 @@ def epipolar_misses(essential: Floats, first: Floats, second: Floats) -> tuple[F
     return miss, np.sqrt(np.maximum(squared, 1e-18))
 
 
-SAMPLES = 60
+SAMPLE_COUNT = 60
 """Number of samples of five rays; with a tenth of the ties wrong, 59 % of them are free of wrong
 ones."""
 
-SCORED = 150
+SCORED_COUNT = 150
 """Number of points by which the solutions of the samples are ranked."""
 
-MOST = 8
+MAX_REFINED = 8
 """Number of solutions that are refined."""
 
-ALIKE = 0.02
+SAME_POSE_RAD = 0.02
 """Angle between two refined poses up to which they are the same [rad]."""
 
-SIGMA = 1.4826
+SIGMA_OVER_MEDIAN = 1.4826
 """Standard deviation of normal errors over the median of their sizes."""
 
-TRIMMED = 3.0 * SIGMA
+TRIMMING_FACTOR = 3.0 * SIGMA_OVER_MEDIAN
 """Residual in units of the median up to which a ray takes part in a pose."""
 
-RIVAL = 3.0
+RIVAL_RESIDUAL_RATIO = 3.0
 """Residual in units of the best pose's up to which another pose is kept: points in a plane allow
 two."""
 
@@ -292,7 +296,9 @@ class RelativePose(NamedTuple):
     miss_rad: float
 
 
-def relative_poses(first: Floats, second: Floats, rng: np.random.Generator) -> list[RelativePose]:
+def estimate_relative_poses(
+    first: Floats, second: Floats, rng: np.random.Generator
+) -> list[RelativePose]:
     """Estimate poses of the second camera from rays (n, 3) to the same points, best first.
 
     All poses are returned that no other one exceeds by far: if all points are nearly in a plane,
@@ -307,43 +313,45 @@ def relative_poses(first: Floats, second: Floats, rng: np.random.Generator) -> l
         Random numbers for the samples.
     """
     count = len(first)
-    sample = np.argsort(rng.random((SAMPLES, count)), axis=1)[:, :5]
-    essential = essential_matrices(first[sample], second[sample])
-    some = rng.permutation(count)[:SCORED]
+    sample = np.argsort(rng.random((SAMPLE_COUNT, count)), axis=1)[:, :5]
+    essential = compute_essential_matrices(first[sample], second[sample])
+    some = rng.permutation(count)[:SCORED_COUNT]
     if not len(essential):
         return []
-    angles = epipolar_angles(essential, first[some], second[some])
+    angles = compute_epipolar_angles(essential, first[some], second[some])
     order = np.argsort(np.median(np.abs(angles), axis=1))
     tried: list[int] = []
     for index in order.tolist():
         # Skip matrices of nearly the same direction as one already chosen.
         turned = np.abs(essential[tried].reshape(-1, 9) @ essential[index].ravel())
-        if not (turned / 2.0 > np.cos(2.0 * ALIKE)).any():
+        if not (turned / 2.0 > np.cos(2.0 * SAME_POSE_RAD)).any():
             tried.append(index)
-        if len(tried) >= MOST:
+        if len(tried) >= MAX_REFINED:
             break
     found: list[RelativePose] = []
-    for pose in _refined(essential[tried], first, second):
-        if not any(_same(pose, other) for other in found):
+    for pose in _refine(essential[tried], first, second):
+        if not any(_is_same(pose, other) for other in found):
             found.append(pose)
     found.sort(key=lambda pose: pose.miss_rad)
-    return [pose for pose in found if pose.miss_rad <= RIVAL * found[0].miss_rad]
+    return [pose for pose in found if pose.miss_rad <= RIVAL_RESIDUAL_RATIO * found[0].miss_rad]
 
 
-def _same(one: RelativePose, other: RelativePose) -> bool:
+def _is_same(one: RelativePose, other: RelativePose) -> bool:
     turn = np.linalg.norm(one.rotation - other.rotation) / np.sqrt(2.0)
-    return bool(turn < ALIKE and np.linalg.norm(one.shift - other.shift) < 5.0 * ALIKE)
+    return bool(
+        turn < SAME_POSE_RAD and np.linalg.norm(one.shift - other.shift) < 5.0 * SAME_POSE_RAD
+    )
 
 
-def _in_front(essential: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
+def _choose_in_front(essential: Floats, first: Floats, second: Floats) -> tuple[Floats, Floats]:
     """Choose the pose of the four that has most points ahead of both cameras."""
-    rotation, shift = poses_of(essential)
-    ahead = [_ahead(r, t, first, second).sum() for r, t in zip(rotation, shift, strict=True)]
+    rotation, shift = decompose_essential(essential)
+    ahead = [_are_ahead(r, t, first, second).sum() for r, t in zip(rotation, shift, strict=True)]
     best = int(np.argmax(ahead))
     return rotation[best], shift[best]
 
 
-def _ahead(rotation: Floats, shift: Floats, first: Floats, second: Floats) -> Floats:
+def _are_ahead(rotation: Floats, shift: Floats, first: Floats, second: Floats) -> Floats:
     """Mark the rays (n,) that meet ahead of both cameras: a r1 + t = b r2, a and b positive."""
     turned = first @ rotation.T
     normal = np.cross(turned, second)
@@ -353,28 +361,28 @@ def _ahead(rotation: Floats, shift: Floats, first: Floats, second: Floats) -> Fl
     )
 
 
-def _refined(essential: Floats, first: Floats, second: Floats) -> list[RelativePose]:
+def _refine(essential: Floats, first: Floats, second: Floats) -> list[RelativePose]:
     """Refine poses near matrices (m, 3, 3) by the rays that nearly meet."""
     start = tuple(
         np.stack(part)
-        for part in zip(*(_in_front(one, first, second) for one in essential), strict=True)
+        for part in zip(*(_choose_in_front(one, first, second) for one in essential), strict=True)
     )
 
     def angles(state: State) -> Floats:
-        return np.abs(epipolar_angles(hat(state[1]) @ state[0], first, second))
+        return np.abs(compute_epipolar_angles(hat(state[1]) @ state[0], first, second))
 
-    def weighted(weight: Floats) -> Explicit:
+    def weighted(weight: Floats) -> ExplicitProblem:
         def rows(which: Ints, state: State) -> tuple[Floats, Floats]:
             residual, jacobian = _epipolar_rows(state[0], state[1], first, second)
             return residual * weight[which], jacobian * weight[which][..., None]
 
-        return Explicit(rows, _moved)
+        return ExplicitProblem(rows, _apply_step)
 
-    pose, miss = minimise_trimmed(angles, weighted, start, TRIMMED)
+    pose, miss = minimise_trimmed(angles, weighted, start, TRIMMING_FACTOR)
     return [
-        RelativePose(turn, way, SIGMA * size)
+        RelativePose(turn, way, SIGMA_OVER_MEDIAN * size)
         for turn, way, size in zip(pose[0], pose[1], miss.tolist(), strict=True)
-        if _ahead(turn, way, first, second).mean() > 0.5
+        if _are_ahead(turn, way, first, second).mean() > 0.5
     ]
 
 
@@ -385,14 +393,14 @@ def _epipolar_rows(
 
     miss = r2 . [t] R r1; R exp(w): r2 . [t] R [w] r1; t + dt: r2 . [dt] R r1.
     """
-    miss, slope = epipolar_misses(hat(shift) @ rotation, first, second)
+    miss, slope = compute_epipolar_misclosures(hat(shift) @ rotation, first, second)
     by_turn = np.cross(first, np.cross(second, shift[:, None]) @ rotation)
     turned = first @ rotation.swapaxes(1, 2)
-    by_shift = np.cross(turned, second) @ across_rays(shift).swapaxes(1, 2)
+    by_shift = np.cross(turned, second) @ compute_across_axes(shift).swapaxes(1, 2)
     return miss / slope, np.concatenate([by_turn, by_shift], axis=2) / slope[..., None]
 
 
-def _moved(state: State, step: Floats) -> State:
+def _apply_step(state: State, step: Floats) -> State:
     rotation, shift = state
-    shift = shift + (step[:, None, 3:] @ across_rays(shift))[:, 0]
+    shift = shift + (step[:, None, 3:] @ compute_across_axes(shift))[:, 0]
     return rotation @ exp_so3(step[:, :3]), shift / np.linalg.norm(shift, axis=1, keepdims=True)

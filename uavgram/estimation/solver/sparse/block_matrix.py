@@ -17,11 +17,11 @@ from uavgram.estimation.solver.sparse.structure import (
     Part,
     Segment,
     Structure,
-    parts_of,
+    split_into_parts,
 )
 from uavgram.model.arrays import Floats, Ints
 
-CHUNK = 250_000
+CHUNK_SIZE = 250_000
 """Numbers gathered at a time: they stay in the processor's cache between gathering and use."""
 
 
@@ -60,7 +60,7 @@ class GroupedProducts:
         """
         rows, a, b = left.shape[1], left.shape[2], right.shape[2]
         for target, one, other in self._batches:
-            step = max(1, CHUNK // (one.shape[1] * rows * (a + b)))
+            step = max(1, CHUNK_SIZE // (one.shape[1] * rows * (a + b)))
             for start in range(0, len(target), step):
                 part = slice(start, start + step)
                 some = one[part]  # explicit sizes, as b may be zero
@@ -69,7 +69,7 @@ class GroupedProducts:
                 out[target[part]] += np.swapaxes(first, 1, 2) @ second
 
 
-TABLES = ((POINT, POINT), (POINT, BLOCK), (BLOCK, BLOCK))
+TABLE_KINDS = ((POINT, POINT), (POINT, BLOCK), (BLOCK, BLOCK))
 """Kinds of the two nodes of each table of pairs."""
 
 
@@ -143,7 +143,7 @@ class Pattern:
         size, count, border = structure.sizes, structure.counts, structure.border
         tables = tuple(
             np.zeros((len(pairs), size[one], size[other]))
-            for pairs, (one, other) in zip(self.pairs, TABLES, strict=True)
+            for pairs, (one, other) in zip(self.pairs, TABLE_KINDS, strict=True)
         )
         coupling = tuple(np.zeros((count[k], size[k], border)) for k in (POINT, BLOCK))
         return BlockMatrix(self, tables, coupling, np.zeros((border, border)))
@@ -186,7 +186,7 @@ class BlockMatrix:
         tables = tuple(
             table * node[one][pairs.first][:, :, None] * node[other][pairs.second][:, None, :]
             for table, pairs, (one, other) in zip(
-                self.tables, self.pattern.pairs, TABLES, strict=True
+                self.tables, self.pattern.pairs, TABLE_KINDS, strict=True
             )
         )
         coupling = tuple(
@@ -226,7 +226,7 @@ class BlockMatrix:
             Two of a group's unknowns are not on the pattern.
         """
         out = np.empty((*columns.shape, columns.shape[1]))
-        for part in parts_of(columns, self.pattern.structure):
+        for part in split_into_parts(columns, self.pattern.structure):
             out[part.rows] = self._gather(part, columns.shape[1])
         return out
 
@@ -238,7 +238,7 @@ class BlockMatrix:
                 out[:, one.columns, other.columns] = block
                 out[:, other.columns, one.columns] = np.swapaxes(block, 1, 2)
             rows = self.coupling[one.kind][:, :, part.used][one.node]
-            block = _chosen(rows, one.inside, part.place)
+            block = _choose(rows, one.inside, part.place)
             out[:, one.columns, part.shared] = block
             out[:, part.shared, one.columns] = np.swapaxes(block, 1, 2)
         corner = self.border[part.used[:, None], part.used][None]
@@ -259,10 +259,10 @@ class BlockMatrix:
         block = self.tables[number][self.pattern.pairs[number].find(first, second)]
         if swapped is not None and swapped.any():
             block[swapped] = np.swapaxes(block[swapped], 1, 2)
-        return _chosen(block, one.inside, other.inside)
+        return _choose(block, one.inside, other.inside)
 
 
-def weighted_sum(weight: Floats, matrices: Sequence[BlockMatrix]) -> BlockMatrix:
+def add_weighted(weight: Floats, matrices: Sequence[BlockMatrix]) -> BlockMatrix:
     """Add matrices on one pattern, each times its weight (m,)."""
 
     def added(parts: Iterable[Floats]) -> Floats:
@@ -276,7 +276,7 @@ def weighted_sum(weight: Floats, matrices: Sequence[BlockMatrix]) -> BlockMatrix
     )
 
 
-def _chosen(block: Floats, rows: Ints | None, columns: Ints | None) -> Floats:
+def _choose(block: Floats, rows: Ints | None, columns: Ints | None) -> Floats:
     if rows is not None:
         block = np.take_along_axis(block, rows[:, :, None], axis=1)
     return block if columns is None else np.take_along_axis(block, columns[:, None, :], axis=2)
@@ -305,11 +305,11 @@ class Assembly:
 
     def __init__(self, columns: list[Ints], structure: Structure) -> None:
         self._columns = columns
-        self._parts = [parts_of(c, structure) for c in columns]
-        self.pattern = _pattern([p for parts in self._parts for p in parts], structure)
-        self._terms = [[_terms(part, self.pattern) for part in parts] for parts in self._parts]
+        self._parts = [split_into_parts(c, structure) for c in columns]
+        self.pattern = _make_pattern([p for parts in self._parts for p in parts], structure)
+        self._terms = [[_make_terms(part, self.pattern) for part in parts] for parts in self._parts]
         self._coupling = [
-            [[_by_node(segment) for segment in part.segments] for part in parts]
+            [[_group_by_node(segment) for segment in part.segments] for part in parts]
             for parts in self._parts
         ]
 
@@ -351,12 +351,12 @@ def _add_border(
         coupling[:, :, used] += added
 
 
-def _by_node(segment: Segment) -> GroupedProducts:
+def _group_by_node(segment: Segment) -> GroupedProducts:
     rows = np.arange(len(segment.node))
     return GroupedProducts(rows, rows, segment.node)
 
 
-def _pattern(parts: list[Part], structure: Structure) -> Pattern:
+def _make_pattern(parts: list[Part], structure: Structure) -> Pattern:
     count = structure.counts
     keys: list[list[Ints]] = [[], [], []]
     for kind in (POINT, BLOCK):
@@ -378,24 +378,24 @@ def _pattern(parts: list[Part], structure: Structure) -> Pattern:
     )
 
 
-def _terms(part: Part, pattern: Pattern) -> list[_Term]:
+def _make_terms(part: Part, pattern: Pattern) -> list[_Term]:
     terms = []
     for i, one in enumerate(part.segments):
         for other in part.segments[i:]:
             if one is other:
                 rows = np.arange(len(one.node))
-                terms.append(_term(one, other, rows, pattern))
+                terms.append(_make_term(one, other, rows, pattern))
             elif one.kind != other.kind:
                 first, second = (one, other) if one.kind < other.kind else (other, one)
-                terms.append(_term(first, second, np.arange(len(one.node)), pattern))
+                terms.append(_make_term(first, second, np.arange(len(one.node)), pattern))
             else:  # both orders, as a row may name one node twice: symmetric sum
                 for first, second in ((one, other), (other, one)):
                     rows = np.flatnonzero(first.node <= second.node)
-                    terms.append(_term(first, second, rows, pattern))
+                    terms.append(_make_term(first, second, rows, pattern))
     return terms
 
 
-def _term(one: Segment, other: Segment, rows: Ints, pattern: Pattern) -> _Term:
+def _make_term(one: Segment, other: Segment, rows: Ints, pattern: Pattern) -> _Term:
     table = one.kind + other.kind
     group = pattern.pairs[table].find(one.node[rows], other.node[rows])
     return _Term(one, other, table, GroupedProducts(rows, rows, group))

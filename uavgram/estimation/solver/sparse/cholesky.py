@@ -24,7 +24,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from uavgram.estimation.solver.sparse.block_matrix import (
-    CHUNK,
+    CHUNK_SIZE,
     BlockMatrix,
     GroupedProducts,
     Pairs,
@@ -324,7 +324,7 @@ class SparseFactor:
         reduced.coupling[POINT][:] = scaled.coupling[POINT][symbolic.joined]
         reduced.coupling[BLOCK][:] = scaled.coupling[BLOCK]
         symbolic.by_block.add(reduced.coupling[BLOCK], views, self._border_gain)
-        reduced.border[:] = scaled.border - _contracted(shared, self._border_gain)
+        reduced.border[:] = scaled.border - _contract(shared, self._border_gain)
         try:
             self._front = Multifrontal(reduced, symbolic.ordering, smallest)
         except NotPositiveError as error:
@@ -343,7 +343,7 @@ class SparseFactor:
         _, block, border = symbolic.reduced.structure.split(reduced)
         # Reduced right-hand side: b_c - B^T A^-1 b_p.
         symbolic.by_block.add(block, self._gain, -point)
-        border -= _contracted(self._border_gain, point)
+        border -= _contract(self._border_gain, point)
         found = self._front.solve(reduced)
         _, block, border = symbolic.reduced.structure.split(found)
         # Back substitution of the points: A^-1 (b_p - B x_c).
@@ -369,7 +369,7 @@ class SparseFactor:
         own = symbolic.pattern.own(POINT)[symbolic.alone]
         inverse.tables[0][own] = self._inverse
         for views in symbolic.views:
-            step = 1 + CHUNK // (1 + views.entry.shape[1] * structure.block_size) ** 2
+            step = 1 + CHUNK_SIZE // (1 + views.entry.shape[1] * structure.block_size) ** 2
             for start in range(0, len(views.point), step):
                 part = slice(start, start + step)
                 some = _Views(views.point[part], views.entry[part], views.pair[part])
@@ -402,7 +402,7 @@ class SparseFactor:
         inverse.tables[0][own] -= border @ np.swapaxes(shared, 1, 2)
 
 
-def _contracted(left: Floats, right: Floats) -> Floats:
+def _contract(left: Floats, right: Floats) -> Floats:
     """Sum left[i]^T right[i] over (n, s, a) and (n, s, b)."""
     return np.asarray(np.tensordot(left, right, axes=([0, 1], [0, 1])))
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import scipy.sparse as sp
 
-from uavgram.estimation.solver.sparse.block_matrix import TABLES, BlockMatrix, Pattern
+from uavgram.estimation.solver.sparse.block_matrix import TABLE_KINDS, BlockMatrix, Pattern
 from uavgram.estimation.solver.sparse.structure import BLOCK, POINT
 from uavgram.model.arrays import Floats, Ints
 
@@ -78,7 +78,7 @@ class Ordering:
         structure = pattern.structure
         points, blocks = structure.counts
         sizes = np.repeat(structure.sizes, structure.counts)
-        trees = dissect(_graph(pattern))
+        trees = dissect(_make_graph(pattern))
         own = [node.own for node in trees]
         nodes = np.concatenate(own).astype(np.int64)
         rank = np.empty(points + blocks, dtype=np.int64)
@@ -93,18 +93,18 @@ class Ordering:
                 np.arange(structure.first_shared, structure.size),
             ]
         )
-        self.stored = sum(v.size for v in _stored(pattern.zeros()))
+        self.stored = sum(v.size for v in _find_stored(pattern.zeros()))
         self.fronts = self._fronts(own, [node.parent for node in trees], rank)
-        self.stacks = _stacks(self.fronts)
+        self.stacks = _make_stacks(self.fronts)
 
     def values(self, matrix: BlockMatrix) -> Floats:
         """Return the (stored,) values of a matrix."""
-        return np.concatenate([v.ravel() for v in _stored(matrix)])
+        return np.concatenate([v.ravel() for v in _find_stored(matrix)])
 
     def matrix(self, values: Floats) -> BlockMatrix:
         """Return the matrix with these values."""
         matrix, done = self._pattern.zeros(), 0
-        for part in _stored(matrix):
+        for part in _find_stored(matrix):
             part[...] = values[done : done + part.size].reshape(part.shape)
             done += part.size
         return matrix
@@ -134,7 +134,7 @@ class Ordering:
             if above >= 0:
                 outer = np.concatenate([np.arange(starts[above], ends[above]), boundaries[above]])
                 inside = np.searchsorted(outer, boundary)
-                runs = _runs(inside, ends[above] - int(starts[above]))
+                runs = _find_runs(inside, ends[above] - int(starts[above]))
             place[first:end] = np.arange(count)
             place[boundary] = count + np.arange(len(boundary))
             rows, columns, source = entries[node]
@@ -162,7 +162,7 @@ class Ordering:
 
     def _later(self, last: Ints, parent: list[int], rank: Ints) -> list[Ints]:
         """Return the ranks of the nodes on the boundary of each front."""
-        one, other = _edges(self._pattern)
+        one, other = _find_edges(self._pattern)
         low, high = np.minimum(rank[one], rank[other]), np.maximum(rank[one], rank[other])
         front = np.searchsorted(last, low, side="right")
         order = np.argsort(front, kind="stable")
@@ -185,7 +185,7 @@ class Ordering:
         structure = self._pattern.structure
         shared = np.arange(structure.first_shared, structure.size)
         rows, columns, fronts = [], [], []
-        for pairs, kinds in zip(self._pattern.pairs, TABLES, strict=True):
+        for pairs, kinds in zip(self._pattern.pairs, TABLE_KINDS, strict=True):
             one, other = (
                 rank[node + (0, structure.counts[0])[kind]]
                 for node, kind in zip((pairs.first, pairs.second), kinds, strict=True)
@@ -222,24 +222,26 @@ class Ordering:
         )
 
 
-def _stored(matrix: BlockMatrix) -> tuple[Floats, ...]:
+def _find_stored(matrix: BlockMatrix) -> tuple[Floats, ...]:
     return (*matrix.tables, *matrix.coupling, matrix.border)
 
 
-def _edges(pattern: Pattern) -> tuple[Ints, Ints]:
+def _find_edges(pattern: Pattern) -> tuple[Ints, Ints]:
     """Return pairs of nodes that are coupled, points numbered before blocks."""
     first = (0, pattern.structure.counts[0])
     one = [
-        pairs.first + first[kind] for pairs, (kind, _) in zip(pattern.pairs, TABLES, strict=True)
+        pairs.first + first[kind]
+        for pairs, (kind, _) in zip(pattern.pairs, TABLE_KINDS, strict=True)
     ]
     other = [
-        pairs.second + first[kind] for pairs, (_, kind) in zip(pattern.pairs, TABLES, strict=True)
+        pairs.second + first[kind]
+        for pairs, (_, kind) in zip(pattern.pairs, TABLE_KINDS, strict=True)
     ]
     return np.concatenate(one), np.concatenate(other)
 
 
-def _graph(pattern: Pattern) -> sp.csr_matrix:
-    one, other = _edges(pattern)
+def _make_graph(pattern: Pattern) -> sp.csr_matrix:
+    one, other = _find_edges(pattern)
     apart = one != other
     one, other = one[apart], other[apart]
     count = sum(pattern.structure.counts)
@@ -247,14 +249,14 @@ def _graph(pattern: Pattern) -> sp.csr_matrix:
     return sp.csr_matrix((np.ones(2 * len(one)), ends), shape=(count, count))
 
 
-def _runs(inside: Ints, own: int) -> list[tuple[int, int, int]]:
+def _find_runs(inside: Ints, own: int) -> list[tuple[int, int, int]]:
     """Return runs of neighbours in sorted places, also cut at `own`."""
     cuts = np.flatnonzero(np.diff(inside) != 1) + 1
     bounds = np.unique(np.concatenate([[0], cuts, [np.searchsorted(inside, own), len(inside)]]))
     return [(a, b, int(inside[a])) for a, b in pairwise(bounds.tolist())]
 
 
-def _stacks(fronts: list[Front]) -> tuple[int, int]:
+def _make_stacks(fronts: list[Front]) -> tuple[int, int]:
     most, top = [0, 0], [0, 0]
     waiting: list[list[Front]] = [[], []]
     for position, front in enumerate(fronts):

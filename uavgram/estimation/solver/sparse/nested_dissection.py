@@ -27,16 +27,16 @@ from scipy.sparse.csgraph import (
 
 from uavgram.model.arrays import Bools, Floats, Ints
 
-LEAF = 48
+LEAF_SIZE = 48
 """Number of blocks up to which a part is eliminated as a whole."""
 
-SHARES = (0.4, 0.5, 0.6)
+CUT_SHARES = (0.4, 0.5, 0.6)
 """Shares of a part on one side of the cuts that are tried."""
 
-SMALLEST = 0.2
+MIN_SHARE = 0.2
 """Smallest share of a part on each side of its separator."""
 
-SMOOTHING = 5
+SMOOTHING_COUNT = 5
 """Number of times that a direction is averaged over neighbours: distances are whole numbers of
 edges, cuts need finer ones."""
 
@@ -83,7 +83,7 @@ def _dissect(graph: sp.csr_matrix, part: Ints, found: list[tuple[Ints, list[int]
     """Append the nodes of `part` and return the position of its top."""
     separator: Ints = part
     sides: list[Ints] = []
-    if len(part) > LEAF:
+    if len(part) > LEAF_SIZE:
         separator, sides = _split(graph[part][:, part].tocsr(), part)
     children = [_dissect(graph, side, found) for side in sides]
     found.append((separator, children))
@@ -95,7 +95,7 @@ def _split(graph: sp.csr_matrix, part: Ints) -> tuple[Ints, list[Ints]]:
     count, found = connected_components(graph, directed=False)
     member: Ints = found.astype(np.int64)
     if count > 1:
-        side = _balanced(member, count)
+        side = _balance(member, count)
         return part[:0], [part[side], part[~side]]
     row: Ints = np.repeat(np.arange(len(part)), np.diff(graph.indptr))
     column: Ints = graph.indices.astype(np.int64)
@@ -109,12 +109,12 @@ def _split(graph: sp.csr_matrix, part: Ints) -> tuple[Ints, list[Ints]]:
     rest = np.ones(len(part), dtype=bool)
     rest[separator] = False
     sides = [part[side & rest], part[~side & rest]]
-    if min(map(len, sides)) < SMALLEST * len(part):
+    if min(map(len, sides)) < MIN_SHARE * len(part):
         return part, []
     return part[separator], sides
 
 
-def _balanced(member: Ints, count: int) -> Bools:
+def _balance(member: Ints, count: int) -> Bools:
     """Assign components to two sides of about one size: the largest first, to the lighter side."""
     sizes = np.bincount(member)
     side = np.zeros(count, dtype=bool)
@@ -141,9 +141,9 @@ def _sides(graph: sp.csr_matrix) -> Iterator[Bools]:
     along, across = one - other, middle - opposite
     for direction in (along + across, along - across):
         smooth = direction
-        for _ in range(SMOOTHING):
+        for _ in range(SMOOTHING_COUNT):
             smooth = neighbours @ smooth
-        for limit in np.quantile(smooth, SHARES):
+        for limit in np.quantile(smooth, CUT_SHARES):
             yield smooth <= limit
 
 

@@ -110,7 +110,7 @@ class Segment:
     def whole(self, jacobian: Floats) -> Floats:
         """Return the (n, r, size) Jacobian by all unknowns of the node, from rows (n, r, k)."""
         given = jacobian[:, :, self.columns]
-        return given if self.inside is None else spread(given, self.inside, self.size)
+        return given if self.inside is None else add_columns(given, self.inside, self.size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,10 +143,10 @@ class Part:
     def by_border(self, jacobian: Floats) -> Floats:
         """Return the (n, r, u) Jacobian by the border's unknowns that occur."""
         given = jacobian[:, :, self.shared]
-        return given if self.place is None else spread(given, self.place, len(self.used))
+        return given if self.place is None else add_columns(given, self.place, len(self.used))
 
 
-def spread(given: Floats, place: Ints, size: int) -> Floats:
+def add_columns(given: Floats, place: Ints, size: int) -> Floats:
     """Add the columns of `given` (n, r, w) at `place` (n, w) of an array (n, r, size).
 
     Parameters
@@ -165,7 +165,7 @@ def spread(given: Floats, place: Ints, size: int) -> Floats:
     return whole
 
 
-def parts_of(columns: Ints, structure: Structure) -> list[Part]:
+def split_into_parts(columns: Ints, structure: Structure) -> list[Part]:
     """Divide rows (n, k) of columns into parts of the same kinds."""
     kind = np.searchsorted([structure.first_block, structure.first_shared], columns, side="right")
     if (kind == kind[:1]).all():

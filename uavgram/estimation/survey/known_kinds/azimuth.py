@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
+from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownKind, KnownResiduals
 from uavgram.model.survey.known import KnownThing
 
 
@@ -15,7 +15,7 @@ class Azimuth(KnownKind):
     the bearing plus ``convergence_deg``, the angle by which grid north is east of true north.
     """
 
-    def departures(self, alike: Alike) -> Departures:
+    def departures(self, alike: AlikeThings) -> KnownResiduals:
         """Compute azimuths minus known ones, from -180 to 180 degrees; 0 if the points coincide."""
         known = [
             thing.value + dict(thing.parameters).get(CONVERGENCE, 0.0) for thing in alike.things
@@ -29,7 +29,7 @@ class Azimuth(KnownKind):
         turn = np.degrees(ahead[:, ::-1] * [1.0, -1.0] / np.where(is_apart, square, 1.0)[:, None])
         gradient = np.zeros((len(known), 1, 2, 3))
         gradient[:, 0, 0, :2], gradient[:, 0, 1, :2] = -turn, turn
-        return Departures(value[:, None], gradient)
+        return KnownResiduals(value[:, None], gradient)
 
     def fault(self, value: float) -> str:
         """Describe why an azimuth is impossible."""

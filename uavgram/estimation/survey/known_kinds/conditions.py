@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
+from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownKind, KnownResiduals
 from uavgram.geometry.ground import conditions
 from uavgram.geometry.ground.conditions import Residuals
 from uavgram.model.arrays import Floats
@@ -33,10 +33,10 @@ class Condition(KnownKind):
     count: Callable[[int, int], int] = lambda *_: 1
     lines: bool = False
 
-    def departures(self, alike: Alike) -> Departures:
+    def departures(self, alike: AlikeThings) -> KnownResiduals:
         """Compute the residuals; 0 where there is no derivative, as no direction reduces them."""
         value, gradient = self.function(alike.world, alike.on_ground)
-        return Departures(np.nan_to_num(value), np.nan_to_num(gradient))
+        return KnownResiduals(np.nan_to_num(value), np.nan_to_num(gradient))
 
     def row_count(self, thing: KnownThing, *, on_ground: bool) -> int:
         """Count the rows of one thing."""

@@ -21,7 +21,7 @@ KNOWN_KINDS = {name: one for name, one in ALL_KINDS.items() if name != ON_LINE}
 """Kinds of the table of known things; lines of known position have a table of their own."""
 
 
-def gives_scale(known: KnownThings) -> bool:
+def determine_scale(known: KnownThings) -> bool:
     """Return whether any known thing that is an observation determines the scale."""
     rows = zip(known.kind, known.value.tolist(), known.adjust.tolist(), strict=True)
     return any(ALL_KINDS[kind].gives_scale(value) for kind, value, adjust in rows if adjust)

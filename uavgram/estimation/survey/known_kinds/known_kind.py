@@ -24,7 +24,7 @@ the thing refers to north or to the map, wherever its points are.
 """
 
 
-class Alike(NamedTuple):
+class AlikeThings(NamedTuple):
     """N things of one kind with k points each, all on the ground or none.
 
     Attributes
@@ -46,7 +46,7 @@ class Alike(NamedTuple):
     survey: Survey
 
 
-class Departures(NamedTuple):
+class KnownResiduals(NamedTuple):
     """Residuals of N things against their known values, each in m rows, in the unit of the thing.
 
     Attributes
@@ -109,7 +109,7 @@ class KnownKind:
     needs: Needs = "nothing"
     unplaced: tuple[str, str] = ("", "")
 
-    def departures(self, alike: Alike) -> Departures:
+    def departures(self, alike: AlikeThings) -> KnownResiduals:
         """Compute the residuals of things that are alike."""
         raise NotImplementedError
 

@@ -12,8 +12,8 @@ from typing import cast
 
 import numpy as np
 
-from uavgram.estimation.survey.ground_below import ground_below
-from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
+from uavgram.estimation.survey.ground_below import find_ground_below
+from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownKind, KnownResiduals
 from uavgram.geometry.ground import conditions, measurements
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import length_fault, number_fault
@@ -23,7 +23,7 @@ from uavgram.model.survey.survey import Survey
 
 
 @dataclass(frozen=True, kw_only=True)
-class Measured(KnownKind):
+class MeasuredKind(KnownKind):
     """Kind of measurement whose value is known.
 
     Attributes
@@ -39,7 +39,7 @@ class Measured(KnownKind):
     limits: tuple[float, float] = (-np.inf, np.inf)
     limits_words: str = ""
 
-    def departures(self, alike: Alike) -> Departures:
+    def departures(self, alike: AlikeThings) -> KnownResiduals:
         """Compute the measured values minus the known ones.
 
         Where there is no derivative (points that coincide), the gradient is zero and the value is
@@ -52,7 +52,7 @@ class Measured(KnownKind):
         value, by_point, by_foot, rough = (
             np.array(column)[:, None] for column in zip(*each, strict=True)
         )
-        return Departures(value, by_point, by_foot, rough)
+        return KnownResiduals(value, by_point, by_foot, rough)
 
     def _departure(
         self, thing: KnownThing, world: Floats, feet: Floats, survey: Survey
@@ -64,14 +64,14 @@ class Measured(KnownKind):
             if not self.is_from_ground(thing):
                 value, gradient = measurements.measure_shape(kind, world, parameters)
                 return value - thing.value, gradient, nothing, 0.0
-            below = ground_below(survey, np.array(thing.label), world, feet)
+            below = find_ground_below(survey, np.array(thing.label), world, feet)
             value, gradient, by_feet = measurements.measure_over_ground(
                 kind, world, below.feet, parameters
             )
         except measurements.UnmeasurableError:
             return -thing.value, nothing, nothing, 0.0
         # Where the ground point moves with the point, its derivatives add to those of the point.
-        is_below = below.told[:, None]
+        is_below = below.is_determined[:, None]
         return (
             value - thing.value,
             gradient + np.where(is_below, by_feet, 0.0),
@@ -91,15 +91,15 @@ class Measured(KnownKind):
         return length_fault(value) if self.is_positive else number_fault(value)
 
 
-class LineDistance(Measured):
+class LineDistance(MeasuredKind):
     """Distance from a line; the offset from it if the known distance is zero."""
 
-    def departures(self, alike: Alike) -> Departures:
+    def departures(self, alike: AlikeThings) -> KnownResiduals:
         """Compute the distances minus the known ones, or the offsets."""
         if alike.things[0].value != 0.0:
             return super().departures(alike)
         value, gradient = conditions.line_offset(alike.world, on_ground=alike.on_ground)
-        return Departures(np.nan_to_num(value), np.nan_to_num(gradient))
+        return KnownResiduals(np.nan_to_num(value), np.nan_to_num(gradient))
 
     def row_count(self, thing: KnownThing, *, on_ground: bool) -> int:
         """Count the axes of the offset."""
@@ -111,20 +111,20 @@ class LineDistance(Measured):
 
 
 MEASURED = (
-    Measured("distance", is_positive=True),
-    Measured("polyline", "length along points", is_positive=True),
-    Measured("area", unit="m2", is_positive=True),
-    Measured(
+    MeasuredKind("distance", is_positive=True),
+    MeasuredKind("polyline", "length along points", is_positive=True),
+    MeasuredKind("area", unit="m2", is_positive=True),
+    MeasuredKind(
         "angle",
         unit="deg",
         limits=(0.0, 180.0),
         limits_words="must lie between 0 and 180 degrees; for points in line use kind collinear",
     ),
     LineDistance("line_distance", "distance from a line"),
-    Measured("height", needs="tilt", is_directed=True),
-    Measured("horizontal_distance", is_positive=True),
-    Measured("vertical_distance", needs="tilt", is_directed=True),
-    Measured(
+    MeasuredKind("height", needs="tilt", is_directed=True),
+    MeasuredKind("horizontal_distance", is_positive=True),
+    MeasuredKind("vertical_distance", needs="tilt", is_directed=True),
+    MeasuredKind(
         "slope",
         unit="deg",
         needs="tilt",
@@ -132,6 +132,6 @@ MEASURED = (
         limits=(-90.0, 90.0),
         limits_words="must lie between -90 and 90 degrees",
     ),
-    Measured("plane_distance", needs="relief"),
-    Measured("volume", unit="m3", parameters=("top", "level", "plane")),
+    MeasuredKind("plane_distance", needs="relief"),
+    MeasuredKind("volume", unit="m3", parameters=("top", "level", "plane")),
 )

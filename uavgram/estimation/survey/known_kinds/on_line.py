@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures, KnownKind
+from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownKind, KnownResiduals
 from uavgram.geometry.ground.line_of_position import compute_joint_covariance, compute_line_offsets
 from uavgram.model.survey.known import ON_LINE, KnownThing
 
@@ -12,7 +12,7 @@ from uavgram.model.survey.known import ON_LINE, KnownThing
 class OnLine(KnownKind):
     """Points that were picked somewhere on a line with known coordinates."""
 
-    def departures(self, alike: Alike) -> Departures:
+    def departures(self, alike: AlikeThings) -> KnownResiduals:
         """Compute the offsets of the points from their line; all share the errors of its ends."""
         value, gradient, covariance = [], [], []
         for thing, world in zip(alike.things, alike.world, strict=True):
@@ -27,7 +27,7 @@ class OnLine(KnownKind):
             value.append(beside.value.ravel())
             gradient.append(by_point.reshape(k * axes, k, 3))
             covariance.append(joint * (thing.sigma / line.across_m) ** 2)
-        return Departures(np.array(value), np.array(gradient), covariance=np.array(covariance))
+        return KnownResiduals(np.array(value), np.array(gradient), covariance=np.array(covariance))
 
     def row_count(self, thing: KnownThing, *, on_ground: bool) -> int:
         """Count the axes of all points."""

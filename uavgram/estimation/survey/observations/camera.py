@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, in_unit
-from uavgram.estimation.survey.observations.priors import Prior, independent_prior
-from uavgram.estimation.survey.observed import Observations, Truth
+from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, get_unit
+from uavgram.estimation.survey.observations.priors import Prior, make_independent_prior
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import parameter_names
@@ -28,7 +28,7 @@ class Calibration(Observation):
     )
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the parameters that the calibration states."""
         root = truth.problem.intrinsic_basis
         off = root @ truth.rng.standard_normal(root.shape[1])
@@ -39,7 +39,7 @@ class Calibration(Observation):
         """Compare the combinations with the calibration."""
         layout = self.problem.layout
         sigma = np.ones(layout.intrinsics)
-        return independent_prior(state.intrinsic, sigma, layout.first_intrinsic)
+        return make_independent_prior(state.intrinsic, sigma, layout.first_intrinsic)
 
     def tested(self, block: Block) -> Block:
         """Arrange the combinations as one observation of correlated parameters."""
@@ -58,7 +58,7 @@ class Calibration(Observation):
 
     def unit(self, member: Member) -> tuple[str, float]:
         """Return pixels, or no unit."""
-        return in_unit("px" if self.axis(member) in ("fx", "fy", "cx", "cy") else "1")
+        return get_unit("px" if self.axis(member) in ("fx", "fy", "cx", "cy") else "1")
 
 
 class Readout(Prior):
@@ -81,7 +81,9 @@ class Readout(Prior):
         assert self.problem.survey.rolling is not None  # noqa: S101  (see `of`)
         known = self.problem.survey.rolling.readout
         off = state.readout - known.value_s
-        return independent_prior(off, np.array([known.sigma_s]), self.problem.layout.first_readout)
+        return make_independent_prior(
+            off, np.array([known.sigma_s]), self.problem.layout.first_readout
+        )
 
 
 class Turning(Observation):

@@ -17,7 +17,7 @@ from uavgram.estimation.survey.observations.observation import (
     Observation,
     Subjects,
 )
-from uavgram.estimation.survey.observed import Observations, Truth
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.observations import KnownWorldPoints
@@ -37,7 +37,7 @@ class Control(Observation):
         plural="control points",
         check="their labels and sigmas",
         misfit_code="control-suspect",
-        look="Look at their coordinates, their labels and their picks.",
+        advice="Look at their coordinates, their labels and their picks.",
         is_core=True,
         is_whole=True,
         is_joint=True,
@@ -48,7 +48,7 @@ class Control(Observation):
         return bool(len(self.problem.survey.control_label))
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the coordinates of the points about the truth."""
         control = stated.control
         kept = [i for i, name in enumerate(control.label) if name in truth.row]

@@ -11,8 +11,8 @@ import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, Subjects
-from uavgram.estimation.survey.observations.priors import Prior, independent_prior
-from uavgram.estimation.survey.observed import Observations, Truth
+from uavgram.estimation.survey.observations.priors import Prior, make_independent_prior
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -94,7 +94,7 @@ class Departures(Observation):
         return {"roughness": third.rough, "heights": third.stated, "idle": third.idle}[self.name]
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the heights above the ground that are stated with a sigma, one for each label."""
         survey, picks = truth.problem.survey, stated.picks
         sigma = np.where(survey.is_free, 0.0, survey.height_sigma_m)
@@ -146,7 +146,7 @@ class Relief(Observation):
     def rows(self, state: State) -> Block | None:
         """Compare the coefficients with 0."""
         sigma = self.problem.ground.relief_sigma_m
-        return independent_prior(state.relief, sigma, self.problem.layout.first_relief)
+        return make_independent_prior(state.relief, sigma, self.problem.layout.first_relief)
 
 
 class Plane(Prior):
@@ -177,7 +177,7 @@ class Plane(Prior):
         return self.kind.name if self._is_first else f"plane of {self._prior.area}"
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the stated height of the first area; without a world there is none."""
         ground, free = stated.ground, truth.problem.survey.gauge == "plane"
         true = 0.0 if free else float(truth.state.plane[0])
@@ -189,7 +189,7 @@ class Plane(Prior):
         layout, prior = self.problem.layout, self._prior
         unknown = state.plane[..., state.plane.shape[-1] - layout.plane :]
         off = unknown[..., prior.first : prior.first + len(prior.mean)] - prior.mean
-        return independent_prior(off, prior.sigma, layout.first_plane + prior.first)
+        return make_independent_prior(off, prior.sigma, layout.first_plane + prior.first)
 
     def axis(self, member: Member) -> str:
         """Return ``ground height``, or ``ground height of 'verge'``."""

@@ -13,10 +13,15 @@ from uavgram.estimation.survey.observations.ground import Departures, Plane, Rel
 from uavgram.estimation.survey.observations.known import Known
 from uavgram.estimation.survey.observations.lengths import Lengths, TapeScales
 from uavgram.estimation.survey.observations.observation import Kind, Observation
-from uavgram.estimation.survey.observations.pixels import Identification, Linked, Pixels
+from uavgram.estimation.survey.observations.pixels import Identification, LinkedHeights, Pixels
 from uavgram.estimation.survey.observations.priors import Gauge
 from uavgram.estimation.survey.observations.telemetry import ClockDriftPrior, FlightPrior, Telemetry
-from uavgram.estimation.survey.observations.tied import Beside, Matches, TieHeights, Ties
+from uavgram.estimation.survey.observations.tied import (
+    InterpolatedHeights,
+    Matches,
+    TieHeights,
+    Ties,
+)
 
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -26,7 +31,7 @@ OBSERVATIONS: tuple[type[Observation], ...] = (
     Matches,
     Ties,
     TieHeights,
-    Beside,
+    InterpolatedHeights,
     Calibration,
     Lengths,
     TapeScales,
@@ -36,7 +41,7 @@ OBSERVATIONS: tuple[type[Observation], ...] = (
     Relief,
     Plane,
     Identification,
-    Linked,
+    LinkedHeights,
     Readout,
     Turning,
     Gauge,
@@ -61,11 +66,11 @@ represents a group of inseparable observations.
 """
 
 
-def kind_of(group: str) -> Kind:
+def get_kind(group: str) -> Kind:
     """Return the kind of a group of the likelihood, by the name of the group."""
     return KINDS[group.partition(" of ")[0]]
 
 
-def observations_of(problem: SurveyProblem) -> dict[str, Observation]:
+def list_observations(problem: SurveyProblem) -> dict[str, Observation]:
     """Return all observations of a survey, by the names of their groups."""
     return {one.name: one for kind in OBSERVATIONS for one in kind.of(problem)}

@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.estimation.survey.known_kinds.known_kind import Alike, Departures
+from uavgram.estimation.survey.known_kinds.known_kind import AlikeThings, KnownResiduals
 from uavgram.estimation.survey.observations.observation import (
     Kind,
     Member,
@@ -19,8 +19,8 @@ from uavgram.estimation.survey.observations.observation import (
     Observation,
     Subjects,
 )
-from uavgram.estimation.survey.observed import Observations, Truth
-from uavgram.estimation.survey.unknowns import State, unstacked
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
+from uavgram.estimation.survey.unknowns import State, unstack
 from uavgram.geometry.ground.line_of_position import compute_inverse_root
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.known import KnownThing
@@ -87,7 +87,9 @@ class KnownRows(NamedTuple):
         return np.diag(self.sigma[rows] ** 2)
 
 
-def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing]) -> KnownRows:
+def compute_known_rows(
+    problem: SurveyProblem, state: State, things: Sequence[KnownThing]
+) -> KnownRows:
     """Compute the rows of known things.
 
     Parameters
@@ -106,11 +108,11 @@ def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing
     """
     most = max(len(thing.label) for thing in things)
     label = np.array([(*t.label, *t.label[:1] * (most - len(t.label))) for t in things])
-    world, by_world = _located(problem.world_points(state, label.ravel()), label)
+    world, by_world = _locate(problem.world_points(state, label.ravel()), label)
     feet, by_feet = world, by_world
     if any(ALL_KINDS[thing.kind].is_from_ground(thing) for thing in things):
-        feet, by_feet = _located(problem.ground_points(state, label.ravel()), label)
-    row = things_of_rows(problem.survey, things)
+        feet, by_feet = _locate(problem.ground_points(state, label.ravel()), label)
+    row = find_things_of_rows(problem.survey, things)
     value, rough = np.zeros((2, len(row)))
     by_point, by_foot = np.zeros((2, len(row), most, 3))
     joint: list[tuple[Ints, Floats]] = []
@@ -143,40 +145,40 @@ def known_rows(problem: SurveyProblem, state: State, things: Sequence[KnownThing
 
 def _departures(
     survey: Survey, things: Sequence[KnownThing], row: Ints, world: Floats, feet: Floats
-) -> Iterator[tuple[Ints, Departures]]:
+) -> Iterator[tuple[Ints, KnownResiduals]]:
     """Yield rows (N, m) of things that are alike, and their residuals."""
     first = np.searchsorted(row, np.arange(len(things)))
     alike: dict[tuple[object, ...], list[int]] = {}
     for i, thing in enumerate(things):
-        flat, line = on_ground(survey, thing), thing.position
+        flat, line = is_on_ground(survey, thing), thing.position
         key = thing.kind, len(thing.label), flat, thing.value == 0.0, line and line.has_height
         alike.setdefault(key, []).append(i)
     for own in alike.values():
         some, k = tuple(things[i] for i in own), len(things[own[0]].label)
-        flat = on_ground(survey, some[0])
+        flat = is_on_ground(survey, some[0])
         found = ALL_KINDS[some[0].kind].departures(
-            Alike(some, world[own, :k], feet[own, :k], flat, survey)
+            AlikeThings(some, world[own, :k], feet[own, :k], flat, survey)
         )
         yield first[own][:, None] + np.arange(found.value.shape[1]), found
 
 
-def _located(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
+def _locate(points: tuple[Floats, Floats, Floats], label: Ints) -> tuple[Floats, Floats]:
     """Return places (N, k, 3) of labels (N, k), and derivatives (N, k, 3, j) by all unknowns."""
     world, d_point, d_plane = points
     by_unknowns = np.concatenate([d_point, d_plane], axis=2)
     return world.reshape(*label.shape, 3), by_unknowns.reshape(*label.shape, 3, -1)
 
 
-def things_of_rows(survey: Survey, things: Sequence[KnownThing]) -> Ints:
+def find_things_of_rows(survey: Survey, things: Sequence[KnownThing]) -> Ints:
     """Return the (R,) index of the known thing of each row."""
     counts = [
-        ALL_KINDS[thing.kind].row_count(thing, on_ground=on_ground(survey, thing))
+        ALL_KINDS[thing.kind].row_count(thing, on_ground=is_on_ground(survey, thing))
         for thing in things
     ]
     return np.repeat(np.arange(len(things)), counts)
 
 
-def on_ground(survey: Survey, thing: KnownThing) -> bool:
+def is_on_ground(survey: Survey, thing: KnownThing) -> bool:
     """Return whether all points of a thing are on the ground."""
     return not survey.off_ground[list(thing.label)].any()
 
@@ -193,7 +195,7 @@ class Known(Observation):
         plural="known things",
         check="their values and sigmas",
         misfit_code="known-suspect",
-        look="Look at their values, at their points and at their picks.",
+        advice="Look at their values, at their points and at their picks.",
         is_core=True,
         has_table=True,
     )
@@ -203,14 +205,14 @@ class Known(Observation):
         return bool(self.problem.known)
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the values; conditions and lines of position keep their residuals."""
         known = stated.known
         value, row = known.value.copy(), truth.problem.survey.row_of_label
         seen = (known.seen_thing(i, row) for i in range(len(known.name)))
         things = [one for one in seen if one is not None and ALL_KINDS[one.kind].has_value]
         if things:
-            rows = known_rows(truth.problem, truth.state, things)
+            rows = compute_known_rows(truth.problem, truth.state, things)
             np.add.at(value, np.array([thing.index for thing in things])[rows.thing], rows.value)
         noise = known.sigma * truth.rng.standard_normal(len(known.name))
         value += np.where(np.isnan(known.value), 0.0, noise)
@@ -220,12 +222,12 @@ class Known(Observation):
         """Compute the residuals of all known things."""
         if state.plane.ndim == 1:
             return self._found(state).block()
-        each = [self._found(one).block() for one in unstacked(state)]
+        each = [self._found(one).block() for one in unstack(state)]
         residual, jacobian = np.stack([b.residual for b in each]), [b.jacobian for b in each]
         return Block(residual, each[0].columns, np.stack(jacobian))
 
     def _found(self, state: State) -> KnownRows:
-        return known_rows(self.problem, state, self.problem.known)
+        return compute_known_rows(self.problem, state, self.problem.known)
 
     def sigma(self, found: Minimum[State]) -> Floats:
         """Return the (R, 1) standard deviations, each in its unit."""
@@ -256,7 +258,7 @@ class Known(Observation):
     def named(self, row: int) -> str:
         """Return ``right angle 'corner' ('A', 'B', 'C')``."""
         thing = self.thing(row)
-        return named_thing(thing.kind, thing.name, self._labels(row))
+        return describe_thing(thing.kind, thing.name, self._labels(row))
 
     def title(self, member: Member) -> str:
         """Return ``known right angle 'corner' ('A', 'B', 'C')``."""
@@ -282,7 +284,7 @@ class Known(Observation):
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a known thing that does not fit."""
         thing, what = self.thing(found.member.row), self.named(found.member.row)
-        how = f"{departure(thing, found.off)} (w = {found.w:.1f})"
+        how = f"{describe_departure(thing, found.off)} (w = {found.w:.1f})"
         given = "value" if thing.position is None else "coordinates"
         return (
             f"The known {what} does not fit: {how}. Look at its {given}, at its points and at "
@@ -291,7 +293,7 @@ class Known(Observation):
         )
 
 
-def departure(thing: KnownThing, off: Floats) -> str:
+def describe_departure(thing: KnownThing, off: Floats) -> str:
     """Return ``given 3.500 m, adjusted 3.612 m``, or for a condition ``off by 0.112 m``.
 
     Parameters
@@ -309,7 +311,7 @@ def departure(thing: KnownThing, off: Floats) -> str:
     return f"given {thing.value:.3f} {kind.unit}, adjusted {adjusted:.3f} {kind.unit}"
 
 
-def named_thing(kind: str, name: str, points: Sequence[str]) -> str:
+def describe_thing(kind: str, name: str, points: Sequence[str]) -> str:
     """Return the name of a known thing: ``right angle 'corner' ('A', 'B', 'C')``.
 
     Parameters

@@ -25,8 +25,8 @@ from uavgram.estimation.survey.observations.observation import (
     Observation,
     Subjects,
 )
-from uavgram.estimation.survey.observations.priors import independent_prior
-from uavgram.estimation.survey.observed import Observations, Truth
+from uavgram.estimation.survey.observations.priors import make_independent_prior
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Remedy, propose_length_removal
@@ -35,7 +35,7 @@ from uavgram.model.survey.observations import KnownLines
 from uavgram.model.survey.survey import Survey
 
 
-class Taped(NamedTuple):
+class TapedLengths(NamedTuple):
     """Tape readings of n lengths: labels of their ends (n,), tapes, whether horizontal (n,)."""
 
     start: Ints
@@ -44,9 +44,9 @@ class Taped(NamedTuple):
     level: Bools
 
 
-def taped_lines(survey: Survey, line: Ints) -> Taped:
+def select_taped_lines(survey: Survey, line: Ints) -> TapedLengths:
     """Return some of the known lengths of a survey, by row."""
-    return Taped(
+    return TapedLengths(
         survey.line_start[line],
         survey.line_end[line],
         tuple(survey.line_tape[i] for i in line) if survey.line_tape else ("",) * len(line),
@@ -54,7 +54,7 @@ def taped_lines(survey: Survey, line: Ints) -> Taped:
     )
 
 
-def taped_known(lines: KnownLines, row: Ints, start: Ints, end: Ints) -> Taped:
+def select_taped_known(lines: KnownLines, row: Ints, start: Ints, end: Ints) -> TapedLengths:
     """Return some of the known lengths of a project.
 
     Parameters
@@ -66,27 +66,27 @@ def taped_known(lines: KnownLines, row: Ints, start: Ints, end: Ints) -> Taped:
     start, end
         (n,) the labels of their ends among those of a survey.
     """
-    return Taped(start, end, tuple(lines.tape_of(i) for i in row), _level(lines.along, row))
+    return TapedLengths(start, end, tuple(lines.tape_of(i) for i in row), _level(lines.along, row))
 
 
 def _level(along: tuple[str, ...], row: Ints) -> Bools:
     return np.array([bool(along) and along[i] == "horizontal" for i in row], dtype=np.bool_)
 
 
-def tapes_of(survey: Survey, line: Ints) -> tuple[str, ...]:
+def list_tapes(survey: Survey, line: Ints) -> tuple[str, ...]:
     """Return the tapes with an unknown scale if these known lengths take part, in their order."""
-    names = dict.fromkeys(taped_lines(survey, line).tape)
+    names = dict.fromkeys(select_taped_lines(survey, line).tape)
     return tuple(name for name in names if survey.scale_sigma_of(name) > 0)
 
 
-def tape_rows(known: tuple[str, ...], tape: tuple[str, ...]) -> Ints:
+def find_tape_rows(known: tuple[str, ...], tape: tuple[str, ...]) -> Ints:
     """Return the (n,) positions of n tapes among the known ones; -1 for others."""
     place = {name: k for k, name in enumerate(known)}
     return np.array([place.get(name, -1) for name in tape], dtype=np.int64)
 
 
-def unlearnt(
-    known: tuple[str, ...], taped: Taped, reading_m: Floats, sigma_of: Callable[[str], float]
+def compute_unlearnt(
+    known: tuple[str, ...], taped: TapedLengths, reading_m: Floats, sigma_of: Callable[[str], float]
 ) -> Floats:
     """Compute (n, U) errors of readings by one sigma of each tape without an adjusted length.
 
@@ -117,7 +117,7 @@ class Lengths(Observation):
         plural="known lengths",
         check="their readings and sigma_m",
         misfit_code="line-suspect",
-        look="Look at the readings, at their ends and at their picks.",
+        advice="Look at the readings, at their ends and at their picks.",
         is_core=True,
         has_table=True,
     )
@@ -127,7 +127,7 @@ class Lengths(Observation):
         return bool(len(self.problem.line_index))
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw readings between points that took part; each tape has a scale of its own."""
         lines, own = stated.lines, dict(stated.own_scale_sigma)
         names = range(len(lines.name))
@@ -147,9 +147,9 @@ class Lengths(Observation):
         return replace(stated, lines=replace(again, length_m=true + noise))
 
     @cached_property
-    def _taped(self) -> tuple[Taped, Ints]:
+    def _taped(self) -> tuple[TapedLengths, Ints]:
         """Lengths that take part, and the unknowns of each."""
-        taped = taped_lines(self.problem.survey, self.problem.line_index)
+        taped = select_taped_lines(self.problem.survey, self.problem.line_index)
         return taped, self.problem.columns_of_readings(taped)
 
     def rows(self, state: State) -> Block | None:
@@ -182,7 +182,7 @@ class Lengths(Observation):
         """Return ``'L2' ('R3' to 'R4')``."""
         survey, line = self.problem.survey, self.problem.line_index[row]
         start, end = survey.label[survey.line_start[line]], survey.label[survey.line_end[line]]
-        return named_ends(survey.line_name[line] if survey.line_name else "", start, end)
+        return describe_ends(survey.line_name[line] if survey.line_name else "", start, end)
 
     def title(self, member: Member) -> str:
         """Return ``length 'L2' ('R3' to 'R4')``."""
@@ -226,7 +226,7 @@ class TapeScales(Observation):
         """Compare the scales with 0."""
         tapes = self.problem.tapes
         sigma = np.array([self.problem.survey.scale_sigma_of(tape) for tape in tapes])
-        return independent_prior(state.tape, sigma, self.problem.layout.first_tape)
+        return make_independent_prior(state.tape, sigma, self.problem.layout.first_tape)
 
     def named(self, row: int) -> str:
         """Return ``the tape``, or ``the tape 'red'``."""
@@ -250,7 +250,7 @@ class TapeScales(Observation):
         )
 
 
-def named_ends(name: str, start: str, end: str) -> str:
+def describe_ends(name: str, start: str, end: str) -> str:
     """Return a length as ``'L2' ('R3' to 'R4')``; only its ends if it has no name.
 
     Parameters

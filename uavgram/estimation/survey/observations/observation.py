@@ -14,7 +14,7 @@ import numpy as np
 
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observed import Observations, Truth
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Remedy
@@ -35,7 +35,7 @@ class Suspicion:
 
     Attributes
     ----------
-    accused
+    suspect
         Observation with the largest test statistic `w`.
     w
         Test statistic, signed, given earlier suspicions.
@@ -45,7 +45,7 @@ class Suspicion:
         Others whose odds against it are more than 1 in 20.
     """
 
-    accused: Member
+    suspect: Member
     w: float
     group: tuple[Member, ...]
     rivals: tuple[Member, ...]
@@ -62,7 +62,7 @@ observed, but single ones are not tested. ``construction``: not observed; it con
 """
 
 
-FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6, "%": 100.0}
+UNIT_FACTORS = {"deg": float(np.rad2deg(1.0)), "ppm": 1e6, "%": 100.0}
 """Number of each unit in the unit of the unknowns; 1 for all others."""
 
 
@@ -116,7 +116,7 @@ class Kind:
     plural, check
         Name of several in a sentence, and the thing to check if the group does not fit; empty: no
         message is about it alone.
-    look
+    advice
         Advice if several single ones do not fit.
     misfit_code
         Code of the message on one that does not fit.
@@ -143,7 +143,7 @@ class Kind:
     units: tuple[str, ...] = ("m",)
     plural: str = ""
     check: str = ""
-    look: str = "Check their values and sigmas in the project."
+    advice: str = "Check their values and sigmas in the project."
     misfit_code: str = "prior-strained"
     is_judged: bool = False
     is_core: bool = False
@@ -181,7 +181,7 @@ class Observation:
         return True
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw these kinds anew, about the truth and with their stated errors.
 
         Parameters
@@ -257,7 +257,7 @@ class Observation:
 
     def unit(self, member: Member) -> tuple[str, float]:
         """Return the unit of its errors, and how many of it make the unit of the unknowns."""
-        return in_unit(self.kind.units[member.axis])
+        return get_unit(self.kind.units[member.axis])
 
     def subjects(self, row: int) -> Subjects:
         """Return frames, labels and lengths that an observation is about."""
@@ -290,6 +290,6 @@ class Observation:
         return None
 
 
-def in_unit(unit: str) -> tuple[str, float]:
+def get_unit(unit: str) -> tuple[str, float]:
     """Return a unit, and how many of it make the unit of the unknowns."""
-    return unit, FACTORS.get(unit, 1.0)
+    return unit, UNIT_FACTORS.get(unit, 1.0)

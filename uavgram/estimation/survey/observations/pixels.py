@@ -23,8 +23,12 @@ from uavgram.estimation.survey.observations.observation import (
     Observation,
     Subjects,
 )
-from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
-from uavgram.estimation.survey.observed import Observations, Truth
+from uavgram.estimation.survey.observations.sightings import (
+    Sightings,
+    collect_sightings,
+    compute_sighting_rows,
+)
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Remedy, propose_pick_removal
@@ -32,7 +36,7 @@ from uavgram.model.message import Remedy, propose_pick_removal
 if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
 
-LINKED_M = 0.001
+LINKED_SIGMA_M = 0.001
 """Sigma of the difference in height above the ground between the picked and the meant point [m]."""
 
 
@@ -63,10 +67,10 @@ class Identification(Observation):
     def rows(self, state: State) -> Block | None:
         """Compute (2Q, 1) offsets of each picked point, east and then north."""
         off = (state.picked - state.point[..., self._label, :])[..., :2]
-        return _differences(off.reshape(*off.shape[:-2], -1), self._level, self._sigma)
+        return _make_differences(off.reshape(*off.shape[:-2], -1), self._level, self._sigma)
 
 
-class Linked(Observation):
+class LinkedHeights(Observation):
     """Equal heights of picked points and chains of matches, and of the meant points."""
 
     kind = Kind(
@@ -94,7 +98,7 @@ class Linked(Observation):
         """Compute (Q + chains, 1) heights over the ground minus that of the meant point."""
         own = np.concatenate([state.picked, state.tie[..., self._chain, :]], axis=-2)
         off = (own - state.point[..., self._linked, :])[..., 2]
-        return _differences(off, self._upright, np.full(off.shape[-1], LINKED_M))
+        return _make_differences(off, self._upright, np.full(off.shape[-1], LINKED_SIGMA_M))
 
 
 def _columns(own: Ints, other: Ints) -> Ints:
@@ -102,7 +106,7 @@ def _columns(own: Ints, other: Ints) -> Ints:
     return np.stack([own.ravel(), other.ravel()], axis=1)
 
 
-def _differences(off: Floats, columns: Ints, sigma: Floats) -> Block:
+def _make_differences(off: Floats, columns: Ints, sigma: Floats) -> Block:
     """Return rows for (..., n) differences of two unknowns each, over their sigmas (n,)."""
     jacobian = np.stack([1.0 / sigma, -1.0 / sigma], axis=1)[:, None, :]
     return Block((off / sigma)[..., None], columns, jacobian)
@@ -121,7 +125,7 @@ class Pixels(Observation):
         plural="picks",
         check="their labels and picks_sigma_px",
         misfit_code="pick-suspect",
-        look="Look at their places and at their labels.",
+        advice="Look at their places and at their labels.",
         is_core=True,
         is_whole=True,
         is_joint=True,
@@ -140,10 +144,10 @@ class Pixels(Observation):
         above = to_camera[..., 2] - np.sum(slope * to_camera[..., :2], axis=-1)
         if above.size and above.min() <= 0:  # the ground is only visible from above
             return None
-        return rows_of_sightings(self.problem, state, self._seen, (world, d_point, d_plane))
+        return compute_sighting_rows(self.problem, state, self._seen, (world, d_point, d_plane))
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the pixels at which people see each point, picked with an identification error."""
         picks, survey = stated.picks, truth.problem.survey
         frame = {name: i for i, name in enumerate(survey.frame_id)}
@@ -182,10 +186,12 @@ class Pixels(Observation):
         return found
 
     @cached_property
-    def _seen(self) -> Seen:
+    def _seen(self) -> Sightings:
         problem, survey = self.problem, self.problem.survey
         own = problem.layout.point_columns(self._point), problem.plane_columns(survey.pick_label)
-        return seen(problem, own, survey.pick_frame, survey.pixel_px, survey.pick_sigma_px)
+        return collect_sightings(
+            problem, own, survey.pick_frame, survey.pixel_px, survey.pick_sigma_px
+        )
 
     def sigma(self, found: Minimum[State]) -> Floats:
         """Return the (P, 1) standard deviations of both coordinates [px]."""

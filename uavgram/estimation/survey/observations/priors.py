@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from uavgram.estimation.solver.normal_equations import Block
-from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, in_unit
+from uavgram.estimation.survey.observations.observation import Kind, Member, Observation, get_unit
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
 
@@ -21,10 +21,10 @@ class Prior(Observation):
 
     def unit(self, member: Member) -> tuple[str, float]:
         """Return the unit of the unknown."""
-        return in_unit(self.kind.units[member.row])
+        return get_unit(self.kind.units[member.row])
 
 
-def independent_prior(off: Floats, sigma: Floats, first: int) -> Block:
+def make_independent_prior(off: Floats, sigma: Floats, first: int) -> Block:
     """Compute a row for each of n unknowns.
 
     Parameters

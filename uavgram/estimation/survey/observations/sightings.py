@@ -24,7 +24,7 @@ from uavgram.model.survey.survey import Survey
 
 
 @dataclass(frozen=True, eq=False)
-class Sights:
+class Projections:
     """Projections of n points, and the factors of their derivatives.
 
     Attributes
@@ -92,10 +92,12 @@ class SightedBlock(Block):
         Projections of the points, and (n,) inverse sigmas of each coordinate.
     """
 
-    _sights: Sights
+    _sights: Projections
     _weight: Floats
 
-    def __init__(self, residual: Floats, columns: Ints, sights: Sights, weight: Floats) -> None:
+    def __init__(
+        self, residual: Floats, columns: Ints, sights: Projections, weight: Floats
+    ) -> None:
         vars(self).update(residual=residual, columns=columns, _sights=sights, _weight=weight)
 
     @cached_property
@@ -112,7 +114,7 @@ if TYPE_CHECKING:
     from uavgram.estimation.survey.likelihood import SurveyProblem
 
 
-class Seen(NamedTuple):
+class Sightings(NamedTuple):
     """Sightings of n points in photos.
 
     Attributes
@@ -131,13 +133,13 @@ class Seen(NamedTuple):
     columns: Ints
 
 
-def seen(
+def collect_sightings(
     problem: SurveyProblem,
     points: tuple[Ints, Ints],
     frame: Ints,
     pixel_px: Floats,
     sigma_px: Floats,
-) -> Seen:
+) -> Sightings:
     """Collect sightings of points with the columns of their unknowns.
 
     Parameters
@@ -147,7 +149,7 @@ def seen(
     points
         (n, point_size), (n, w) the unknowns of each point, and those of the ground that place it.
     frame, pixel_px, sigma_px
-        As in `Seen`.
+        As in `Sightings`.
     """
     layout = problem.layout
     parts = [
@@ -158,11 +160,11 @@ def seen(
         layout.shared_columns(layout.first_readout, layout.readout, len(frame)),
         layout.turning_columns(frame),
     ]
-    return Seen(frame, pixel_px, sigma_px, np.concatenate(parts, axis=1))
+    return Sightings(frame, pixel_px, sigma_px, np.concatenate(parts, axis=1))
 
 
-def rows_of_sightings(
-    problem: SurveyProblem, state: State, rows: Seen, placed: tuple[Floats, Floats, Floats]
+def compute_sighting_rows(
+    problem: SurveyProblem, state: State, rows: Sightings, placed: tuple[Floats, Floats, Floats]
 ) -> Block | None:
     """Compute predicted minus observed pixels over their sigmas; None if a point is not in front.
 
@@ -185,7 +187,7 @@ def rows_of_sightings(
         # The row's own pose: centre + a v, R exp(a w), with a the time since the middle row.
         motion = survey.rolling.motion[frame]
         share = compute_row_share(rows.pixel_px[:, 1], survey.calibration.height_px)[:, None]
-        moved = share * sweep_of(survey, state)[..., frame, :]
+        moved = share * compute_readout_motion(survey, state)[..., frame, :]
         from_center = from_center - moved[..., :3]
         unturned = exp_so3(-moved[..., 3:])
         in_middle = np.einsum("...ij,...j->...i", camera_from_world, from_center)
@@ -212,7 +214,7 @@ def rows_of_sightings(
         if problem.layout.turning:
             by_rest.append(hat(camera) @ left * share[..., None])
     # camera = R^T (X - C): by a turn R exp(d) it changes by camera x d, that is hat(camera) d.
-    sights = Sights(
+    sights = Projections(
         by_camera=by_camera,
         by_lens=by_lens,
         camera_from_world=camera_from_world,
@@ -239,20 +241,20 @@ def _left_jacobian(turn: Floats) -> Floats:
     return np.asarray(np.eye(3) + 0.5 * across + across @ across / 6.0)
 
 
-def sweep_of(survey: Survey, state: State) -> Floats:
+def compute_readout_motion(survey: Survey, state: State) -> Floats:
     """Compute (..., F, 6) motions of each camera during the readout of its photo.
 
     Motion by the log, plus the turning beyond the log: see geometry/motion/camera_motion.py.
     """
     if survey.rolling is None:
         return np.zeros((len(survey.frame_id), 6))
-    sweep = state.readout[..., None] * motion_of(survey, state)
+    sweep = state.readout[..., None] * compute_motion(survey, state)
     if state.turning.size:
         sweep[..., 3:] += state.turning
     return sweep
 
 
-def motion_of(survey: Survey, state: State) -> Floats:
+def compute_motion(survey: Survey, state: State) -> Floats:
     """Return (..., F, 6) world velocity and angular rate in camera axes; 0 for a global shutter."""
     if survey.rolling is None:
         return np.zeros((len(survey.frame_id), 6))

@@ -17,8 +17,8 @@ from uavgram.estimation.survey.observations.observation import (
     Observation,
     Subjects,
 )
-from uavgram.estimation.survey.observations.priors import Prior, independent_prior
-from uavgram.estimation.survey.observed import Observations, Truth
+from uavgram.estimation.survey.observations.priors import Prior, make_independent_prior
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.motion.rotation import exp_so3, log_so3, right_jacobian_inverse
 from uavgram.geometry.motion.telemetry_pose import (
@@ -51,7 +51,7 @@ class Telemetry(Observation):
         plural="positions and directions of the log",
         check="the gimbal, the times and their sigmas",
         misfit_code="telemetry-strained",
-        look="Look at their picks, their times and the gimbal.",
+        advice="Look at their picks, their times and the gimbal.",
         is_whole=True,
     )
 
@@ -60,7 +60,7 @@ class Telemetry(Observation):
         return self.problem.survey.telemetry is not None
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the log of the true poses with errors by its priors; times stay as they were.
 
         The errors of the clock are part of the errors of the frames already.
@@ -232,7 +232,7 @@ class FlightPrior(Prior):
         problem, part = self.problem, TELEMETRY_PARTS[self.name]
         off = state.telemetry[..., part] - problem.telemetry_mean[part]
         first = problem.layout.first_telemetry + part.start
-        return independent_prior(off, problem.telemetry_sigma[part], first)
+        return make_independent_prior(off, problem.telemetry_sigma[part], first)
 
 
 STEADY_CHANGE = "something that changes steadily over the flight"
@@ -263,7 +263,7 @@ class ClockDriftPrior(FlightPrior):
         )
 
 
-def telemetry_prior(prior: TelemetryPrior) -> tuple[Floats, Floats]:
+def compute_telemetry_prior(prior: TelemetryPrior) -> tuple[Floats, Floats]:
     """Return mean and sigma (12,) of the telemetry's shared unknowns."""
     mean = np.zeros(SHARED_SIZE)
     mean[LEVER_ARM] = prior.lever_arm_m

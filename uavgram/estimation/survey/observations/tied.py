@@ -16,19 +16,23 @@ import numpy as np
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.observations.observation import Kind, Observation
-from uavgram.estimation.survey.observations.sightings import Seen, rows_of_sightings, seen
-from uavgram.estimation.survey.observed import Observations, Truth
+from uavgram.estimation.survey.observations.sightings import (
+    Sightings,
+    collect_sightings,
+    compute_sighting_rows,
+)
+from uavgram.estimation.survey.observed import Observations, SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.ties import TiePicks
 
-PATCH_PX = 0.03
+PATCH_SIGMA_PX = 0.03
 """Sigma of the picked pixel itself in a chain [px]: the noise of the photo around it, which all
 matches found from it share. (matching.md's prototype: matches of exact picks are good to 0.04 to
 0.06 px.)"""
 
-ANYWHERE_M = 100.0
+WEAK_HEIGHT_SIGMA_M = 100.0
 """Prior sigma of a tie point's height about the ground's [m]: it determines the depth of points
 that only photos from nearly one place show."""
 
@@ -49,7 +53,7 @@ class Matches(Observation):
         return bool(self.problem.survey.matches.points)
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the places where the image patch around a drawn pick is found, its error included.
 
         The patch is on the ground as it slopes at the pick's point; the patch that is searched for
@@ -65,7 +69,7 @@ class Matches(Observation):
         first, row = np.unique(origin, return_inverse=True)
         f = np.array([frame[picks.image[i]] for i in first])
         k = np.array([truth.row[picks.label[i]] for i in first])
-        cut = picks.pixel_px[first] + PATCH_PX * truth.rng.standard_normal((len(first), 2))
+        cut = picks.pixel_px[first] + PATCH_SIGMA_PX * truth.rng.standard_normal((len(first), 2))
         # Intersect the ray of the patch with the tangent plane of the ground at the label.
         ray = back_project(survey.calibration.model, truth.intrinsics, cut)
         ray = np.einsum("nij,nj->ni", truth.state.rotation[f], ray)
@@ -86,17 +90,19 @@ class Matches(Observation):
         return survey.pick_label[survey.matches.pick][survey.matches.point]
 
     @cached_property
-    def _seen(self) -> Seen:
+    def _seen(self) -> Sightings:
         matches = self.problem.survey.matches
         own = self.problem.layout.tie_columns(matches.point)
         points = own, self.problem.plane_columns(self._label)
-        return seen(self.problem, points, matches.frame, matches.pixel_px, matches.sigma_px)
+        return collect_sightings(
+            self.problem, points, matches.frame, matches.pixel_px, matches.sigma_px
+        )
 
     def rows(self, state: State) -> Block | None:
         """Predict the pixels; None if a point is not in front of its camera."""
         own = state.tie[..., self.problem.survey.matches.point, :]
         placed = self.problem.placed(state, own, self._label)
-        return rows_of_sightings(self.problem, state, self._seen, placed)
+        return compute_sighting_rows(self.problem, state, self._seen, placed)
 
     def heights(self, found: Minimum[State]) -> Iterator[tuple[Ints, Floats]]:
         """Yield the derivatives: the point under a picked pixel is on the same ground."""
@@ -114,7 +120,7 @@ class Ties(Observation):
         return bool(self.problem.survey.ties.points)
 
     @classmethod
-    def draw(cls, stated: Observations, truth: Truth) -> Observations:
+    def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
         """Draw the pixels of each tie point in its photos."""
         survey, ties = truth.problem.survey, stated.ties
         row, sigma = survey.ties.row, ties.sigma_px[survey.ties.row]
@@ -134,18 +140,18 @@ class Ties(Observation):
         return survey.matches.points + survey.ties.point
 
     @cached_property
-    def _seen(self) -> Seen:
+    def _seen(self) -> Sightings:
         ties = self.problem.survey.ties
         alone = np.zeros((len(self._point), 0), dtype=np.int64)
         points = self.problem.layout.tie_columns(self._point), alone
-        return seen(self.problem, points, ties.frame, ties.pixel_px, ties.sigma_px)
+        return collect_sightings(self.problem, points, ties.frame, ties.pixel_px, ties.sigma_px)
 
     def rows(self, state: State) -> Block | None:
         """Predict the pixels; None if a point is not in front of its camera."""
         world = state.tie[..., self._point, :]
         n = world.shape[-2]
         placed = world, np.broadcast_to(np.eye(3), (n, 3, 3)), np.zeros((n, 3, 0))
-        return rows_of_sightings(self.problem, state, self._seen, placed)
+        return compute_sighting_rows(self.problem, state, self._seen, placed)
 
 
 class TieHeights(Observation):
@@ -163,11 +169,11 @@ class TieHeights(Observation):
         tie = np.arange(survey.matches.points, state.tie.shape[-2])
         ground_m = 0.0 if layout.free_gauge else survey.ground.height_m
         off = (state.tie[..., tie, 2] - ground_m)[..., None]
-        weight = np.full((len(tie), 1, 1), 1.0 / ANYWHERE_M)
-        return Block(off / ANYWHERE_M, layout.tie_columns(tie)[:, 2:], weight)
+        weight = np.full((len(tie), 1, 1), 1.0 / WEAK_HEIGHT_SIGMA_M)
+        return Block(off / WEAK_HEIGHT_SIGMA_M, layout.tie_columns(tie)[:, 2:], weight)
 
 
-class Beside(Observation):
+class InterpolatedHeights(Observation):
     """Heights of labels over the plane as interpolated from ties, minus those of the labels.
 
     These observations are differences only: as without ties, the plane is fixed by the prior of the

@@ -14,11 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.measuring.scale import by_size
-from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
-from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.measuring.scale import scale_derivatives
+from uavgram.estimation.reliability.hypotheses import (
+    HypothesisTest,
+    ObservationChange,
+    compare_hypotheses,
+)
+from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.lengths import taped_lines
+from uavgram.estimation.survey.observations.lengths import select_taped_lines
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.survey.corrections import SurveyCorrection
@@ -67,7 +71,7 @@ class _Common(NamedTuple):
     """Possible common error of the lengths of a tape."""
 
     tape: _Tape
-    moved: tuple[Moved, ...]
+    moved: tuple[ObservationChange, ...]
     is_factor: bool
 
 
@@ -77,7 +81,7 @@ def propose_common_errors(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if not adjustment.minimum.converged:
         return
     common = _list_common_errors(adjustment)
-    tests = explained(adjustment, [one.moved for one in common], MIN_SHARE_IN_RESIDUALS)
+    tests = compare_hypotheses(adjustment, [one.moved for one in common], MIN_SHARE_IN_RESIDUALS)
     for one, found in zip(common, tests, strict=True):
         value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
         if not np.isfinite(sigma) or abs(value) < REPORTED_SIGMAS * sigma:
@@ -108,7 +112,7 @@ def propose_taped_level(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if "lengths" not in adjustment.minimum.blocks or not adjustment.minimum.converged:
         return
     line = adjustment.problem.line_index
-    if taped_lines(adjustment.survey, line).level.all():
+    if select_taped_lines(adjustment.survey, line).level.all():
         return
     moved = _level(adjustment)
     rows = np.arange(len(line))
@@ -125,7 +129,7 @@ def propose_taped_level(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
 
 
 def _taped_level_message(
-    diagnosis: Diagnosis, names: tuple[str, ...], _: Explained | None
+    diagnosis: Diagnosis, names: tuple[str, ...], _: HypothesisTest | None
 ) -> Message:
     """Report lengths that were taped level."""
     slope = _slope_deg(diagnosis.adjustment)
@@ -147,7 +151,7 @@ def report_possible_errors(adjustment: Adjustment) -> Iterator[Message]:
         return
     labels, names = adjustment.survey.label, adjustment.survey.line_name
     offsets = [one for one in _list_common_errors(adjustment) if not one.is_factor]
-    tests = explained(adjustment, [one.moved for one in offsets], MIN_SHARE_IN_RESIDUALS)
+    tests = compare_hypotheses(adjustment, [one.moved for one in offsets], MIN_SHARE_IN_RESIDUALS)
     level = OFFSET_SIGNIFICANCE / max(len(offsets), 1)
     for one, found in zip(offsets, tests, strict=True):
         value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
@@ -179,21 +183,21 @@ def _may_be_level(adjustment: Adjustment) -> bool:
     """Return whether lengths were probably taped level, where the file does not state how."""
     if adjustment.survey.line_along:
         return False
-    (found,) = explained(adjustment, [[_level(adjustment)]], MIN_SHARE_IN_RESIDUALS)
+    (found,) = compare_hypotheses(adjustment, [[_level(adjustment)]], MIN_SHARE_IN_RESIDUALS)
     # Decrease of the sum of squares with an amount of 1 instead of 0, as a lower limit.
     gain = (2.0 * found.value[0] - 1.0) / found.covariance[0, 0]
     return bool(gain / 2.0 > LEVEL_LOG_ODDS)
 
 
-def _level(adjustment: Adjustment) -> Moved:
+def _level(adjustment: Adjustment) -> ObservationChange:
     """Return the decrease of the readings of level tapes, as a hypothesis."""
     survey, line = adjustment.survey, adjustment.problem.line_index
-    taped = taped_lines(survey, line)
+    taped = select_taped_lines(survey, line)
     level = taped._replace(level=np.ones_like(taped.level))
     reading, *_ = adjustment.problem.readings(adjustment.state, taped)
     shorter = adjustment.problem.readings(adjustment.state, level)[0] - reading
     along = (shorter / survey.length_sigma_m[line])[:, None, None]
-    return Moved("lengths", np.arange(len(line)), along)
+    return ObservationChange("lengths", np.arange(len(line)), along)
 
 
 def _slope_deg(adjustment: Adjustment) -> float:
@@ -204,10 +208,10 @@ def _slope_deg(adjustment: Adjustment) -> float:
 def _is_common(adjustment: Adjustment, one: _Common) -> bool:
     """Return whether a common error is still significant if any single length is wrong."""
     block = adjustment.minimum.blocks["lengths"]
-    worst = np.argsort(-falls_without(block, adjustment.covariance), kind="stable")[
+    worst = np.argsort(-compute_reductions(block, adjustment.covariance), kind="stable")[
         :MAX_LENGTHS_ASIDE
     ]
-    single = [Moved("lengths", np.array([row]), np.ones((1, 1, 1))) for row in worst]
+    single = [ObservationChange("lengths", np.array([row]), np.ones((1, 1, 1))) for row in worst]
     # Joint hypotheses: the common error and one wrong length.
     (lengths, *rest) = one.moved
     rows, along = lengths.rows, lengths.along
@@ -217,15 +221,15 @@ def _is_common(adjustment: Adjustment, one: _Common) -> bool:
         every = np.union1d(rows, [row])
         own = np.zeros((len(every), 1, 2))
         own[np.isin(every, rows), :, :1], own[every == row, 0, 1] = along, 1.0
-        both.append([Moved("lengths", every, own), *size])
-    alone = explained(adjustment, [[each] for each in single], MIN_SHARE_IN_RESIDUALS)
-    joint = explained(adjustment, both, MIN_SHARE_IN_RESIDUALS)
+        both.append([ObservationChange("lengths", every, own), *size])
+    alone = compare_hypotheses(adjustment, [[each] for each in single], MIN_SHARE_IN_RESIDUALS)
+    joint = compare_hypotheses(adjustment, both, MIN_SHARE_IN_RESIDUALS)
     return all(b.gain - a.gain > REMAINING_SIGMAS**2 for a, b in zip(alone, joint, strict=True))
 
 
 def has_common_misfit(adjustment: Adjustment) -> bool:
     """Return whether all lengths have a significant common error."""
-    tests = explained(
+    tests = compare_hypotheses(
         adjustment, [one.moved for one in _list_common_errors(adjustment)], MIN_SHARE_IN_RESIDUALS
     )
     return any(one.gain > REPORTED_SIGMAS**2 for one in tests)
@@ -236,12 +240,12 @@ def _list_common_errors(adjustment: Adjustment) -> list[_Common]:
     if "lengths" not in adjustment.minimum.blocks:
         return []
     survey, line = adjustment.survey, adjustment.problem.line_index
-    taped = taped_lines(survey, line)
+    taped = select_taped_lines(survey, line)
     reading, _, _ = adjustment.problem.readings(adjustment.state, taped)
     sigma = survey.length_sigma_m[line]
     size = [
-        Moved(kind, np.arange(len(change)), change[:, :, None])
-        for kind, change in by_size(adjustment).items()
+        ObservationChange(kind, np.arange(len(change)), change[:, :, None])
+        for kind, change in scale_derivatives(adjustment).items()
     ]
     found = []
     for tape in _tapes(taped.tape):
@@ -249,7 +253,7 @@ def _list_common_errors(adjustment: Adjustment) -> list[_Common]:
             amount: Floats = reading[tape.rows] if is_factor else np.ones(len(tape.rows))
             along = (amount / sigma[tape.rows])[:, None, None]
             with_size = size if is_factor and len(tape.rows) == len(line) else []
-            moved = Moved("lengths", tape.rows, along), *with_size
+            moved = ObservationChange("lengths", tape.rows, along), *with_size
             found.append(_Common(tape, moved, is_factor))
     return found
 
@@ -272,7 +276,7 @@ def _tapes(tape_of_line: tuple[str, ...]) -> list[_Tape]:
     return [one for one in found if len(one.rows) >= MIN_LENGTHS]
 
 
-def _mend(diagnosis: Diagnosis, common: _Common, found: Explained) -> SurveyCorrection | None:
+def _mend(diagnosis: Diagnosis, common: _Common, found: HypothesisTest) -> SurveyCorrection | None:
     """Correct all readings by a common error, if it is significant and of an ordinary size."""
     value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     if abs(value) < CORRECTED_SIGMAS * sigma:
@@ -299,7 +303,7 @@ def _names(diagnosis: Diagnosis, rows: Ints) -> tuple[str, ...]:
 
 
 def _factor_message(
-    diagnosis: Diagnosis, tape: _Tape, found: Explained, _: Explained | None
+    diagnosis: Diagnosis, tape: _Tape, found: HypothesisTest, _: HypothesisTest | None
 ) -> Message:
     """Report lengths with a common factor."""
     value, sigma = 100.0 * float(found.value[0]), 100.0 * float(np.sqrt(found.covariance[0, 0]))
@@ -316,7 +320,7 @@ def _factor_message(
 
 
 def _offset_message(
-    diagnosis: Diagnosis, tape: _Tape, found: Explained, _: Explained | None
+    diagnosis: Diagnosis, tape: _Tape, found: HypothesisTest, _: HypothesisTest | None
 ) -> Message:
     """Report lengths with a common offset."""
     value, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))

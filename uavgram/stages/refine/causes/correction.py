@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.reliability.redundancy import core_fit
+from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.lengths import named_ends
+from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
-from uavgram.estimation.survey.selection import Selection, select_picks, without_known
+from uavgram.estimation.survey.selection import Selection, remove_known, select_picks
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
@@ -93,7 +93,7 @@ def _describe_values(survey: Survey, mend: SurveyCorrection) -> str:
     ]
     for line in sorted(mend.lines | mend.without_lines):
         name = survey.line_name[line] if survey.line_name else ""
-        ends = named_ends(name, label[survey.line_start[line]], label[survey.line_end[line]])
+        ends = describe_ends(name, label[survey.line_start[line]], label[survey.line_end[line]])
         parts.append(f"length {ends} {survey.length_m[line]:.3f} m")
     for of in sorted(mend.free):
         height = "at a height to be found" if survey.is_free[of] else "on the ground"
@@ -124,11 +124,13 @@ def readjust_corrected(
         The hypothesis by which it was changed.
     """
     present = diagnosis.adjustment
-    survey = without_known(taking.survey, taking.known_removed)
+    survey = remove_known(taking.survey, taking.known_removed)
     selection = select_picks(survey, taking.keep)
     if hypothesis.is_of_all:
         return adjust_on_trial(taking, None)
-    is_bent = core_fit(present).probability < MIN_FIT_PROBABILITY and hypothesis.begun is None
+    is_bent = (
+        compute_core_fit(present).probability < MIN_FIT_PROBABILITY and hypothesis.begun is None
+    )
     if is_bent or not present.minimum.converged or _has_ties(selection):
         return adjust_on_trial(taking)
     start = _initial_state(diagnosis, selection)

@@ -4,9 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import SMALLEST, explained, log_probability
-from uavgram.estimation.reliability.redundancy import core_fit, redundancy_of, upper_tail
-from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.reliability.hypotheses import (
+    MIN_PROBABILITY,
+    compare_hypotheses,
+    compute_log_probability,
+)
+from uavgram.estimation.reliability.redundancy import (
+    compute_core_fit,
+    compute_redundancy,
+    compute_upper_tail,
+)
+from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.stages.refine.causes.common_length_errors import has_common_misfit
 from uavgram.stages.refine.causes.flight_log import find_turn_by_places, list_prior_hypotheses
@@ -27,7 +35,7 @@ def needs_cause(diagnosis: Diagnosis) -> bool:
     if diagnosis.left_out or not adjustment.minimum.converged:
         return True
     if (
-        core_fit(adjustment).probability < MISFIT_PROBABILITY
+        compute_core_fit(adjustment).probability < MISFIT_PROBABILITY
         or _worst_observation(adjustment) < LOG_SIGNIFICANCE
     ):
         return True
@@ -44,15 +52,17 @@ def _worst_prior(adjustment: Adjustment) -> float:
     Tested are the unknowns common to the flight and its camera, and the poses of the log together.
     """
     priors = list(list_prior_hypotheses(adjustment))
-    found = explained(adjustment, priors)
-    worst = min((log_probability(f.gain, f.unknowns, len(priors) + 1) for f in found), default=0.0)
+    found = compare_hypotheses(adjustment, priors)
+    worst = min(
+        (compute_log_probability(f.gain, f.unknowns, len(priors) + 1) for f in found), default=0.0
+    )
     if "telemetry" in adjustment.minimum.blocks:
         squares = float(np.sum(adjustment.minimum.blocks["telemetry"].residual ** 2))
-        degrees = redundancy_of(adjustment, "telemetry")
-        probability = upper_tail(squares, degrees) * (len(priors) + 1)
-        worst = min(worst, float(np.log(max(probability, SMALLEST))))
+        degrees = compute_redundancy(adjustment, "telemetry")
+        probability = compute_upper_tail(squares, degrees) * (len(priors) + 1)
+        worst = min(worst, float(np.log(max(probability, MIN_PROBABILITY))))
     # A common rotation of the whole log: one test outside the linear model.
-    return min(worst, log_probability(find_turn_by_places(adjustment).gain, 1, 1))
+    return min(worst, compute_log_probability(find_turn_by_places(adjustment).gain, 1, 1))
 
 
 def _worst_observation(adjustment: Adjustment) -> float:
@@ -61,7 +71,9 @@ def _worst_observation(adjustment: Adjustment) -> float:
     for name in ("pixels", "lengths", "known"):
         if name in adjustment.minimum.blocks:
             block = adjustment.minimum.blocks[name]
-            fall = falls_without(block, adjustment.covariance)
+            fall = compute_reductions(block, adjustment.covariance)
             axes = block.residual.shape[1]
-            worst = min(worst, log_probability(float(fall.max(initial=0.0)), axes, len(fall)))
+            worst = min(
+                worst, compute_log_probability(float(fall.max(initial=0.0)), axes, len(fall))
+            )
     return worst

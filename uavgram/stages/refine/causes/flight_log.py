@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained, Moved
+from uavgram.estimation.reliability.hypotheses import HypothesisTest, ObservationChange
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.telemetry import TELEMETRY_PARTS
 from uavgram.geometry.motion.interpolation import SmoothPositions
@@ -111,7 +111,7 @@ def propose_shifted_control(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     )
 
 
-def _control_message(survey: Survey, found: Explained | None) -> Message:
+def _control_message(survey: Survey, found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101
     east, north, up = -found.value
     size = float(np.linalg.norm(found.value))
@@ -231,7 +231,7 @@ def _up(adjustment: Adjustment) -> tuple[Floats, Floats]:
     return value[2:], covariance[2:, 2:]
 
 
-def _heights_message(found: Explained | None) -> Message:
+def _heights_message(found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101
     up, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     return Message(
@@ -323,7 +323,9 @@ def propose_position_step(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     order = np.argsort(prior.time_s, kind="stable")
     by_place = adjustment.problem.telemetry_whitening[:, :, :3]
     since = (prior.time_s - prior.time_s.mean()) / max(float(np.ptp(prior.time_s)), 1e-9)
-    everywhere = Moved("telemetry", np.arange(len(order)), by_place * since[:, None, None])
+    everywhere = ObservationChange(
+        "telemetry", np.arange(len(order)), by_place * since[:, None, None]
+    )
     yield Hypothesis(message=None, moved=(everywhere,), price=3.0 * PRICE / 2.0)
     yield from _propose_step_before_lost(diagnosis)
     gaps = _likely_gaps(adjustment, order, by_place)
@@ -332,7 +334,7 @@ def propose_position_step(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         few = later if 2 * len(later) <= len(order) else order[:gap]
         yield Hypothesis(
             message=partial(_step_message, *_between(adjustment, order, gap)),
-            moved=(Moved("telemetry", later, by_place[later]),),
+            moved=(ObservationChange("telemetry", later, by_place[later]),),
             freed=partial(_without_places, _names(adjustment, few)),
             price=3.0 * PRICE / 2.0 + float(np.log(len(order) - 1)),
         )
@@ -384,11 +386,11 @@ def _step(names: frozenset[str], adjustment: Adjustment) -> tuple[Floats, Floats
     return -off[some, :3, 0].mean(axis=0), own.mean(axis=0)
 
 
-def prior_derivative(adjustment: Adjustment, *, kind: str) -> Moved:
+def prior_derivative(adjustment: Adjustment, *, kind: str) -> ObservationChange:
     """Return the derivative of a group's priors if its mean is wrong by any amount in each row."""
     block = adjustment.minimum.blocks[kind]
     count = len(block.residual)
-    return Moved(kind, np.arange(count), -block.jacobian * np.eye(count)[:, None])
+    return ObservationChange(kind, np.arange(count), -block.jacobian * np.eye(count)[:, None])
 
 
 def widening_price(count: int, wide: float, stated: float) -> float:
@@ -404,7 +406,7 @@ def widening_price(count: int, wide: float, stated: float) -> float:
     return count * max(float(np.log(wide / max(stated, 1e-9 * wide))), 1.0)
 
 
-def list_prior_hypotheses(adjustment: Adjustment) -> Iterator[tuple[Moved, ...]]:
+def list_prior_hypotheses(adjustment: Adjustment) -> Iterator[tuple[ObservationChange, ...]]:
     """Yield each prior of a flight and its camera as a hypothesis that it is wrong."""
     names = [*TELEMETRY_PARTS, "calibration"]
     for kind in names:
@@ -504,7 +506,7 @@ def _without_places(names: Iterable[str], survey: Survey) -> Survey:
     return replace(survey, telemetry=replace(prior, covariance=covariance))
 
 
-def _clock_message(found: Explained | None) -> Message:
+def _clock_message(found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101  (it is judged by its linear test)
     off, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     way = "fast" if off > 0 else "slow"
@@ -516,7 +518,7 @@ def _clock_message(found: Explained | None) -> Message:
     )
 
 
-def _camera_message(found: Explained | None) -> Message:
+def _camera_message(found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101
     about = ("the image's x axis", "the image's y axis", "the optical axis")
     angle = np.degrees(found.value)
@@ -536,7 +538,7 @@ def _camera_message(found: Explained | None) -> Message:
     )
 
 
-def _compass_message(found: Explained | None) -> Message:
+def _compass_message(found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101
     angle, sigma = np.degrees([-found.value[0], np.sqrt(found.covariance[0, 0])])
     return Message(
@@ -549,7 +551,7 @@ def _compass_message(found: Explained | None) -> Message:
     )
 
 
-def _step_message(before: str, after: str, found: Explained | None) -> Message:
+def _step_message(before: str, after: str, found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101
     size = float(np.linalg.norm(found.value))
     toward = found.value / size if size else found.value

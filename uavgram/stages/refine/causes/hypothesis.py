@@ -13,7 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import CHECKED, Explained, Moved
+from uavgram.estimation.reliability.hypotheses import (
+    MIN_RESIDUAL_SHARE,
+    HypothesisTest,
+    ObservationChange,
+)
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refined
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
@@ -125,7 +129,7 @@ class Hypothesis:
         Lengths and frames, by name, whose misfit it explains.
     """
 
-    message: Callable[[Explained | None], Message] | None
+    message: Callable[[HypothesisTest | None], Message] | None
     mend: SurveyCorrection | None = None
     remedy: SurveyCorrection | None = None
     is_clear: bool = True
@@ -133,9 +137,9 @@ class Hypothesis:
     is_of_all: bool = False
     begun: Callable[[State], State] | None = None
     freed: Callable[[Survey], Survey] | None = None
-    moved: tuple[Moved, ...] = ()
+    moved: tuple[ObservationChange, ...] = ()
     amount: float | None = None
-    checked: float = CHECKED
+    checked: float = MIN_RESIDUAL_SHARE
     settled: Callable[[Adjustment], tuple[Floats, Floats]] | None = None
     price: float = 0.0
     promise: float = 0.0

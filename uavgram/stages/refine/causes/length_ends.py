@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained
-from uavgram.estimation.survey.observations.lengths import named_ends
+from uavgram.estimation.reliability.hypotheses import HypothesisTest
+from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message
 from uavgram.model.survey.corrections import Ends, SurveyCorrection
@@ -172,11 +172,11 @@ def _propose_exchanged_ends(found: SuspectLengths, i: int, j: int) -> Iterator[H
 
 def _named(found: SuspectLengths, ends: Ends) -> str:
     label = found.diagnosis.survey.label
-    return named_ends("", label[ends.start], label[ends.end])
+    return describe_ends("", label[ends.start], label[ends.end])
 
 
 def _other_ends_message(
-    found: SuspectLengths, k: int, pair: _Pair, rivals: Sequence[_Pair], _: Explained | None
+    found: SuspectLengths, k: int, pair: _Pair, rivals: Sequence[_Pair], _: HypothesisTest | None
 ) -> Message:
     """Report a length between other labels."""
     others = ""
@@ -197,7 +197,7 @@ def _other_ends_message(
 
 
 def _exchanged_ends_message(
-    found: SuspectLengths, rows: tuple[int, int], ends: tuple[Ends, Ends], _: Explained | None
+    found: SuspectLengths, rows: tuple[int, int], ends: tuple[Ends, Ends], _: HypothesisTest | None
 ) -> Message:
     """Report two lengths with exchanged ends."""
     first, second = (found.what(k) for k in rows)

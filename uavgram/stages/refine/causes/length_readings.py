@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.reliability.stated_values import CONVERSIONS, DECIMALS, UNITS
-from uavgram.estimation.reliability.test_statistics import falls_without
-from uavgram.estimation.survey.observations.lengths import named_ends
+from uavgram.estimation.reliability.test_statistics import compute_reductions
+from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.naming import listed
@@ -65,7 +65,7 @@ def propose_wrong_lengths(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if block is None:
         return
     lines = diagnosis.refined.line_index[adjustment.problem.line_index]
-    fall = falls_without(block, adjustment.covariance)
+    fall = compute_reductions(block, adjustment.covariance)
     for row in np.argsort(-fall, kind="stable")[:MAX_WRONG_LENGTHS].tolist():
         yield Hypothesis(
             message=None,
@@ -141,7 +141,7 @@ def _propose_slip(
     rows: tuple[int, ...],
     right_m: Floats,
     alternatives: int,
-    tell: Callable[[Explained | None], Message],
+    tell: Callable[[HypothesisTest | None], Message],
 ) -> Iterator[Hypothesis]:
     """Propose that some lengths have other readings, if that is likely enough.
 
@@ -187,7 +187,7 @@ def list_slips(reading_m: float) -> tuple[Slip, ...]:
 
 
 def _unit_message(
-    found: SuspectLengths, rows: Sequence[int], unit: WrongUnit, _: Explained | None
+    found: SuspectLengths, rows: Sequence[int], unit: WrongUnit, _: HypothesisTest | None
 ) -> Message:
     """Report lengths in another unit."""
     right = [f"{found.reading_m[k] / unit.size:.2f} m" for k in rows]
@@ -209,12 +209,15 @@ def _unit_message(
     return found.told("line-wrong-unit", rows, MessageWords(text, several, plain))
 
 
-def _unit_of_all_message(survey: Survey, unit: WrongUnit, _: Explained | None = None) -> Message:
+def _unit_of_all_message(
+    survey: Survey, unit: WrongUnit, _: HypothesisTest | None = None
+) -> Message:
     """Report that all lengths are in another unit."""
     ends = zip(survey.line_start.tolist(), survey.line_end.tolist(), strict=True)
     names = survey.line_name or ("",) * len(survey.line_start)
     each = [
-        f"{named_ends(name, survey.label[start], survey.label[end])} would be {m / unit.size:.2f} m"
+        f"{describe_ends(name, survey.label[start], survey.label[end])} "
+        f"would be {m / unit.size:.2f} m"
         for name, (start, end), m in zip(names, ends, survey.length_m.tolist(), strict=True)
     ]
     what = f"All lengths seem to be {unit.words}"
@@ -230,7 +233,7 @@ def _unit_of_all_message(survey: Survey, unit: WrongUnit, _: Explained | None = 
     )
 
 
-def _digit_message(found: SuspectLengths, k: int, slip: Slip, _: Explained | None) -> Message:
+def _digit_message(found: SuspectLengths, k: int, slip: Slip, _: HypothesisTest | None) -> Message:
     """Report a length with a wrong digit."""
     text = (
         f"The length {found.what(k)} seems to be misread or miswritten: {slip.words}. Look at "
@@ -248,7 +251,7 @@ def _digit_message(found: SuspectLengths, k: int, slip: Slip, _: Explained | Non
 
 
 def _exchanged_message(
-    found: SuspectLengths, rows: tuple[int, int], _: Explained | None
+    found: SuspectLengths, rows: tuple[int, int], _: HypothesisTest | None
 ) -> Message:
     """Report two lengths with exchanged readings."""
     first, second = (found.what(k) for k in rows)

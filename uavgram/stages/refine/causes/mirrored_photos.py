@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.likelihood import SurveyProblem
@@ -136,7 +136,7 @@ def _mirrored_message(survey: Survey) -> Floats:
     return pixel
 
 
-def _told(_: Explained | None) -> Message:
+def _told(_: HypothesisTest | None) -> Message:
     text = (
         "All photos seem to have been mirrored when they were picked: the log fits only then. Pick "
         "them again in the original files, as the camera wrote them. Until then coordinates and "

@@ -9,8 +9,12 @@ from functools import partial
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
-from uavgram.estimation.reliability.redundancy import redundancy_of
+from uavgram.estimation.reliability.hypotheses import (
+    HypothesisTest,
+    ObservationChange,
+    compare_hypotheses,
+)
+from uavgram.estimation.reliability.redundancy import compute_redundancy
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
@@ -70,7 +74,9 @@ def _find_strained_photos(diagnosis: Diagnosis) -> dict[int, float]:
         middle = small.calibration.parameters[2:4]
         away = (small.pixel_px - middle) / small.pick_sigma_px[:, None]
         rows = [np.flatnonzero(small.pick_frame == k) for k in range(len(small.frame_id))]
-        tests = explained(adjustment, [(Moved("pixels", r, away[r, :, None]),) for r in rows])
+        tests = compare_hypotheses(
+            adjustment, [(ObservationChange("pixels", r, away[r, :, None]),) for r in rows]
+        )
         index = {name: k for k, name in enumerate(diagnosis.survey.frame_id)}
         gains = {index[n]: t.gain for n, t in zip(small.frame_id, tests, strict=True)}
         found |= {
@@ -143,7 +149,7 @@ def _by_the_log(diagnosis: Diagnosis, frame: int) -> tuple[Floats, Floats]:
     return adjustment.state.center[at] - off, own
 
 
-def _told(frame: str, factor: float, _: Explained | None) -> Message:
+def _told(frame: str, factor: float, _: HypothesisTest | None) -> Message:
     text = (
         f"The photo {frame!r} was taken at another zoom, or with another camera, than the others: "
         "take it out, or give photos of each camera a project of their own. It fits where its "
@@ -177,7 +183,7 @@ def propose_other_camera_file(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     """Propose another focal length than in the camera file, or also another principal point."""
     adjustment = diagnosis.adjustment
     if (
-        redundancy_of(adjustment, "pixels") < MIN_REDUNDANCY
+        compute_redundancy(adjustment, "pixels") < MIN_REDUNDANCY
         or not adjustment.problem.layout.intrinsics
     ):
         return
@@ -195,10 +201,10 @@ def propose_other_camera_file(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
         )
 
 
-def calibration_derivative(adjustment: Adjustment, unknowns: Floats) -> Moved:
+def calibration_derivative(adjustment: Adjustment, unknowns: Floats) -> ObservationChange:
     """Return the derivative of the interior orientation's prior by unknowns (P, q)."""
     along: Floats = np.linalg.pinv(adjustment.problem.intrinsic_basis) @ unknowns
-    return Moved("calibration", np.arange(len(along)), -along[:, None])
+    return ObservationChange("calibration", np.arange(len(along)), -along[:, None])
 
 
 def _find_deviation(adjustment: Adjustment, *, unknowns: Floats) -> tuple[Floats, Floats]:
@@ -232,7 +238,7 @@ def _frame_directions(camera: Calibration) -> Floats:
     return change
 
 
-def other_zoom_message(survey: Survey, found: Explained | None) -> Message:
+def other_zoom_message(survey: Survey, found: HypothesisTest | None) -> Message:
     """Report photos of another zoom.
 
     Parameters
@@ -268,7 +274,7 @@ def zoom_message(name: str, stated_px: float, factor: float, sigma: float) -> Me
     return Message("warning", "other-zoom", text)
 
 
-def _other_camera_message(survey: Survey, found: Explained | None) -> Message:
+def _other_camera_message(survey: Survey, found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101
     camera = survey.calibration
     sigma = np.sqrt(found.covariance.diagonal())

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.test_statistics import cofactors, falls_without
+from uavgram.estimation.reliability.test_statistics import compute_cofactors, compute_reductions
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.stages.refine.causes.hypothesis import Diagnosis
@@ -50,7 +50,7 @@ def find_stray_picks(diagnosis: Diagnosis) -> StrayPicks:
     adjustment, refined, survey = diagnosis.adjustment, diagnosis.refined, diagnosis.survey
     fall = np.zeros(len(survey.pick_frame))
     block = adjustment.minimum.blocks["pixels"]
-    fall[refined.pick_index] = falls_without(block, adjustment.covariance)
+    fall[refined.pick_index] = compute_reductions(block, adjustment.covariance)
     spoilt = diagnosis.spoilt
     frame = frames_of(diagnosis)[survey.pick_frame]
     size = np.where(spoilt, np.inf, fall)
@@ -99,7 +99,7 @@ def _predict_places(diagnosis: Diagnosis, picks: Ints, frame: Ints) -> Floats:
     block, rows = adjustment.minimum.blocks["pixels"], row[picks[taking]]
     own = Block(block.residual[rows], block.columns[rows], block.jacobian[rows])
     # Q^-1 v in the eigenvectors of Q.
-    share, axes = np.linalg.eigh(cofactors(own, adjustment.covariance))
+    share, axes = np.linalg.eigh(compute_cofactors(own, adjustment.covariance))
     along = np.einsum("nra,nr->na", axes, own.residual) / np.maximum(share, MIN_REDUNDANCY)
     without = np.einsum("nra,na->nr", axes, along)
     without[share.min(axis=1) < MIN_REDUNDANCY] = np.nan

@@ -11,9 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.estimation.survey.observations.lengths import Taped, named_ends, taped_lines
+from uavgram.estimation.survey.observations.lengths import (
+    TapedLengths,
+    describe_ends,
+    select_taped_lines,
+)
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis
@@ -111,7 +115,7 @@ class SuspectLengths:
         """Describe a length: ``'L2' ('R3' to 'R4')``."""
         survey, i = self.diagnosis.survey, int(self.line[k])
         start, end = survey.label[survey.line_start[i]], survey.label[survey.line_end[i]]
-        return named_ends(survey.line_name[i] if self._named else "", start, end)
+        return describe_ends(survey.line_name[i] if self._named else "", start, end)
 
     def fall(self, rows: Sequence[int], error: Floats) -> float:
         """Compute the decrease of the sum of squares if some lengths have known errors.
@@ -212,9 +216,9 @@ class SuspectLengths:
         weight: Floats = np.asarray(np.linalg.inv(self.cofactor[np.ix_(used, used)]), np.float64)
         return found + moved @ weight @ self.residual[used], moved, weight
 
-    def _taped(self, ends: tuple[Ints, Ints], k: int) -> Taped:
-        like = taped_lines(self.diagnosis.survey, np.full(len(ends[0]), self.line[k]))
-        return Taped(ends[0], ends[1], like.tape, like.level)
+    def _taped(self, ends: tuple[Ints, Ints], k: int) -> TapedLengths:
+        like = select_taped_lines(self.diagnosis.survey, np.full(len(ends[0]), self.line[k]))
+        return TapedLengths(ends[0], ends[1], like.tape, like.level)
 
     def told(self, code: str, rows: Sequence[int], words: MessageWords) -> Message:
         """Make the message on a slip.
@@ -302,7 +306,7 @@ def _find_stray_rows(adjustment: Adjustment) -> Ints:
     block = adjustment.minimum.blocks.get("lengths")
     if block is None:
         return np.zeros(0, dtype=np.int64)
-    fall = falls_without(block, adjustment.covariance)
+    fall = compute_reductions(block, adjustment.covariance)
     checked = 1.0 - adjustment.covariance.leverage(block)[:, 0] > MIN_REDUNDANCY
     rows = np.flatnonzero((fall > STRAY_DECREASE) & checked)
     return rows[np.argsort(-fall[rows], kind="stable")]

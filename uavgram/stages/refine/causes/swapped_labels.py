@@ -12,9 +12,9 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained
-from uavgram.estimation.reliability.redundancy import core_fit
-from uavgram.estimation.reliability.test_statistics import falls_without
+from uavgram.estimation.reliability.hypotheses import HypothesisTest
+from uavgram.estimation.reliability.redundancy import compute_core_fit
+from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
@@ -77,7 +77,7 @@ def _wrong_lengths(diagnosis: Diagnosis) -> Bools:
     block = adjustment.minimum.blocks.get("lengths")
     if block is not None:
         row = diagnosis.refined.line_index[adjustment.problem.line_index]
-        wrong[row[falls_without(block, adjustment.covariance) > WRONG_DECREASE]] = True
+        wrong[row[compute_reductions(block, adjustment.covariance) > WRONG_DECREASE]] = True
     return wrong
 
 
@@ -187,7 +187,7 @@ def _exchanged(label: int | Ints, first: Ints, second: Ints) -> Ints:
 
 
 def _swapped_everywhere_message(
-    diagnosis: Diagnosis, labels: tuple[int, int], lines: Ints, _: Explained | None
+    diagnosis: Diagnosis, labels: tuple[int, int], lines: Ints, _: HypothesisTest | None
 ) -> Message:
     """Report two labels that are exchanged in all photos.
 
@@ -277,7 +277,7 @@ def _find_photos(diagnosis: Diagnosis) -> list[int]:
     survey, adjustment = diagnosis.survey, diagnosis.adjustment
     few = len(survey.frame_id) <= MAX_PHOTOS  # with many, the others determine the points
     if not adjustment.minimum.converged or (
-        few and core_fit(adjustment).probability < MISFIT_PROBABILITY
+        few and compute_core_fit(adjustment).probability < MISFIT_PROBABILITY
     ):
         return list(range(len(survey.frame_id)))
     used = np.zeros(len(survey.pick_frame), dtype=np.bool_)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained, explained
-from uavgram.estimation.reliability.redundancy import core_fit
+from uavgram.estimation.reliability.hypotheses import HypothesisTest, compare_hypotheses
+from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
@@ -42,7 +42,7 @@ class JudgedHypothesis:
     """
 
     hypothesis: Hypothesis
-    found: Explained | None
+    found: HypothesisTest | None
     gain: float
     odds: float
     after: Diagnosis | None = None
@@ -69,11 +69,11 @@ def screen_hypotheses(
         All possible mistakes.
     """
     every = list(hypotheses)
-    found: dict[int, Explained] = {}
+    found: dict[int, HypothesisTest] = {}
     for checked in {one.checked for one in every}:
         linear = [one for one in every if one.moved and one.checked == checked]
         if diagnosis.adjustment.minimum.converged:
-            tests = explained(diagnosis.adjustment, [one.moved for one in linear], checked)
+            tests = compare_hypotheses(diagnosis.adjustment, [one.moved for one in linear], checked)
             found |= dict(zip(map(id, linear), tests, strict=True))
     judged = [_judge(diagnosis, one, found.get(id(one))) for one in every]
     return sorted(judged, key=lambda one: -one.odds)
@@ -85,7 +85,7 @@ def _contradicting_picks(diagnosis: Diagnosis) -> frozenset[int]:
 
 
 def _judge(
-    diagnosis: Diagnosis, hypothesis: Hypothesis, found: Explained | None
+    diagnosis: Diagnosis, hypothesis: Hypothesis, found: HypothesisTest | None
 ) -> JudgedHypothesis:
     gain = hypothesis.promise if found is None else max(hypothesis.promise, found.gain)
     if found is not None and hypothesis.amount is not None:
@@ -103,7 +103,11 @@ def _count_explained(diagnosis: Diagnosis, hypothesis: Hypothesis, gain: float) 
     """
     if hypothesis.freed is not None and hypothesis.moved:
         shows = gain / 2.0 > hypothesis.price
-        return diagnosis.left_out if shows or core_fit(diagnosis.adjustment).degrees < 1.0 else 0
+        return (
+            diagnosis.left_out
+            if shows or compute_core_fit(diagnosis.adjustment).degrees < 1.0
+            else 0
+        )
     mend = hypothesis.mend or SurveyCorrection()
     back = mend.picks | mend.without_picks | hypothesis.back
     picks = int(diagnosis.spoilt[list(back)].sum())
@@ -137,7 +141,7 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
         return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
     after = Diagnosis(taking, refined)
     # Variance factor of the corrected survey, where its core still does not fit.
-    fit = core_fit(refined.adjustment)
+    fit = compute_core_fit(refined.adjustment)
     noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT_PROBABILITY else 1.0
     gain, found = diagnosis.cost - after.cost, judged.found
     if found is not None and hypothesis.freed is not None:
@@ -145,7 +149,7 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
         gain = min(gain, judged.gain + 2.0 * PRICE * diagnosis.left_out)
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
-        found = Explained(gain, len(value), value, covariance)
+        found = HypothesisTest(gain, len(value), value, covariance)
     one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, max(1.0, noise))
     return one.at_noise(one.noise)
 
@@ -170,7 +174,8 @@ def adjust_without_lengths(diagnosis: Diagnosis) -> Diagnosis:
     """
     survey, minimum = diagnosis.survey, diagnosis.adjustment.minimum
     is_bent = (
-        diagnosis.spoilt.any() and core_fit(diagnosis.adjustment).probability < MIN_FIT_PROBABILITY
+        diagnosis.spoilt.any()
+        and compute_core_fit(diagnosis.adjustment).probability < MIN_FIT_PROBABILITY
     )
     of_use = minimum.converged and "lengths" in minimum.blocks and not is_bent
     if of_use or survey.telemetry is None or diagnosis.refined.line_removed.all():
@@ -183,4 +188,8 @@ def adjust_without_lengths(diagnosis: Diagnosis) -> Diagnosis:
     if refined is None or not refined.adjustment.minimum.converged:
         return diagnosis
     without = Diagnosis(taking, refined)
-    return without if core_fit(refined.adjustment).probability > MISFIT_PROBABILITY else diagnosis
+    return (
+        without
+        if compute_core_fit(refined.adjustment).probability > MISFIT_PROBABILITY
+        else diagnosis
+    )

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.survey.adjustment import LeftOutCause
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats, Ints
@@ -271,7 +271,7 @@ def _shows_the_ground(diagnosis: Diagnosis, frame: int, picks: Ints, pixel: Floa
     return bool(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)) < MAX_HEADING_RAD)
 
 
-def _turned_message(frames: Sequence[str], how: str, _: Explained | None) -> Message:
+def _turned_message(frames: Sequence[str], how: str, _: HypothesisTest | None) -> Message:
     """Report photos that were shown mirrored or rotated."""
     named = listed_photos(frames)
     one = len(frames) == 1
@@ -297,7 +297,9 @@ def _turned_message(frames: Sequence[str], how: str, _: Explained | None) -> Mes
     )
 
 
-def _disorder_message(diagnosis: Diagnosis, right: dict[int, int], _: Explained | None) -> Message:
+def _disorder_message(
+    diagnosis: Diagnosis, right: dict[int, int], _: HypothesisTest | None
+) -> Message:
     survey = diagnosis.survey
     frame = survey.frame_id[survey.pick_frame[next(iter(right))]]
     names = {survey.label[survey.pick_label[k]]: survey.label[v] for k, v in right.items()}

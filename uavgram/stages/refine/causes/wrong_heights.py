@@ -7,7 +7,11 @@ from functools import partial
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained, Moved, explained
+from uavgram.estimation.reliability.hypotheses import (
+    HypothesisTest,
+    ObservationChange,
+    compare_hypotheses,
+)
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
@@ -45,7 +49,7 @@ def propose_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if not len(asked):
         return
     moved = {int(k): height_derivative(diagnosis, int(k)) for k in asked[:MAX_LABELS]}
-    found = explained(adjustment, [(one,) for one in moved.values()])
+    found = compare_hypotheses(adjustment, [(one,) for one in moved.values()])
     height = dict(zip(moved, (float(one.value[0]) for one in found), strict=True))
     index = {int(a): k for k, a in enumerate(at) if a >= 0}
     for k, one in moved.items():
@@ -67,7 +71,7 @@ def _stray_rows(diagnosis: Diagnosis) -> Ints:
     return row[found.pick[found.taking & (found.fall > STRAY_DECREASE)]]
 
 
-def height_derivative(diagnosis: Diagnosis, label: int) -> Moved:
+def height_derivative(diagnosis: Diagnosis, label: int) -> ObservationChange:
     """Compute the derivative of the picks of a label of the adjustment by its height [m]."""
     adjustment = diagnosis.adjustment
     survey, state = adjustment.survey, adjustment.state
@@ -81,10 +85,10 @@ def height_derivative(diagnosis: Diagnosis, label: int) -> Moved:
         return project_rows(camera, lens, poses, world + np.array([0.0, 0.0, height_m]))
 
     along = (at(STEP_M) - at(-STEP_M)) / (2.0 * STEP_M) / survey.pick_sigma_px[rows, None]
-    return Moved("pixels", rows, along[..., None])
+    return ObservationChange("pixels", rows, along[..., None])
 
 
-def _height_message(label: str, photos: int, found: Explained | None) -> Message:
+def _height_message(label: str, photos: int, found: HypothesisTest | None) -> Message:
     height, sigma = (
         (float("nan"), float("nan"))
         if found is None

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.reliability.hypotheses import Explained
+from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.model.arrays import Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import photo_name
@@ -161,7 +161,9 @@ def _find_own_places(
     return belongs
 
 
-def swapped_message(diagnosis: Diagnosis, right: Mapping[int, int], _: Explained | None) -> Message:
+def swapped_message(
+    diagnosis: Diagnosis, right: Mapping[int, int], _: HypothesisTest | None
+) -> Message:
     """Report picks of one photo, and the labels that belong there.
 
     Parameters
@@ -275,7 +277,7 @@ def _picks_of(diagnosis: Diagnosis, frame: int, label: int) -> Ints:
 
 
 def _other_place_message(
-    diagnosis: Diagnosis, pick: int, other: int, _: Explained | None
+    diagnosis: Diagnosis, pick: int, other: int, _: HypothesisTest | None
 ) -> Message:
     """Report a pick at the place of another label.
 
