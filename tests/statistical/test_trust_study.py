@@ -160,6 +160,17 @@ def test_one_wrong_click_is_found_though_two_lengths_and_the_log_could_be_wrong_
     assert not any("length" in one["cause"] or one["lengths"] for one in row["reasons"][2:])
 
 
+def test_several_wrong_clicks_are_found_without_any_length() -> None:
+    survey = drawn("rtk_only", "", 7)
+    wrong = survey.picks[:: len(survey.picks) // 5][:5]
+    for pick in wrong:
+        pick.at = pick.at + np.sign([2000.0, 1500.0] - pick.at) * [180.0, 140.0]
+    row = judged(survey, {"world": "rtk_only", "fault": "", "seed": 7})
+    assert not survey.lines
+    assert row["reasons"][0]["cause"] == "pick-left-out"
+    assert set(row["reasons"][0]["labels"]) == {pick.label for pick in wrong}
+
+
 def test_one_wrong_withheld_length_is_amber_and_named() -> None:
     """It bends nothing; the other withheld lengths fit."""
     survey = drawn("strip_log", "", 5)

@@ -133,7 +133,7 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
 def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
     rows, faults = [], []
     for line, text in lines:
-        cells = _cells(text)
+        cells, has_gap = _cells(text), "\t\t" in text.strip()
         numbers = [parse_number(cell) for cell in cells[:_NUMBERS]]
         no_height = len(cells) > _Z and cells[_Z].lower() == "nan"
         if no_height:
@@ -151,7 +151,11 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
             )
         elif len(good) < _NUMBERS:
             wrong = numbers.index(None)
-            faults.append((line, f"{_NAMES[wrong]} must be a number (got {cells[wrong]!r})"))
+            hint = ": a cell of the line is empty" if has_gap else ""
+            faults.append((line, f"{_NAMES[wrong]} must be a number (got {cells[wrong]!r}){hint}"))
+        elif has_gap and not _PHOTO.match(cells[_NUMBERS]):
+            no_photo = f"has an empty cell, and {cells[_NUMBERS]!r} is no name of a photo"
+            faults.append((line, f"{no_photo}: fill in the photo's name"))
         else:
             x, y, z, u, v = good
             label = cells[_NUMBERS + 1] if len(cells) > _NUMBERS + 1 else ""
@@ -277,8 +281,14 @@ def _check(path: Path, rows: list[_Row]) -> None:
             faults.append((row.line, text))
         first = place.setdefault(row.label, row)
         if first.xyz != row.xyz:
-            what = "height" if first.xyz[:_Z] == row.xyz[:_Z] else "place"
-            text = f"label {row.label!r} has another {what} than in line {first.line}"
+            what, axes = "place", slice(_Z)
+            if first.xyz[:_Z] == row.xyz[:_Z]:
+                what, axes = "height", slice(_Z, None)
+            own, other = (", ".join(map(str, one.xyz[axes])) for one in (row, first))
+            text = (
+                f"label {row.label!r} has another {what} ({own}) than in line {first.line} "
+                f"({other}): correct one, or give the second point its own label"
+            )
             faults.append((row.line, text))
         at = seen.setdefault((row.image, row.label), row.line)
         if at != row.line:

@@ -57,6 +57,8 @@ def test_points_without_a_label_are_the_same_where_their_place_is(tmp_path: Path
         (HEAD + "1 2 3 4 5\n", r":2: needs x, y, z"),
         (HEAD + ROW + "1 2 x 4 5 a.jpg B\n", r":3: z must be a number \(got 'x'\)"),
         (HEAD + ROW + "1 2 3 4 5 DSC_2.JPG A\n", r":3: label 'A' has another place"),
+        (HEAD + "1\t2\t3\t4\t5\t\tA\n", r":2: has an empty cell, and 'A' is no name of a photo"),
+        (HEAD + "1\t2\t\t4\t5\ta.jpg\tA\n", r":2: row must be a number .*: a cell .* is empty"),
         (HEAD + ROW + ROW, r":3: label 'A' is picked in 'DSC_1.JPG' in line 2 already"),
     ],
 )
@@ -191,7 +193,9 @@ def test_one_place_at_two_heights_is_told_with_its_lines(
 def test_a_label_at_two_heights_is_a_mistake(tmp_path: Path) -> None:
     rows = "1 2 939.97 10 20 a.jpg A\n1 2 930.18 30 40 b.jpg A\n"
 
-    with pytest.raises(InputError, match=r":3: label 'A' has another height than in line 2"):
+    with pytest.raises(
+        InputError, match=r":3: label 'A' has another height .930.18. than in line 2 .939.97."
+    ):
         read_gcp_list(write(tmp_path, HEAD + rows))
 
 

@@ -234,6 +234,16 @@ def test_entities_and_document_types_are_refused(declaration: str) -> None:
         parse_xmp(bomb)
 
 
+@pytest.mark.parametrize("rest", [b"", b"\0\0\0\x14meta" + bytes(60)], ids=["ends", "empty meta"])
+def test_a_heic_without_content_is_an_error_that_names_the_photo(
+    tmp_path: Path, rest: bytes
+) -> None:
+    path = tmp_path / "a.jpg"
+    path.write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0heicmif1" + rest)
+    with pytest.raises(InputError, match=r"a\.jpg: its EXIF is broken"):
+        read_exif_tags(path)
+
+
 def test_a_broken_packet_is_an_error_that_names_the_photo(tmp_path: Path) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(tagged_jpeg.jpeg(tagged_jpeg.packet("<rdf:Description>")))

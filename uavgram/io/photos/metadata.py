@@ -104,8 +104,8 @@ def build_jpeg(segments: Iterable[Segment], scan: bytes) -> bytes:
 
 # exifread does not check counts and offsets, and raises these errors where a block is corrupt.
 _WHAT_EXIFREAD_RAISES = (
-    *(AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError),
-    *(struct.error, ZeroDivisionError),
+    *(AttributeError, EOFError, IndexError, KeyError, NotImplementedError, OverflowError),
+    *(TypeError, ValueError, struct.error, ZeroDivisionError),
 )
 MAX_BYTES, MAX_READS = 64_000_000, 1_000_000
 """Limits of reading a photo's tags: a camera writes some 100 kB; more means damage or an attack."""

@@ -656,7 +656,7 @@ def _falls_with_all(
     inverse = np.asarray(np.linalg.inv(np.eye(len(error)) + gradient.T @ pull), np.float64)
     force = inverse @ error
     covariance, falls = minimum.factor.covariance(), {}
-    for name in ("lengths", "pixels"):
+    for name in (one for one in ("lengths", "pixels") if one in minimum.blocks):
         other = minimum.blocks[name]
         # Residuals r - X v and cofactors Q + X V^-1 X^T of all others.
         moved = other.times(slice(None), pull)
