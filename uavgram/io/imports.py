@@ -284,7 +284,7 @@ def _check(path: Path, rows: list[_Row]) -> None:
             what, axes = "place", slice(_Z)
             if first.xyz[:_Z] == row.xyz[:_Z]:
                 what, axes = "height", slice(_Z, None)
-            own, other = (", ".join(map(str, one.xyz[axes])) for one in (row, first))
+            own, other = (", ".join(f"{value}" for value in one.xyz[axes]) for one in (row, first))
             text = (
                 f"label {row.label!r} has another {what} ({own}) than in line {first.line} "
                 f"({other}): correct one, or give the second point its own label"

@@ -318,6 +318,6 @@ FOUND_CAUSES = (
         action="State the shift in `time.offset_s`.",
         effect=Effect.AMBER,
         order=Order.CAUSE_OF_ALL,
-        one="The camera's clock is off by more than its stated sigma allows.",
+        one="The camera's clock is off by more than the project allows.",
     ),
 )

@@ -655,7 +655,8 @@ def _falls_with_all(
     pull = minimum.factor.solve(gradient)
     inverse = np.asarray(np.linalg.inv(np.eye(len(error)) + gradient.T @ pull), np.float64)
     force = inverse @ error
-    covariance, falls = minimum.factor.covariance(), {}
+    covariance = minimum.factor.covariance()
+    falls: dict[str, Floats] = {}
     for name in (one for one in ("lengths", "pixels") if one in minimum.blocks):
         other = minimum.blocks[name]
         # Residuals r - X v and cofactors Q + X V^-1 X^T of all others.
