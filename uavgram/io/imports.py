@@ -281,10 +281,13 @@ def _check(path: Path, rows: list[_Row]) -> None:
             faults.append((row.line, text))
         first = place.setdefault(row.label, row)
         if first.xyz != row.xyz:
-            what, axes = "place", slice(_Z)
-            if first.xyz[:_Z] == row.xyz[:_Z]:
-                what, axes = "height", slice(_Z, None)
-            own, other = (", ".join(f"{value}" for value in one.xyz[axes]) for one in (row, first))
+            (x, y, z), (first_x, first_y, first_z) = row.xyz, first.xyz
+            is_height = (x, y) == (first_x, first_y)
+            what, own, other = (
+                ("height", f"{z}", f"{first_z}")
+                if is_height
+                else ("place", f"{x}, {y}", f"{first_x}, {first_y}")
+            )
             text = (
                 f"label {row.label!r} has another {what} ({own}) than in line {first.line} "
                 f"({other}): correct one, or give the second point its own label"
