@@ -18,8 +18,8 @@ import pytest
 
 from uavgram.estimation.survey.adjustment import Removal
 from uavgram.estimation.survey.observations.kinds import KINDS
-from uavgram.model.catalogue.catalogue import CATALOGUE, SUBJECTS
 from uavgram.model.catalogue.entry import Effect
+from uavgram.model.catalogue.lookup import CATALOGUE, SUBJECTS
 from uavgram.model.flight.log import FaultKind
 from uavgram.views.explanations import page
 

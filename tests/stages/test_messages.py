@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from uavgram.model.catalogue.catalogue import CATALOGUE
+from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Correction, Message, MessagePlural, Remedy
 from uavgram.model.survey.corrections import Cause
 from uavgram.stages.messages import MAX_LISTED, downgrade_explained, order_messages

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from uavgram.errors import OutputError
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.own_files import remove_link
-from uavgram.io.photos.exif_capture import insert_exif
+from uavgram.io.photos.exif_insertion import insert_exif
 from uavgram.io.results.codec import Record, encode, records
 from uavgram.io.tables.csv_tables import csv_text
 from uavgram.io.tables.updates import (

@@ -7,8 +7,8 @@ import textwrap
 from difflib import get_close_matches
 
 from uavgram.errors import UavgramError, alike
-from uavgram.model.catalogue.catalogue import CATALOGUE, SUBJECTS
 from uavgram.model.catalogue.entry import Effect, Entry
+from uavgram.model.catalogue.lookup import CATALOGUE, SUBJECTS
 
 TERMINAL_COLUMNS, PAGE_COLUMNS = 79, 118
 MOST_SUGGESTED = 4

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from uavgram.model.catalogue.catalogue import entry_of
+from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.flight.frames import Frames, Pairing, Photos
 from uavgram.model.flight.pose import GeoTags
 from uavgram.model.message import Message

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from uavgram.model.catalogue.catalogue import CATALOGUE
 from uavgram.model.catalogue.entry import Effect
+from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Message
 from uavgram.stages.judge.verdict import get_plain_sentence
 

@@ -12,8 +12,8 @@ from scenes import NO_TIMES, make_scene
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.reliability.external import MAX_ERROR_SIGMAS, UNDETECTED_SIGMAS
 from uavgram.model.arrays import Ints
-from uavgram.model.catalogue.catalogue import CATALOGUE
 from uavgram.model.catalogue.entry import Effect
+from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Message, Remedy
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.tables import MeasurementResults

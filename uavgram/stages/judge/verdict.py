@@ -10,8 +10,8 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Sequence
 
-from uavgram.model.catalogue.catalogue import entry_of
 from uavgram.model.catalogue.entry import Effect
+from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import SUBJECTS, Message
 from uavgram.model.naming import listed, listed_photos
 from uavgram.model.result.tables import MeasurementResults
