@@ -49,9 +49,9 @@ export function mountPart(found, looks) {
   const chosen = WAYS.some(([value]) => value === set) ? set : OTHER;
   const deg = node("input", { name: "pitch_below", inputmode: "decimal", autocomplete: "off", value: chosen === OTHER ? -Number(set) : "", "aria-label": "Degrees below the horizon", size: 4 });
   const isPlaced = found.logs.length + found.poses.length > 0 || looks !== null || found.has_project;
-  const isAsked = set === "auto" && !found.has_project && isPlaced && looks === null && !found.has_gimbal; // only a person knows
+  const isAsked = set === "auto" && !found.has_project && looks === null && !found.has_gimbal; // only a person knows
   const part = node("fieldset", { class: "mount" }, node("legend", {}, "How did the camera hang?"),
-    isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos do not say how they were taken: the lengths on the ground place them, and this makes no difference."),
+    isPlaced ? null : node("p", { class: "dim" }, "There is no flight log, and the photos have no angles. Where they have positions, these are used together with the camera's direction; else the lengths on the ground place the photos, and any choice gives the same result."),
     isAsked ? node("p", { class: "dim" }, `${found.has_gimbal === null ? "What is recorded is not known yet" : "Neither the log nor the photos say it"}: choose.`) : null,
     node("div", { class: "ways" }, ...WAYS.map(([value, words, meant]) => node("label", { class: "way-of" },
       node("input", { type: "radio", name: "pitch", value, checked: value === chosen && !isAsked }), drawing(value), node("b", {}, words),
