@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from drawn_texts import check_texts, in_cad, in_recording, in_report, on_plan
+from drawn_texts import check_texts, in_annex, in_cad, in_recording, in_report, on_plan
 
 from uavgram.io.exports.dxf import place_texts
 from uavgram.model.result.result import Result
@@ -20,11 +20,18 @@ def result(request: pytest.FixtureRequest, data_dir: Path) -> Result:
     return compute(read_inputs(data_dir / request.param / "project.yaml")).result
 
 
-def test_plans_of_the_annex_name_every_point(result: Result) -> None:
-    """The report's own plan names those that a value, a length or a check rests on."""
-    plans = [one for one in in_report(result) if set(result.points.label) <= set(one.texts)]
-    assert len(plans) >= 2
-    for one in in_report(result):
+def test_the_plan_names_what_the_result_rests_on_and_the_annex_every_point(
+    result: Result,
+) -> None:
+    every, lines = set(result.points.label), result.lines
+    used = {*lines.start, *lines.end, *result.point_checks.label}.union(*result.known.points)
+    used = used.union(*result.measurements.points)
+    assert used & every
+    (plan,) = (one for one in in_report(result) if used & every <= set(one.texts))
+    assert every.intersection(plan.texts) == used & every
+    plans = [one for one in in_annex(result) if every <= set(one.texts)]
+    assert len(plans) == 2
+    for one in (*in_report(result), *in_annex(result)):
         check_texts(one)
 
 

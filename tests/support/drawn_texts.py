@@ -74,8 +74,13 @@ def in_svg(svg: str) -> Drawn:
 
 
 def in_report(result: Result) -> Iterator[Drawn]:
-    """Texts of every drawing of the report and its annex."""
-    yield from map(in_svg, PLAN.findall(render_report(result) + render_annex(result)))
+    """Texts of every drawing of the report."""
+    yield from map(in_svg, PLAN.findall(render_report(result)))
+
+
+def in_annex(result: Result) -> Iterator[Drawn]:
+    """Texts of every drawing of the annex."""
+    yield from map(in_svg, PLAN.findall(render_annex(result)))
 
 
 def in_cad(result: Result) -> Drawn:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import synthetic_survey
-from drawn_texts import check_texts, in_cad, in_recording, in_report, in_svg, on_plan
+from drawn_texts import check_texts, in_annex, in_cad, in_recording, in_report, in_svg, on_plan
 from planned_sample import sample_plan
 
 from uavgram.model.result.result import Result
@@ -30,7 +30,7 @@ def result(request: pytest.FixtureRequest) -> Result:
 
 
 def test_in_the_report(result: Result) -> None:
-    drawings = list(in_report(result))
+    drawings = [*in_report(result), *in_annex(result)]
     assert len(drawings) >= 2
     assert sum(len(one.line_ends) for one in drawings) > 5
     for one in drawings:

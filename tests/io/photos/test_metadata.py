@@ -235,12 +235,12 @@ def test_entities_and_document_types_are_refused(declaration: str) -> None:
 
 
 @pytest.mark.parametrize("rest", [b"", b"\0\0\0\x14meta" + bytes(60)], ids=["ends", "empty meta"])
-def test_a_heic_without_content_is_an_error_that_names_the_photo(
+def test_a_heic_with_the_name_of_a_jpeg_is_an_error_that_names_its_format(
     tmp_path: Path, rest: bytes
 ) -> None:
     path = tmp_path / "a.jpg"
     path.write_bytes(b"\0\0\0\x18ftypheic\0\0\0\0heicmif1" + rest)
-    with pytest.raises(InputError, match=r"a\.jpg: its EXIF is broken"):
+    with pytest.raises(InputError, match=r"a\.jpg: is a HEIC photo, which is not read"):
         read_exif_tags(path)
 
 

@@ -148,13 +148,25 @@ def compute_cofactors(block: Block, covariance: Covariance) -> Floats:
 
 
 def compute_reductions(block: Block, covariance: Covariance) -> Floats:
-    """Compute the (n,) reductions of the sum of squares without each observation (linear model).
+    """Compute the (n,) reductions of the sum of squares without each observation (linear model)."""
+    return reduce_squares(block.residual, compute_cofactors(block, covariance))
 
-    r^T Q^-1 r of its whitened residuals and their cofactor matrix; 0 along unchecked directions.
+
+def reduce_squares(
+    residual: Floats, cofactors: Floats, min_redundancy: float = MIN_REDUNDANCY
+) -> Floats:
+    """Compute r^T Q^-1 r (n,): the reductions of the sum of squares without each observation.
+
+    Parameters
+    ----------
+    residual, cofactors
+        (n, r) whitened residuals, and their (n, r, r) cofactor matrices Q.
+    min_redundancy
+        Eigenvalue of Q up to which no other observation checks its direction: this counts 0.
     """
-    redundancy, axes = np.linalg.eigh(compute_cofactors(block, covariance))
-    along = np.einsum("nra,nr->na", axes, block.residual)
-    checked = redundancy > MIN_REDUNDANCY
+    redundancy, axes = np.linalg.eigh(cofactors)
+    along = np.einsum("nra,nr->na", axes, residual)
+    checked = redundancy > min_redundancy
     return np.asarray(
         np.sum(np.where(checked, along**2, 0.0) / np.where(checked, redundancy, 1.0), axis=1)
     )

@@ -104,8 +104,8 @@ def build_jpeg(segments: Iterable[Segment], scan: bytes) -> bytes:
 
 # exifread does not check counts and offsets, and raises these errors where a block is corrupt.
 _WHAT_EXIFREAD_RAISES = (
-    *(AttributeError, EOFError, IndexError, KeyError, NotImplementedError, OverflowError),
-    *(TypeError, ValueError, struct.error, ZeroDivisionError),
+    *(AttributeError, IndexError, KeyError, OverflowError, TypeError, ValueError),
+    *(struct.error, ZeroDivisionError),
 )
 MAX_BYTES, MAX_READS = 64_000_000, 1_000_000
 """Limits of reading a photo's tags: a camera writes some 100 kB; more means damage or an attack."""
@@ -119,10 +119,11 @@ def read_exif_tags(path: str | Path) -> dict[str, Any]:
     Raises
     ------
     InputError
-        The file cannot be read, or its EXIF is broken.
+        The file cannot be read, has a format without a reader, or its EXIF is broken.
     """
     if what := no_file(path):
         raise InputError(path, f"is {what}: take it out of `images`")
+    refuse_unread(path)
     _here.is_reading = True
     try:
         with Path(path).open("rb") as file:

@@ -22,8 +22,8 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability.redundancy import MAX_GROSS_SHARE
 from uavgram.estimation.reliability.stated_values import explain_length
-from uavgram.estimation.reliability.test_statistics import compute_cofactors
-from uavgram.estimation.solver.normal_equations import SingularError
+from uavgram.estimation.reliability.test_statistics import compute_cofactors, reduce_squares
+from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import get_kind
@@ -650,7 +650,7 @@ def _falls_with_all(
     v_i^T ((V^-1)_ii)^-1 v_i, with v = V^-1 e.
     """
     minimum = found.minimum
-    gradient, error, owner = _predictions(found, restored)
+    gradient, error, place = _predict(found, restored)
     # S J^T, V^-1 and v = V^-1 e.
     pull = minimum.factor.solve(gradient)
     inverse = np.asarray(np.linalg.inv(np.eye(len(error)) + gradient.T @ pull), np.float64)
@@ -663,46 +663,42 @@ def _falls_with_all(
         moved = other.times(slice(None), pull)
         residual = other.residual - moved @ force
         share = compute_cofactors(other, covariance) + moved @ inverse @ moved.swapaxes(1, 2)
-        falls[name] = _quadratic_forms(residual, share)
-        for row in restored.get(name, ()):
-            own = [k for k, of in enumerate(owner) if of == (name, row)]
-            falls[name][row] = _quadratic_forms(force[None, own], inverse[None][:, own][..., own])[
-                0
-            ]
+        falls[name] = reduce_squares(residual, share, LEAST_REDUNDANCY)
+        if name in restored:
+            own = place[name]
+            block = inverse[own[:, :, None], own[:, None, :]]
+            falls[name][restored[name]] = reduce_squares(force[own], block, LEAST_REDUNDANCY)
     return float(error @ force), falls
 
 
-def _predictions(
-    found: Annealed, rows: Mapping[str, Ints]
-) -> tuple[Floats, Floats, list[tuple[str, int]]]:
-    """Return gradients (u, k) and errors (k,) of observations at full weight, with their names.
+def _predict(found: Annealed, rows: Mapping[str, Ints]) -> tuple[Floats, Floats, dict[str, Ints]]:
+    """Predict observations that take no part, at full weight.
 
     Parameters
     ----------
     found, rows
         A robust adjustment; rows of observations, by group.
+
+    Returns
+    -------
+    gradient, error, place
+        (u, k), (k,) of all k numbers in sigmas, and (n, r) which of them are of each observation,
+        by group.
     """
-    gradients, errors, owner = [], [], []
-    for name, each in rows.items():
-        block, root = found.minimum.blocks[name], np.sqrt(found.weight[name])
-        for row in each.tolist():
-            for axis in range(block.residual.shape[1]):
-                gradient = np.zeros(found.problem.layout.size)
-                np.add.at(gradient, block.columns[row], block.jacobian[row, axis] / root[row])
-                gradients.append(gradient)
-                errors.append(block.residual[row, axis] / root[row])
-                owner.append((name, row))
-    return np.stack(gradients, axis=1), np.array(errors), owner
-
-
-def _quadratic_forms(residual: Floats, share: Floats) -> Floats:
-    """Compute r^T Q^-1 r (n,) of residuals (n, a) and cofactors (n, a, a), of checked axes."""
-    redundancy, axes = np.linalg.eigh(share)
-    along = np.einsum("nra,nr->na", axes, residual) ** 2
-    checked = redundancy > LEAST_REDUNDANCY
-    return np.asarray(
-        np.where(checked, along / np.where(checked, redundancy, 1.0), 0.0).sum(axis=1)
-    )
+    blocks = {name: found.minimum.blocks[name] for name in rows}
+    scale = {name: 1.0 / np.sqrt(found.weight[name][own]) for name, own in rows.items()}
+    jacobians = [
+        blocks[name].jacobian[own] * scale[name][:, None, None] for name, own in rows.items()
+    ]
+    errors = [blocks[name].residual[own] * scale[name][:, None] for name, own in rows.items()]
+    columns = [blocks[name].columns[own] for name, own in rows.items()]
+    dense = DenseStack(columns, jacobians, found.problem.layout.size).jacobian(jacobians)
+    ends = np.cumsum([one.size for one in errors])
+    place = {
+        name: end - one.size + np.arange(one.size).reshape(one.shape)
+        for name, one, end in zip(rows, errors, ends.tolist(), strict=True)
+    }
+    return dense.T, np.concatenate([one.ravel() for one in errors]), place
 
 
 def _with_one_instead(candidate: Candidate) -> Iterator[Candidate]:

@@ -141,9 +141,10 @@ class Layout(NamedTuple):
 
 
 def used_labels(result: Result) -> frozenset[str]:
-    """Return the labels of the points used by a measurement, a known length or a check."""
+    """Return the labels of the points used by a measurement, a known quantity or a check."""
     lines, checks = result.lines, result.point_checks.label
-    return frozenset((*lines.start, *lines.end, *checks)).union(*result.measurements.points)
+    groups = (*result.measurements.points, *result.known.points)
+    return frozenset((*lines.start, *lines.end, *checks)).union(*groups)
 
 
 def used_points(result: Result) -> Bools:
