@@ -112,5 +112,5 @@ def _neither(typed: str) -> str:
 
 
 LIKE = 0.6
-"""How alike two names are, from 0 to 1, of which one may be meant by the other."""
+"""Similarity from 0 to 1 above which a name is proposed for a mistyped one."""
 MOST_ENTRIES = 5000

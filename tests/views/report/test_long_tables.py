@@ -15,7 +15,7 @@ def test_a_long_table_tells_what_is_doubtful_and_how_much_more_there_is(
     made = survey.build()
     whole = render_annex(made)
     assert " more photos are in results.json" not in whole
-    monkeypatch.setattr(long_tables, "MOST_TOLD", 4)
+    monkeypatch.setattr(long_tables, "MAX_ROWS", 4)
     page = render_annex(made)
 
     photos = page.split('id="photos"')[1].split("</section>")[0]

@@ -80,7 +80,7 @@ def run(
     output
         Folder of the outputs; by default the one that the project names.
     monte_carlo
-        Repeat the adjustment N times with all observations drawn anew, and compare the sigmas.
+        Repeat the adjustment N times with new random errors, and compare the sigmas.
     seed
         Seed of those draws.
     rows

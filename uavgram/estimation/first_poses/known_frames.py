@@ -193,7 +193,7 @@ KIND_NAMES = {
 
 
 class FrameThings(NamedTuple):
-    """Known lengths and things of which a frame shows all points, on one level of the ground.
+    """Known lengths and other quantities between points that one frame shows on one level ground.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ class FrameThings(NamedTuple):
 
     @property
     def scaled(self) -> bool:
-        """Whether one of them determines the scale."""
+        """Whether a length or a known distance determines the scale."""
         return any(one.kind in SCALED_KINDS for one in self.things)
 
     def words(self) -> str:

@@ -202,7 +202,7 @@ def poses_from_lines(seen: LineRows) -> Minima:
     Returns
     -------
     Ends
-        With shapes (B, S, ...): S poses, some of which may be the same; cost inf: there is none.
+        With shapes (B, S, ...): S poses, some may be equal; an infinite cost marks none.
 
     Notes
     -----

@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 
-MOST_TOLD = 1_000
+MAX_ROWS = 1_000
 """Largest number of rows of one table."""
 
 
@@ -19,7 +19,7 @@ def most_doubtful(doubt: Floats) -> tuple[int, ...]:
     doubt
         (N,) amount of doubt; NaN is none.
     """
-    first = np.argsort(-np.nan_to_num(doubt, nan=-np.inf), kind="stable")[:MOST_TOLD]
+    first = np.argsort(-np.nan_to_num(doubt, nan=-np.inf), kind="stable")[:MAX_ROWS]
     return tuple(np.sort(first).tolist())
 
 
