@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from uavgram.config.project import error_of_key
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import (
@@ -104,7 +105,7 @@ def _posed(inputs: Inputs) -> Posed:
         posed = unposed(inputs)
     place, crs = posed.world.origin, inputs.project.crs
     if place is not None and crs != "auto" and (why := explain_unsuitable_crs(crs, *place[:2])):
-        raise InputError(inputs.project_path, why)
+        raise error_of_key(inputs.project_path, ("crs",), why)
     return posed
 
 
@@ -204,9 +205,10 @@ def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
     apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
     below_m = curvature_drop(apart_m)
     if apart_m > SAME_SITE_M:
-        raise InputError(
+        raise error_of_key(
             inputs.project_path,
-            f"world.origin is {apart_m / 1000:.0f} km from the flight: give a place near it "
+            ("world", "origin"),
+            f"is {apart_m / 1000:.0f} km from the flight: give a place near it "
             "(are latitude and longitude exchanged?), or leave it out",
         )
     if below_m < 0.5 * inputs.project.ground.height_sigma_m:
