@@ -182,7 +182,7 @@ POSES = (
         WARNING,
         finding=(
             "The directions of the photos are unknown. They were taken from the heading of the "
-            "drone in the photos' tags, or from the course of the flight."
+            "drone in the photos' tags."
         ),
         consequence="Their sigmas are wide.",
         action=(
@@ -194,15 +194,16 @@ POSES = (
         "attitude-unknown",
         WARNING,
         finding=(
-            "The directions of the photos are unknown, and there is no course. Only points in "
-            "several photos, or known points, can show them."
+            "The directions of the photos are unknown. The course of the flight does not show them "
+            "either, as drones fly backwards and sideways too. Only points in several photos, or "
+            "known points, can show them."
         ),
         action="Pick such points, or give `yaw_deg`, `pitch_deg` and `roll_deg` in a CSV file.",
     ),
     Entry(
         "course-contradicted",
         NOTE,
-        finding="By their picks, photos look in another direction than the course of the flight.",
+        finding="By their picks, photos look in another direction than the nose of the drone.",
         consequence="Their headings follow from the picks.",
     ),
     Entry(

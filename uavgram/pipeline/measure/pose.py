@@ -147,14 +147,7 @@ def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
     messages: tuple[Message, ...] = ()
     try:
         place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
-        file_time = dict(zip(inputs.photos.frame_id, inputs.photos.file_time_s, strict=True))
-        exposures, more = place_photos(
-            poses,
-            place,
-            project.mount,
-            project.telemetry,
-            np.array([file_time[name] for name in poses.frame_id]),
-        )
+        exposures, more = place_photos(poses, place, project.mount, project.telemetry)
     except UavgramError as fault:  # add the name of the file
         raise InputError(source, str(fault)) from fault
     frames = _photo_frames(inputs, poses, exposures.frame_id)
