@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
-from trust_conditions import CONDITIONS, STRIP, draw
+from trust_conditions import BASES, CONDITIONS, STRIP, draw
 from trust_faults import FAULTS, accepts, accused_rightly, is_accusation
 from trust_oracle import oracle_sigmas
 from trust_world import (
@@ -212,4 +213,28 @@ def test_a_log_of_a_flight_in_gusts_leads_to_a_result() -> None:
     row = judged(survey, {"world": "strip_log", "fault": "", "seed": 0})
     assert "error:not-converged" not in row["messages"]
     assert row["level"] == "green"
+    assert max(map(abs, zs(row))) < 3.5
+
+
+def test_one_of_eight_lengths_that_bends_a_single_photo_is_left_out() -> None:
+    """All first values contain it, and at the first minimum every other length is off, too."""
+    rng = np.random.default_rng(9)
+    survey = draw(replace(BASES["single_no_log"], lengths=(8, 8), taped=(8, 8)), rng)
+    wrong = survey.lines[int(rng.integers(len(survey.lines)))]
+    wrong.length += 1.0
+    survey.wrong = {"lengths": {wrong.name}}
+    row = judged(survey, {"world": "single_no_log", "fault": "length", "seed": 9})
+    assert row["reasons"][0]["lengths"] == [wrong.name]
+    assert max(map(abs, zs(row))) < 3.5
+
+
+@pytest.mark.parametrize("log", ["gps", None])
+def test_of_two_photos_one_of_another_place_spoils_nothing(log: str | None) -> None:
+    rng = np.random.default_rng(3)
+    survey = draw(replace(STRIP, photos=2, share=1.0, lengths=(6, 7), log=log), rng)
+    FAULTS["photo_elsewhere"].plant(survey, rng)
+    row = judged(survey, {"world": "strip", "fault": "photo_elsewhere", "seed": 3})
+    first = row["reasons"][0]
+    assert first["cause"] == "photo-elsewhere"
+    assert set(first["frames"]) >= set(survey.wrong["frames"])
     assert max(map(abs, zs(row))) < 3.5

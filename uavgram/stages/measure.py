@@ -217,6 +217,9 @@ def _message(results: MeasurementResults, bias: float, sigma: float, i: int) -> 
     )
 
 
+CONFIRMED_SIGMAS = 1.96
+"""Difference of two scales, in sigmas, up to which they confirm each other (95 %)."""
+
 SAME_SIGMAS = 1.0
 """Difference, in sigmas, up to which values of two other solutions count as one value."""
 
@@ -279,6 +282,13 @@ def describe_scale_basis(adjustment: Adjustment) -> tuple[Message, ...]:
         text = (
             f"The scale rests on {own}; nothing else confirms it: a tape that is 1 % wrong makes "
             "every result 1 % wrong, and nothing shows it."
+        )
+    elif abs(found.excess) > CONFIRMED_SIGMAS * np.hypot(found.others, found.lengths):
+        than = "less" if found.excess > 0 else "more"
+        text = (
+            f"The scale rests on {own}; {rest} {'show' if verb == 'confirm' else 'shows'} "
+            f"{_percent(abs(found.excess))} ± {_percent(found.others)} % {than} for all lengths. "
+            "Compare the tape with another one."
         )
     elif found.others < found.lengths:
         text = f"The scale rests on {rest} (± {_percent(found.others)} %) more than on {own}."

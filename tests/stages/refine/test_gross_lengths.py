@@ -10,12 +10,14 @@ import pytest
 from scenes import Scene
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.refine import refine
+from uavgram.stages.refine import minima, readjustment, refine
 
 REPORT, REMOVE = SolveOptions(), SolveOptions(outliers="remove")
 NO_LOG = {"telemetry": False, "gauge": "plane"}
@@ -251,9 +253,15 @@ def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_a_warnin
 def test_a_run_that_does_not_come_to_rest_names_no_reading(
     scene_factory: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "uavgram.estimation.solver.levenberg_marquardt.MAX_UNDAMPED_REDUCTION", -1.0
-    )
+    found = minima.iterate
+
+    def unfinished(
+        problem: SurveyProblem, state: State, most: int, slack: float = 0.0
+    ) -> Minimum[State]:
+        return replace(found(problem, state, most, slack), converged=False)
+
+    monkeypatch.setattr(minima, "iterate", unfinished)
+    monkeypatch.setattr(readjustment, "iterate", unfinished)
     survey = logged(scene_factory(2, frames=2, ends=PAIRS))
     pixel = np.array(survey.pixel_px)
     pixel[7, 0] += 5.0  # more, and it leaves as a gross error

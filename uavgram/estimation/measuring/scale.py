@@ -42,6 +42,9 @@ def scale_derivatives(adjustment: Adjustment) -> dict[str, Floats]:
     return change
 
 
+SHORT_SHARE = 0.1
+"""Share of the longest distance below which a line is not proposed: it would check little."""
+
 MAX_RELATIVE_SIGMA = 0.3
 """Relative sigma from which an observation does not contribute to the scale."""
 
@@ -58,11 +61,14 @@ class ScaleSigmas(NamedTuple):
     others
         Of the same factor, by all other observations: log, control, stated heights; inf if there
         are none. Sizes that the survey learns from itself do not count: see estimation/survey/size.
+    excess
+        By how much the readings are larger than the others show, as a share; 0 if there are none.
     """
 
     all: float
     lengths: float
     others: float
+    excess: float = 0.0
 
 
 def compute_scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
@@ -72,7 +78,7 @@ def compute_scale_sigmas(adjustment: Adjustment) -> ScaleSigmas:
         return ScaleSigmas(everything, np.inf, everything)
     survey, line = adjustment.survey, adjustment.problem.line_index
     own = _sigma_by_readings(survey, line)
-    return ScaleSigmas(everything, own, _sigma_by_others(adjustment))
+    return ScaleSigmas(everything, own, *_factor_by_others(adjustment))
 
 
 def _sigma_by_readings(survey: Survey, line: Ints) -> float:
@@ -87,8 +93,8 @@ def _sigma_by_readings(survey: Survey, line: Ints) -> float:
     return float(np.sqrt(1.0 / sum(told)))
 
 
-def _sigma_by_others(adjustment: Adjustment) -> float:
-    """Compute the sigma of an unknown factor common to all readings, by all other observations.
+def _factor_by_others(adjustment: Adjustment) -> tuple[float, float]:
+    """Estimate an unknown factor common to all readings by all others; return sigma and value.
 
     The factor is one more unknown in place of the tapes' scales, eliminated last: its remaining
     information is then exact to rounding, however small it is.
@@ -111,11 +117,13 @@ def _sigma_by_others(adjustment: Adjustment) -> float:
     # Shift the columns behind the tapes' scales.
     moved = [replace(b, columns=_without_tapes(b.columns, layout)) for b in blocks.values()]
     structure = replace(bare.structure, size=last + 1)
+    normal = NormalEquations(moved, last + 1, structure)
     try:
-        factor = NormalEquations(moved, last + 1, structure).factor()
+        factor = normal.factor()
     except SingularError:
-        return float("inf")
-    return float(np.sqrt(factor.joint(np.array([last]))[0, 0]))
+        return float("inf"), 0.0
+    sigma = float(np.sqrt(factor.joint(np.array([last]))[0, 0]))
+    return sigma, -float(factor.solve(normal.gradient)[last])
 
 
 def _with_column(block: Block, column: int, derivative: Floats) -> Block:
@@ -264,6 +272,7 @@ def find_next_line(adjustment: Adjustment) -> LineAdvice | None:
     taken[
         _find_taped(label[first], label[second], survey.line_start[used], survey.line_end[used])
     ] = 0
+    taken[length < SHORT_SHARE * length.max()] = 0
     best = int(np.argmax(taken))
     before = float(np.trace(relative))
     number = len(length)

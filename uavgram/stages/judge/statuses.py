@@ -39,6 +39,23 @@ def is_moved(examined: TestedSurvey) -> Bools:
     return moved
 
 
+def find_unconfirmed_ends(examined: TestedSurvey) -> set[str]:
+    """Find labels at the ends of left-out lengths that no other reading confirms.
+
+    Where a length does not fit, its reading may be right and the label of an end wrong. Another
+    length, a known thing or a control point that fits shows that the label is right.
+    """
+    adjusted, settled = examined.adjustment.survey, examined.refined.settled
+    used = np.zeros(len(adjusted.line_start), dtype=np.bool_)
+    used[examined.adjustment.problem.line_index] = True
+    explained = np.isin(adjusted.line_name or [""] * len(used), sorted(settled))
+    ends = np.stack([adjusted.line_start, adjusted.line_end])
+    confirmed = {*ends[:, used].ravel().tolist(), *adjusted.control_label.tolist()}
+    confirmed |= {label for thing in examined.adjustment.problem.known for label in thing.label}
+    unconfirmed = {*ends[:, ~used & ~explained].ravel().tolist()} - confirmed
+    return {adjusted.label[k] for k in unconfirmed}
+
+
 def _change_without(group: TestedGroup, member: Member, solved: Floats) -> Floats:
     """Compute changes (M,) of the values if the estimated error of an observation is removed.
 

@@ -17,7 +17,7 @@ from uavgram.model.naming import listed, listed_photos
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
-from uavgram.stages.judge.statuses import determine_statuses
+from uavgram.stages.judge.statuses import determine_statuses, find_unconfirmed_ends
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
 _STATISTICS = re.compile(r": | \(|\. ")
@@ -53,7 +53,8 @@ def determine_verdict(
         examined,
         is_contradicted=bent,
         contradicted=fit.check_labels,
-        in_doubt={label for m in still if _effect(m) is Effect.DOUBTFUL for label in m.labels},
+        in_doubt={label for m in still if _effect(m) is Effect.DOUBTFUL for label in m.labels}
+        | find_unconfirmed_ends(examined),
     )
     is_ok = all(one == "ok" for one in status)
     without = {Effect.NONE, Effect.UNCHECKED} if is_ok else {Effect.NONE}
@@ -117,4 +118,5 @@ def get_plain_sentence(message: Message) -> str:
     form = entry.several if is_several and entry.several else entry.one
     names = {what: listed(getattr(message, what)) for what in SUBJECTS}
     names["frames"] = listed_photos(message.frames)
-    return form.format(count=len(message.labels), **names)
+    count = max(size.values(), default=0)
+    return form.format(count=count, **names)

@@ -204,8 +204,6 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
             best = agreed[0]
             rest = best.taking.without_frames(best.misplaced, MISPLACED)
             agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
-        if not agreed or agreed[0].is_in_disorder():
-            agreed = _of_either_photo(taking) or agreed
         robust = _without_outliers(agreed)
         if robust is not None:
             return replace(robust, refined=_with_misplaced(taking.survey, robust.refined))
@@ -214,25 +212,6 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         raise failed
     plain = _with_misplaced(taking.survey, plain)
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
-
-
-def _of_either_photo(taking: Participants) -> list[Candidate]:
-    """Adjust each of two photos alone, as they contradict each other; return the one that fits.
-
-    Where both fit alone, nothing shows which of them is wrong.
-    """
-    survey = taking.survey
-    frames = np.unique(survey.pick_frame[taking.keep]).tolist()
-    if len(frames) != 2:
-        return []
-    alone = (_most_agreed(taking.without_frame(frame, MISPLACED)) for frame in frames)
-    fitting = [found[0] for found in alone if found and found[0].fits()]
-    fitting.sort(key=lambda one: one.annealed.cost)
-    if len(fitting) < 2 or fitting[1].annealed.cost > fitting[0].annealed.cost + RIVAL:
-        return fitting[:1]
-    taking = fitting[0].taking
-    reason = {pick: EITHER if why is MISPLACED else why for pick, why in taking.reason.items()}
-    return [replace(fitting[0], taking=replace(taking, reason=reason))]
 
 
 def _with_misplaced(survey: Survey, refined: Refined) -> Refined:
@@ -385,6 +364,8 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
             return others[:1]
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
+    if (not found or found[0].is_in_disorder()) and (alone := _without_one_photo(taking)):
+        return alone
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
     found = _by_cost(taking, chain(found, *map(_with_one_instead, found)))
     if found and found[0].is_agreed():
@@ -402,6 +383,33 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
         each = (one for part in last for one in _from_reduced(part, whole, taking))
         found += islice((one for one in each if one.fits()), 1)
     return _by_cost(taking, found)
+
+
+def _without_one_photo(taking: Participants) -> list[Candidate]:
+    """Adjust robustly without each photo in turn; return the candidate of the rest that fits best.
+
+    Where either of two photos fits alone, nothing shows which of them is wrong.
+    """
+    frames = np.unique(taking.survey.pick_frame[taking.keep]).tolist()
+    if not 1 < len(frames) <= MOST_STARTS:
+        return []
+    rests = [taking.without_frame(frame, MISPLACED) for frame in frames]
+    fitting = [
+        one
+        for rest in rests
+        for one in islice(
+            _by_cost(rest, chain(_from_reduced(rest, rest, rest), _from_softened(rest))), 1
+        )
+        if (one.fits() or one.is_agreed()) and not one.is_in_disorder()
+    ]
+    fitting.sort(key=lambda one: one.annealed.cost)
+    if len(frames) > 2 or len(fitting) < 2:
+        return fitting[:1]
+    best, other = fitting
+    if other.annealed.cost > best.annealed.cost + RIVAL:
+        return [best]
+    reason = {pick: EITHER if why is MISPLACED else why for pick, why in best.taking.reason.items()}
+    return [replace(best, taking=replace(best.taking, reason=reason))]
 
 
 def _most_of_a_rival(taking: Participants, found: Sequence[Candidate]) -> float:
