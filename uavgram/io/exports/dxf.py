@@ -332,7 +332,7 @@ def _draw(sheet: Sheet, layer: Layer) -> None:
     else:
         for vertices in strips:
             if len(vertices) == 2:  # a polyline would have four parts, each with its own handle
-                sheet.space.add_line(*vertices.tolist(), dxfattribs={"layer": name})
+                sheet.space.add_line(vertices[0], vertices[1], dxfattribs={"layer": name})
             elif len(vertices):
                 sheet.space.add_polyline3d(
                     vertices, close=layer.kind == "polygon", dxfattribs={"layer": name}
