@@ -13,6 +13,7 @@ from uavgram.estimation.solver.normal_equations import Block, NormalEquations, P
 from uavgram.estimation.solver.sparse import cholesky, nested_dissection
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.likelihood import SurveyProblem
+from uavgram.estimation.survey.selection import select_picks
 from uavgram.estimation.survey.unknowns import Layout
 from uavgram.model.arrays import Floats
 
@@ -82,6 +83,31 @@ def test_solution_and_covariances_equal_the_dense_inverse(
             unit = np.outer(sigma[columns], sigma[columns])
             expected = inverse[np.ix_(columns, columns)] / unit
             np.testing.assert_allclose(joint / unit, expected, atol=1e-7, err_msg=name)
+
+
+@pytest.mark.parametrize("chosen", [[0], [3, 40], [1, 2, 7, 8, 70], [-1]])
+def test_a_solution_for_some_unknowns_is_that_of_the_whole_system(
+    chosen: list[int], branch: str
+) -> None:
+    scene = make_scene(5, frames=12, labels=36)
+    # each label in two photos next to each other
+    between = (scene.survey.pick_frame - scene.survey.pick_label) % 12
+    problem = SurveyProblem(
+        select_picks(scene.survey, between < 2).survey,
+        scene.pivot,
+        np.ones(len(scene.survey.line_start), dtype=bool),
+    )
+    blocks, layout = problem.evaluate(scene.truth), problem.layout
+    assert blocks is not None
+    structure = layout.structure if branch == "points first" else None
+    factor = NormalEquations(list(blocks.values()), layout.size, structure).factor()
+    columns = np.arange(layout.size)[chosen]
+    right = np.zeros((layout.size, 3))
+    right[columns] = np.random.default_rng(0).normal(size=(len(columns), 3))
+    whole = factor.solve(right)[columns]
+
+    found = factor.solve_among(columns, right[columns])
+    np.testing.assert_allclose(found, whole, rtol=1e-12, atol=1e-12 * np.abs(whole).max())
 
 
 @pytest.mark.usefixtures("branch")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from ezdxf.document import Drawing
 from ezdxf.entities.insert import Insert
-from ezdxf.entities.polyline import Polyline
+from ezdxf.entities.line import Line
 from ezdxf.filemanagement import readfile
 from numpy.typing import NDArray
 from pyogrio import list_layers
@@ -224,9 +224,9 @@ def test_the_drawing_has_points_off_the_ground_on_a_layer_with_verticals(
             said = float(insert.get_attrib_text(key.upper()))
             assert said == pytest.approx(points[label][key], abs=5e-5)
     lines = [
-        [vertex.dxf.location for vertex in line.vertices]
-        for line in space.query('POLYLINE[layer=="HEIGHTS"]')
-        if isinstance(line, Polyline)
+        (line.dxf.start, line.dxf.end)
+        for line in space.query('LINE[layer=="HEIGHTS"]')
+        if isinstance(line, Line)
     ]
     assert len(lines) == len(RAISED)
     tops = [tuple(inserts[label].dxf.insert) for label in points if label in RAISED]

@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import helmert
-from scipy.sparse import csc_array
 
 from uavgram.estimation.measuring.kinds import refers_to_ground
 from uavgram.estimation.measuring.propagation import (
@@ -120,12 +119,12 @@ class Curvature(NamedTuple):
 class _Direction(NamedTuple):
     """Steps (d, n) of the unknowns near by, the first ones towards the values of a request.
 
-    `whole` holds the factors of the steps of all unknowns, solved columns times coefficients:
-    (size, c), (c, d).
+    `whole` holds the unknowns (u,) and right-hand sides (u, d) whose solutions are the steps of all
+    unknowns.
     """
 
     steps: Floats
-    whole: tuple[Floats, Floats]
+    whole: tuple[Ints, Floats]
 
 
 def compute_curvature(
@@ -244,8 +243,11 @@ def _readjust(
         if state is not None:
             last = ends.rest[row, own] * sigma[own]
             return np.asarray(compute_values(near.problem, state, (request,), frames) + last)
-        solved, makes = directions[k].whole
-        whole = readjust_moved_fully(adjustment, sign * MOVE_SIGMAS * (solved @ makes[:, d]))
+        unknowns, makes = directions[k].whole
+        right = np.zeros(adjustment.minimum.factor.size)
+        right[unknowns] = makes[:, d]
+        step = sign * MOVE_SIGMAS * adjustment.minimum.factor.solve(right)
+        whole = readjust_moved_fully(adjustment, step)
         if whole is None:
             return np.full(len(rows), np.nan)
         return compute_values(adjustment.problem, whole, (request,), frames)
@@ -268,15 +270,26 @@ def _directions(
     directions of the observations' space, the first ones towards the measured values.
     """
     every = np.concatenate([rows for _, rows in some])
-    gradients = measured.gradient[:, every].toarray()
-    spreads = list(_spreads(adjustment, [request for request, _ in some]))
-    together = adjustment.minimum.factor.solve(_side_by_side(spreads, len(gradients)))
+    gradients = measured.gradient[:, every].toarray()[near.columns]
+    factor = adjustment.minimum.factor
+    place = np.empty(factor.size, dtype=np.int64)  # of the unknowns among those near by
+    place[near.columns] = np.arange(len(near.columns))
+    spreads = [
+        (unknowns, place[unknowns], spread)
+        for unknowns, spread in _spreads(adjustment, [request for request, _ in some])
+    ]
+    count = sum(spread.shape[1] for *_, spread in spreads)
+    right, last = np.zeros((len(near.columns), count)), 0
+    for _, at, spread in spreads:
+        first, last = last, last + spread.shape[1]
+        right[at, first:last] = spread
+    together = factor.solve_among(near.columns, right)
     last = last_row = 0
-    for (unknowns, spread), (_, rows) in zip(spreads, some, strict=True):
+    for (unknowns, at, spread), (_, rows) in zip(spreads, some, strict=True):
         first, last = last, last + spread.shape[1]
         first_row, last_row = last_row, last_row + len(rows)
         solved, gradient = together[:, first:last], gradients[:, first_row:last_row]
-        joint = spread.T @ solved[unknowns]
+        joint = spread.T @ solved[at]
         sigma = np.sqrt(np.diag(joint))
         sigma = np.where(sigma > 0, sigma, 1.0)
         # Whiten the covariance of the points (scaled to a unit diagonal), without null directions.
@@ -287,7 +300,7 @@ def _directions(
         # QR: the first axes along the gradients of the values, the others orthogonal.
         turned, _ = np.linalg.qr(np.concatenate([towards, np.eye(len(towards))], axis=1))
         makes = whitened @ turned
-        yield _Direction((solved[near.columns] @ makes).T, (solved, makes))
+        yield _Direction((solved @ makes).T, (unknowns, spread @ makes))
 
 
 def _spreads(
@@ -325,15 +338,6 @@ def _spread(jacobian: Floats, columns: Ints) -> Floats:
 def _means(count: int) -> Floats:
     """Return an (n, n) orthogonal matrix: the mean of n numbers, and their differences."""
     return np.asarray(helmert(count, full=True))
-
-
-def _side_by_side(spreads: Sequence[tuple[Ints, Floats]], size: int) -> csc_array:
-    """Assemble (size, m) gradients by all unknowns."""
-    many = [len(unknowns) for unknowns, spread in spreads for _ in range(spread.shape[1])]
-    where = [np.tile(unknowns, spread.shape[1]) for unknowns, spread in spreads]
-    entries = np.concatenate([spread.T.ravel() for _, spread in spreads])
-    ends = np.cumsum([0, *many])
-    return csc_array((entries, np.concatenate(where), ends), shape=(size, len(many)))
 
 
 def _collect(pairs: Floats, measured: MeasuredValues, rows: Ints, found: Curvature) -> None:

@@ -373,6 +373,23 @@ class Factor:
             found[:, some] = self.solve(right[:, some].toarray())
         return found
 
+    def solve_among(self, columns: Ints, right: Floats) -> Floats:
+        """Solve for right-hand sides (n, m) of n unknowns, zero elsewhere; return these n.
+
+        The parts of a large survey that are elsewhere are left out of the computation.
+        """
+        found = np.empty(right.shape)
+        for start in range(0, right.shape[1], MAX_RIGHT_SIDES):
+            some = slice(start, start + MAX_RIGHT_SIDES)
+            whole = np.zeros((self.size, right[:, some].shape[1]))
+            whole[columns] = right[:, some] * self._scale[columns, None]
+            if isinstance(self._factor, SparseFactor):
+                solved = self._factor.solve(whole, columns)
+            else:
+                solved = self._factor.solve(whole)
+            found[:, some] = solved[columns] * self._scale[columns, None]
+        return found
+
     def predicted_fall(self, step: Floats, gradient: Floats) -> float:
         """Compute the reduction of the sum of squares by a solved step in the linear model.
 

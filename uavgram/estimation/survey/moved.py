@@ -227,9 +227,7 @@ def readjust_moved(
         )
         drive = gradient[further] + way.force[further]
         # step = -N^-1 drive
-        right = np.zeros((factor.size, len(further)))
-        right[near.columns] = -drive.T
-        step = factor.solve(right)[near.columns].T
+        step = factor.solve_among(near.columns, -drive.T).T
         felt = np.abs(np.where(asked.of[left[further]], ahead[further], 0.0)).max(axis=1)
         rests = (
             (felt < MAX_LAST_CHANGE) & (-(drive * step).sum(axis=1) < MAX_LAST_STEP) & (taken > 0)

@@ -331,7 +331,9 @@ def _draw(sheet: Sheet, layer: Layer) -> None:
             sheet.space.add_point(vertices[0], dxfattribs={"layer": name})
     else:
         for vertices in strips:
-            if len(vertices):
+            if len(vertices) == 2:  # a polyline would have four parts, each with its own handle
+                sheet.space.add_line(vertices[0], vertices[1], dxfattribs={"layer": name})
+            elif len(vertices):
                 sheet.space.add_polyline3d(
                     vertices, close=layer.kind == "polygon", dxfattribs={"layer": name}
                 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -27,6 +28,9 @@ _FIRST = (16, 80)
 
 _ROOM = 64
 """Initial capacity for places."""
+
+_FEW = 64
+"""Number of taken places up to which a choice of those near by takes longer than all of them."""
 
 _OVER_LETTERS = 0.7
 """Share of a text's half width at which a line from above or below ends, so that it meets
@@ -152,38 +156,51 @@ def place_labels(
 
 def _with_leaders(labels: Sequence[Label], boxes: Floats, size: float) -> Placed:
     leaders, sides = np.full((len(labels), 2, 2), np.nan), np.zeros(len(labels), np.int64)
-    for row, label in enumerate(labels):
-        if np.isfinite(boxes[row, 0]) and label.where != "at":
-            leaders[row], sides[row] = _leader(label, boxes[row])
+    has_place = np.isfinite(boxes[:, 0])
+    rows = [row for row in np.flatnonzero(has_place).tolist() if labels[row].where != "at"]
+    if rows:
+        leaders[rows], sides[rows] = _make_leaders([labels[row] for row in rows], boxes[rows])
     return Placed(boxes, leaders, sides, size)
 
 
-def _leader(label: Label, box: Floats) -> tuple[Floats, int]:
-    """Return the line (2, 2) from a text's object to the edge of its box (5,), and the side.
+def _make_leaders(labels: Sequence[Label], boxes: Floats) -> tuple[Floats, Ints]:
+    """Return the lines (n, 2, 2) from texts' objects to the edges of their boxes (n, 5), and sides.
 
     NaN where the text is not farther than half its height and the usual gap. The line ends in the
     middle of a side of the box where it comes from that side, otherwise above or below letters.
     """
-    way = label.end - label.start
-    middle = float((box[:2] - label.start) @ way) / max(float(way @ way), 1e-12)
-    shares = np.append(np.clip(middle, 0.0, 1.0), _FEET if way.any() else [])
-    feet = label.start + shares[:, None] * way
-    cos, sin = math.cos(box[4]), math.sin(box[4])
-    axes = np.array([[cos, sin], [-sin, cos]])
-    own = (feet - box[:2]) @ axes.T
-    away = np.linalg.norm(own - np.clip(own, -box[2:4], box[2:4]), axis=1)
-    if away.min() <= (1.0 + label.gap / label.half[1]) * box[3]:
-        return np.full((2, 2), np.nan), 0
+    start = np.array([label.start for label in labels])
+    way = np.array([label.end for label in labels]) - start
+    center, half = boxes[:, :2], boxes[:, 2:4]
+    # Feet on the line: the one nearest to the middle of the text, then all along the line.
+    middle = _dot(center - start, way) / np.maximum(_dot(way, way), 1e-12)
+    along = np.broadcast_to(_FEET, (len(labels), len(_FEET)))
+    shares = np.column_stack([np.clip(middle, 0.0, 1.0), along])
+    feet = start[:, None] + shares[..., None] * way[:, None]
+    cos, sin = np.cos(boxes[:, 4]), np.sin(boxes[:, 4])
+    axes = np.stack([np.stack([cos, sin], 1), np.stack([-sin, cos], 1)], 1)
+    own = (feet - center[:, None]) @ np.swapaxes(axes, 1, 2)
+    off = own - np.clip(own, -half[:, None], half[:, None])
+    away = np.hypot(off[..., 0], off[..., 1])
+    nearest_m = away.min(axis=1)
+    gap = [label.gap / label.half[1] for label in labels]
+    is_beside = nearest_m <= (1.0 + np.array(gap)) * half[:, 1]
     # beside the middle of the text, unless that is much farther
-    first = int(np.argmin(away > away.min() + box[3]))
-    foot, own = feet[first], own[first]
-    nearest = np.clip(own, -box[2:4], box[2:4])
-    side = 0 if abs(own[0]) <= box[2] else int(np.sign(own[0]))
-    if side:
-        nearest[1] = 0.0
-    else:
-        nearest[0] = np.clip(own[0], -_OVER_LETTERS * box[2], _OVER_LETTERS * box[2])
-    return np.stack([foot, box[:2] + nearest @ axes]), side
+    first = np.argmin(away > (nearest_m + half[:, 1])[:, None], axis=1)
+    each = np.arange(len(labels))
+    foot, own = feet[each, first], own[each, first]
+    side = np.where(np.abs(own[:, 0]) <= half[:, 0], 0, np.sign(own[:, 0])).astype(np.int64)
+    edge = np.clip(own, -half, half)
+    over = _OVER_LETTERS * half[:, 0]
+    edge[:, 0] = np.where(side == 0, np.clip(own[:, 0], -over, over), edge[:, 0])
+    edge[:, 1] = np.where(side == 0, edge[:, 1], 0.0)
+    leaders = np.stack([foot, center + (edge[:, None] @ axes)[:, 0]], axis=1)
+    return np.where(is_beside[:, None, None], np.nan, leaders), np.where(is_beside, 0, side)
+
+
+def _dot(one: Floats, other: Floats) -> Floats:
+    """Compute the scalar products (n,) of vectors (n, 2)."""
+    return np.asarray((one * other).sum(axis=1))
 
 
 def _place(
@@ -214,8 +231,9 @@ def _place(
     # Move level places into the picture, and drop others outside it.
     if bounds is not None:
         candidates = _within_bounds(candidates, bounds, label.where)
-    for some in np.split(candidates, _FIRST):
-        if (which := places.take(some)) is not None:
+    for first, end in pairwise((0, *_FIRST, len(candidates))):
+        some = candidates[first:end]
+        if len(some) and (which := places.take(some)) is not None:
             return np.array([*(some[which, :2] - shift), *half, some[which, 4]])
     return None
 
@@ -306,7 +324,7 @@ class TextPlaces:
     def _near(self, candidates: Floats) -> Floats:
         """Return taken places (n, 5) that may overlap places (c, 5)."""
         taken, reach = self._taken[: self._count], self._reach[: self._count]
-        if not len(candidates) or not len(taken):
+        if not len(candidates) or len(taken) <= _FEW:
             return taken
         x, y, width, height, _ = candidates.T
         reach = reach + math.hypot(width.max(), height.max())

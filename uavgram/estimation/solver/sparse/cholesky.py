@@ -118,10 +118,22 @@ class Multifrontal:
         """Return the natural logarithm of the determinant of the matrix."""
         return 2.0 * sum(float(np.log(np.diag(lower)).sum()) for lower in self._lower if len(lower))
 
-    def solve(self, right: Floats) -> Floats:
-        """Solve for (n, m) right-hand sides."""
+    def solve(self, right: Floats, among: Ints | None = None) -> Floats:
+        """Solve for (n, m) right-hand sides.
+
+        Parameters
+        ----------
+        right
+            Right-hand sides.
+        among
+            Unknowns that contain all nonzero rows of the right-hand sides, and all those whose
+            solution is valid; by default all.
+        """
         x = right[self._ordering.order]
         fronts = list(zip(self._ordering.fronts, self._lower, self._below, strict=True))
+        if among is not None:
+            # Other fronts neither change these unknowns nor are changed by the right-hand sides.
+            fronts = [fronts[k] for k in self._ordering.with_ancestors(among)]
         # Forward substitution, from the leaves to the root.
         for front, lower, below in fronts:
             if front.own:
@@ -244,6 +256,18 @@ class Symbolic:
             ]
         )
 
+    def reduced_to(self, among: Ints) -> Ints:
+        """Return the kept unknowns among some unknowns, and those of blocks that see their points.
+
+        As positions in the reduced matrix.
+        """
+        marked = np.zeros((self.pattern.structure.size, 1))
+        marked[among] = 1.0
+        point = self.pattern.structure.split(marked)[POINT][self.alone].any(axis=(1, 2))
+        kept = marked[self.kept]
+        self.reduced.structure.split(kept)[BLOCK][self.block[point[self.point]]] = 1.0
+        return np.flatnonzero(kept)
+
     def _reduce(self, between: Pairs, blocks: int) -> None:
         """Compute the reduced pattern: blocks that see the same point are now coupled."""
         structure, (among, seen, _) = self.pattern.structure, self.pattern.pairs
@@ -334,8 +358,8 @@ class SparseFactor:
         """Return the natural logarithm of the determinant of the matrix."""
         return self._front.log_determinant() - float(np.linalg.slogdet(self._inverse)[1].sum())
 
-    def solve(self, right: Floats) -> Floats:
-        """Solve for (n, m) right-hand sides."""
+    def solve(self, right: Floats, among: Ints | None = None) -> Floats:
+        """Solve for (n, m) right-hand sides; `among` as in `Multifrontal.solve`."""
         symbolic = self._symbolic
         structure = symbolic.pattern.structure
         point = structure.split(right)[POINT][symbolic.alone]
@@ -344,7 +368,7 @@ class SparseFactor:
         # Reduced right-hand side: b_c - B^T A^-1 b_p.
         symbolic.by_block.add(block, self._gain, -point)
         border -= _contract(self._border_gain, point)
-        found = self._front.solve(reduced)
+        found = self._front.solve(reduced, None if among is None else symbolic.reduced_to(among))
         _, block, border = symbolic.reduced.structure.split(found)
         # Back substitution of the points: A^-1 (b_p - B x_c).
         own = self._inverse @ point - self._border_gain @ border

@@ -97,6 +97,19 @@ class Ordering:
         self.fronts = self._fronts(own, [node.parent for node in trees], rank)
         self.stacks = _make_stacks(self.fronts)
 
+    def with_ancestors(self, unknowns: Ints) -> list[int]:
+        """Return the positions of the fronts that own these unknowns, and of their ancestors."""
+        wanted = np.zeros(len(self.order), dtype=np.bool_)
+        wanted[unknowns] = True
+        place = np.flatnonzero(wanted[self.order])  # in the order of elimination
+        ends = np.array([front.first + front.own for front in self.fronts])
+        found = set[int]()
+        for position in np.unique(np.searchsorted(ends, place, side="right")).tolist():
+            while position >= 0 and position not in found:
+                found.add(position)
+                position = self.fronts[position].parent  # noqa: PLW2901 - up to the root
+        return sorted(found)
+
     def values(self, matrix: BlockMatrix) -> Floats:
         """Return the (stored,) values of a matrix."""
         return np.concatenate([v.ravel() for v in _find_stored(matrix)])
