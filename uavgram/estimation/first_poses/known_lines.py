@@ -190,12 +190,6 @@ def _add_control(survey: Survey, lines: dict[int, list[tuple[float, ...]]]) -> N
         )
 
 
-def has_only_lines(survey: Survey) -> bool:
-    """Return whether only lines of known position place a survey on the map."""
-    few = len(survey.control_label) < 2
-    return survey.telemetry is None and few and survey.gauge == "world"
-
-
 def poses_from_lines(seen: LineRows) -> Minima:
     """Find the minima of each photo, the lowest first.
 

@@ -207,7 +207,7 @@ def _estimate_poses(asked: _CacheKey) -> dict[int, LengthPoses]:
 
 def _keep_distinct(poses: LengthPoses) -> LengthPoses:
     """Keep the first of the poses that converged to the same plane."""
-    variance = np.einsum("bii->bi", poses.covariance)[:, :3]
+    variance = np.einsum("bii->bi", poses.covariance)
     sigma = np.sqrt(np.where(poses.converged[:, None], variance, 0.0))
     same = np.all(np.abs(poses.plane[:, None] - poses.plane) <= SAME_PLANE_SIGMAS * sigma, axis=2)
     first = np.argmax(same, axis=0)
