@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.plane_search import PlaneCandidate, search_planes
+from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_planes
 from uavgram.estimation.survey.likelihood import compute_covariance_root
 from uavgram.geometry.camera.back_projection import back_project, rays_and_lens
 from uavgram.geometry.camera.lens import (
@@ -290,7 +290,7 @@ def resect_from_lengths(
     """
     if start_plane is None:
         found = search_frames(calibration, frames)
-        best = [c[0].plane if c else np.full(3, np.nan) for c in found]
+        best = [planes.plane[0] if len(planes.plane) else np.full(3, np.nan) for planes in found]
         start_plane = np.array(best).reshape(-1, 3)
     root = _root(calibration.covariance.tobytes())
     if len(start_plane) <= FRAMES_AT_ONCE:
@@ -323,9 +323,7 @@ def compute_line_sigmas(frames: LengthFrames) -> Floats:
     return np.asarray(np.hypot(frames.length_sigma_m, from_picks))
 
 
-def search_frames(
-    calibration: Calibration, frames: LengthFrames
-) -> list[tuple[PlaneCandidate, ...]]:
+def search_frames(calibration: Calibration, frames: LengthFrames) -> list[KnownPlanes]:
     """Search planes of frames by `search_planes`, from their picks."""
     ray = back_project(calibration.model, calibration.parameters, frames.pixel_px)
     rows = np.arange(len(ray))[:, None]

@@ -90,8 +90,8 @@ def find_length_starts(scenes: MethodScenes, most: int = 4) -> Starts:
     )
     center, rotation = np.full((count, most, 3), np.nan), np.full((count, most, 3, 3), np.nan)
     for k, candidates in enumerate(search_frames(rows.calibration, frames)):
-        for j, candidate in enumerate(candidates[:most]):
-            center[k, j], rotation[k, j] = pose_above_plane(candidate.plane)
+        for j, plane in enumerate(candidates.plane[:most]):
+            center[k, j], rotation[k, j] = pose_above_plane(plane)
     return center, rotation
 
 
