@@ -37,9 +37,6 @@ the end."""
 FIRST_STEPS, LAST_STEPS = 12, 100
 MAX_AT_ONCE = 400_000
 """Largest number of rotations times picks that are tried at once."""
-SAME_DIRECTION_RAD, SAME_RELATIVE_DISTANCE = 0.01, 0.02
-"""Differences of direction [rad] and of place, as a share of the camera's height, up to which two
-poses are one."""
 
 
 class _Rows(NamedTuple):
@@ -219,21 +216,6 @@ def _find_minima(seen: LineRows, center: Floats, rotation: Floats, iterations: i
     photo = np.repeat(np.arange(len(center)), starts)
     start = center.reshape(-1, 3), rotation.reshape(-1, 3, 3)
     return minimise_each(seen.of_photos(photo), start, iterations).lowest_first(starts)
-
-
-def compute_rival_differences(ends: Minima, within: float) -> Floats:
-    """Compute (B,) differences of the next distinct minimum to the best; inf beyond `within`."""
-    (center, rotation), cost = ends.state[:2], ends.cost
-    height = np.maximum(center[:, :1, 2], 1e-9)
-    apart = np.linalg.norm(center - center[:, :1], axis=2) / height
-    turn = np.einsum("bij,bsij->bs", rotation[:, 0], rotation)
-    other = (apart > SAME_RELATIVE_DISTANCE) | (
-        np.arccos(np.clip((turn - 1) / 2, -1, 1)) > SAME_DIRECTION_RAD
-    )
-    with np.errstate(invalid="ignore"):
-        worse = np.where(other & ends.converged, cost - cost[:, :1], np.inf)
-    least = np.nan_to_num(worse, nan=np.inf).min(axis=1)
-    return np.where(least <= within, least, np.inf)
 
 
 def compute_direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
