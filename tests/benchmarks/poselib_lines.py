@@ -89,4 +89,5 @@ def _lines(scenes: MethodScenes, seen: LineRows, k: int) -> tuple[Floats, Floats
 
 
 def _misfit(seen: LineRows, k: int, center: Floats, rotation: Floats) -> float:
-    return float(seen.linearise(np.array([k]), (center[None], rotation[None])).cost[0])
+    off, _ = seen.rows(np.array([k]), (center[None], rotation[None]))
+    return float(np.sum(off**2))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.first_poses.pose_problem import RayRows
+from uavgram.estimation.first_poses.pose_problem import make_ray_problem
 from uavgram.estimation.solver.batched import minimise_each
 from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Floats
@@ -116,7 +116,7 @@ def refine_pose(
     across[:, [0, 1], [0, 1]] = 1.0
     across[:, :, 2] = -ray[:, :2]
     across *= (size / sigma[:, None])[:, None]
-    rows = RayRows((ray / size)[None], across[None], world_m[None])
-    ends = minimise_each(rows, (pose[0][None], pose[1][None]), MAX_ITERATIONS)
+    problem = make_ray_problem((ray / size)[None], across[None], world_m[None])
+    ends = minimise_each(problem, (pose[0][None], pose[1][None]), MAX_ITERATIONS)
     (center, rotation), cost = ends.state, float(ends.cost[0])
     return (cost, (center[0], rotation[0])) if cost < np.inf and center[0, 2] > 0 else None

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import chdtrc
 
 from uavgram.estimation.first_poses.network import estimate_ground_height, has_known_height
-from uavgram.estimation.first_poses.pose_problem import LineRows
-from uavgram.estimation.solver.batched import Minima, minimise_each
+from uavgram.estimation.first_poses.pose_problem import LineRows, move_poses
+from uavgram.estimation.solver.batched import ExplicitProblem, Minima, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Floats, Ints
@@ -215,7 +215,8 @@ def _find_minima(seen: LineRows, center: Floats, rotation: Floats, iterations: i
     starts = center.shape[1]
     photo = np.repeat(np.arange(len(center)), starts)
     start = center.reshape(-1, 3), rotation.reshape(-1, 3, 3)
-    return minimise_each(seen.of_photos(photo), start, iterations).lowest_first(starts)
+    problem = ExplicitProblem(seen.of_photos(photo).rows, move_poses)
+    return minimise_each(problem, start, iterations).lowest_first(starts)
 
 
 def compute_direct_poses(seen: LineRows) -> tuple[Floats, Floats]:

@@ -1,10 +1,10 @@
 """Initial poses of many photos at once, by maximum likelihood from observations of their points.
 
 `minimise_each` (`estimation.solver.batched`) solves the problem for B photos together. The unknowns
-are the pose of each photo. The observations are kinds of rows:
+are the pose of each photo. The observations are:
 
 * `LineRows`: rays that end on lines of known position, the points eliminated beforehand;
-* `RayRows`: rays to points of known position.
+* `make_ray_problem`: rays to points of known position.
 
 Photos whose picks are observations of ground points are adjusted in
 `estimation/repeated/single_photo.py`.
@@ -12,11 +12,11 @@ Photos whose picks are observations of ground points are adjusted in
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.solver.batched import Linearisation, State, compute_normal_equations
+from uavgram.estimation.solver.batched import ExplicitProblem, State
 from uavgram.geometry.motion.rotation import exp_so3, hat
 from uavgram.model.arrays import Floats, Ints
 
@@ -26,36 +26,7 @@ def move_poses(state: State, step: Floats) -> State:
     return state[0] + step[:, :3], state[1] @ exp_so3(step[:, 3:])
 
 
-class PoseRows:
-    """Rows of poses alone: centres (b, 3) [m], rotations (b, 3, 3) world from camera."""
-
-    axis = 0
-
-    def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
-        """Compute residuals (b, r), Jacobians (b, r, 6) by centre, rotation of photos (b,)."""
-        raise NotImplementedError
-
-    def linearise(self, which: Ints, state: State) -> Linearisation:
-        """Compute the normal equations of photos (b,) at a state."""
-        return compute_normal_equations(*self.rows(which, state))
-
-    def move(self, state: State, linear: Linearisation, step: Floats) -> State:  # noqa: ARG002
-        """Apply steps to poses.
-
-        Parameters
-        ----------
-        state
-            State of b problems.
-        linear
-            Linearisation at this state.
-        step
-            (b, 6) of centre [m] and rotation [rad].
-        """
-        return move_poses(state, step)
-
-
-@dataclass(frozen=True, eq=False)
-class LineRows(PoseRows):
+class LineRows(NamedTuple):
     """Picks on lines, N in each of B photos, over ground at z = 0.
 
     Attributes
@@ -78,13 +49,7 @@ class LineRows(PoseRows):
 
     def of_photos(self, photo: Ints) -> LineRows:
         """Return the rows of photos (b,), which may repeat."""
-        return LineRows(
-            self.ray[photo],
-            self.ray_root[photo],
-            self.start_m[photo],
-            self.along[photo],
-            self.sigma_m[photo],
-        )
+        return LineRows(*(column[photo] for column in self))
 
     @property
     def across(self) -> Floats:
@@ -139,11 +104,10 @@ def _turned_back(turn: Floats, vectors: Floats) -> Floats:
     return np.asarray((turn.swapaxes(-1, -2) @ vectors[..., None])[..., 0])
 
 
-@dataclass(frozen=True, eq=False)
-class RayRows(PoseRows):
-    """Rays to points of known position, N in each of B photos.
+def make_ray_problem(ray: Floats, across: Floats, world_m: Floats) -> ExplicitProblem:
+    """Return the problem of photos with rays to points of known position.
 
-    Attributes
+    Parameters
     ----------
     ray
         (B, N, 3) unit vectors in the camera.
@@ -154,20 +118,14 @@ class RayRows(PoseRows):
         (B, N, 3) points.
     """
 
-    ray: Floats
-    across: Floats
-    world_m: Floats
-
-    def rows(self, which: Ints, state: State) -> tuple[Floats, Floats]:
-        """Compute residuals of rays in sigmas (b, 2 N), and Jacobians (b, 2 N, 6).
-
-        NaN if a point with weight is not before its camera.
-        """
+    def rows(which: Ints, state: State) -> tuple[Floats, Floats]:
         residual, by_point, by_turn = compute_ray_residuals(
-            self.ray[which], self.across[which], self.world_m[which], (state[0], state[1])
+            ray[which], across[which], world_m[which], (state[0], state[1])
         )
         jacobian = np.concatenate([-by_point, by_turn], axis=-1)
         return residual.reshape(len(which), -1), jacobian.reshape(len(which), -1, 6)
+
+    return ExplicitProblem(rows, move_poses)
 
 
 def compute_across_axes(ray: Floats) -> Floats:
@@ -186,7 +144,7 @@ def compute_ray_residuals(
     Parameters
     ----------
     ray, across, world_m
-        (..., N, 3), (..., N, 2, 3), (..., N, 3) as in `RayRows`.
+        (..., N, 3), (..., N, 2, 3), (..., N, 3) as in `make_ray_problem`.
     pose
         (..., 3), (..., 3, 3) centre and rotation of the camera, world from camera.
 

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.first_poses.first_points import intersect_rays
-from uavgram.estimation.first_poses.pose_problem import RayRows, compute_across_axes
+from uavgram.estimation.first_poses.pose_problem import compute_across_axes, make_ray_problem
 from uavgram.estimation.first_poses.tied.bundle import Scene, TiedPoses, TiedRays, adjust_scene
 from uavgram.estimation.first_poses.tied.minimal_solvers import solve_three_points
 from uavgram.estimation.first_poses.tied.two_views import estimate_relative_poses, find_best_turn
-from uavgram.estimation.solver.batched import State, minimise_trimmed
+from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_trimmed
 from uavgram.model.arrays import Bools, Floats, Ints
 
 SAMPLE_COUNT = 60
@@ -67,8 +67,8 @@ def resect_photo(
     def angles(state: State) -> Floats:
         return compute_ray_angles(state[0], state[1], world, ray)
 
-    def weighted(weight: Floats) -> RayRows:
-        return RayRows(ray[None], across * weight[..., None, None], world[None])
+    def weighted(weight: Floats) -> ExplicitProblem:
+        return make_ray_problem(ray[None], across * weight[..., None, None], world[None])
 
     pose, miss = minimise_trimmed(
         angles, weighted, (center[[best]], rotation[[best]]), TRIMMING_FACTOR
