@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.estimation.first_poses.pose_problem import make_ray_problem
 from uavgram.estimation.solver.batched import minimise_each
-from uavgram.geometry.motion.rotation import nearest_rotation
+from uavgram.geometry.ground.plane_pose import factor_homographies, mirror_plane
 from uavgram.model.arrays import Floats
 
 Pose = tuple[Floats, Floats]
@@ -59,34 +59,17 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
     _, singular, vectors = np.linalg.svd(rows)
     if singular[-2 if len(singular) == 9 else -1] < MIN_SINGULAR_RATIO * singular[0]:
         return None
-    return _pose_from_homography(vectors[-1].reshape(3, 3), mean, size)
-
-
-def _pose_from_homography(homography: Floats, mean: Floats, size: float) -> tuple[Floats, Floats]:
-    """Compute the camera pose from (normalised plane coordinates) -> ray; the ground is ahead."""
-    # H ~ [r1 r2 t]: scale to unit columns, complete by r3 = r1 x r2, and orthonormalise.
-    scale = np.sqrt(np.linalg.norm(homography[:, 0]) * np.linalg.norm(homography[:, 1]))
-    homography = homography / scale
-    if homography[2, 2] < 0:  # the points' centre is in front of the camera
-        homography = -homography
-    first, second, translation = homography.T
-    rough = np.stack([first, second, np.cross(first, second)], axis=1)
-    camera_from_plane = nearest_rotation(rough)
-    center = -camera_from_plane.T @ translation * size
+    camera_from_plane, origin = factor_homographies(vectors[-1].reshape(3, 3))
+    center = -camera_from_plane.T @ origin * size
     return center + np.array([*mean, 0.0]), camera_from_plane.T
 
 
 def find_second_pose(pose: Pose, point_m: Floats) -> Pose:
-    """Compute the second pose that shows points of the plane z = 0 (N, 2) nearly alike.
-
-    It is tilted the other way: the plane is mirrored by reversing the depths along the line of
-    sight to the points' mean (Schweighofer and Pinz 2006, sec. 3); equal where perspective is weak.
-    """
+    """Compute the second pose that shows points of the plane z = 0 (N, 2) nearly alike."""
     center, plane_from_camera = pose
     middle = np.array([*point_m.mean(axis=0), 0.0])
     sight = plane_from_camera.T @ (middle - center)
-    mirror = np.eye(3) - 2.0 * np.outer(sight, sight) / (sight @ sight)
-    turned = (mirror @ plane_from_camera.T @ np.diag([1.0, 1.0, -1.0])).T
+    turned = mirror_plane(plane_from_camera.T, sight).T
     return middle - turned @ sight, turned
 
 

@@ -11,7 +11,7 @@ from uavgram.estimation.first_poses.network import estimate_ground_height, has_k
 from uavgram.estimation.first_poses.pose_problem import LineRows, move_poses
 from uavgram.estimation.solver.batched import ExplicitProblem, Minima, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.motion.rotation import nearest_rotation
+from uavgram.geometry.ground.plane_pose import factor_homographies
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.survey.survey import Survey
@@ -240,16 +240,8 @@ def compute_direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
     columns = np.stack(
         [np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=2
     )
-    scale = np.sqrt(
-        np.linalg.norm(columns[:, :, 0], axis=1) * np.linalg.norm(columns[:, :, 1], axis=1)
-    )
-    columns /= np.maximum(scale, 1e-300)[:, None, None]
-    columns *= np.where(columns[:, 2:3, 2:3] < 0, -1.0, 1.0)  # the middle is before the camera
-    rough = np.stack(
-        [columns[:, :, 0], columns[:, :, 1], np.cross(columns[:, :, 0], columns[:, :, 1])], axis=2
-    )
-    to_camera = nearest_rotation(rough)
-    center = -np.einsum("bji,bj->bi", to_camera, columns[:, :, 2]) * size[:, None]
+    to_camera, origin = factor_homographies(columns)
+    center = -np.einsum("bji,bj->bi", to_camera, origin) * size[:, None]
     center[:, :2] += middle
     return center, to_camera.swapaxes(1, 2)
 
