@@ -7,7 +7,11 @@ import numpy as np
 from uavgram.estimation.calibration.adjustment import UndeterminedError, fit_poses
 from uavgram.estimation.calibration.problem import Corners, Lens, State, linearise
 from uavgram.geometry.camera.projection import back_project
-from uavgram.geometry.ground.plane_pose import factor_homographies, mirror_plane
+from uavgram.geometry.ground.plane_pose import (
+    factor_homographies,
+    make_homography_rows,
+    mirror_plane,
+)
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import LensModel
 
@@ -126,20 +130,11 @@ def estimate_homographies(corners: Corners, image: Floats, seen: Bools) -> Float
     board = corners.board_m[..., :2] / size
     middle = np.sum(image * there, axis=1, keepdims=True) / count
     spread = np.sqrt(np.sum((image - middle) ** 2 * there, axis=(1, 2), keepdims=True) / count)
-    u, v = np.moveaxis((image - middle) / spread, -1, 0)
-    x, y = np.moveaxis(board, -1, 0)
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    # DLT rows in normalised coordinates; the eigenvector of the smallest eigenvalue solves them.
-    rows = np.concatenate(
-        [
-            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=-1) * there,
-            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=-1) * there,
-        ],
-        axis=1,
-    )
+    # The eigenvector of the smallest eigenvalue solves the equations in normalised coordinates.
+    rows = make_homography_rows(board, (image - middle) / spread, there)
     vectors = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)[1]
     homography = vectors[:, :, 0].reshape(-1, 3, 3)
-    back = np.zeros((len(u), 3, 3))
+    back = np.zeros((len(image), 3, 3))
     back[:, :2, :2] = spread * np.eye(2)
     back[:, :2, 2] = middle[:, 0]
     back[:, 2, 2] = 1.0

@@ -6,7 +6,11 @@ import numpy as np
 
 from uavgram.estimation.first_poses.pose_problem import make_ray_problem
 from uavgram.estimation.solver.batched import minimise_each
-from uavgram.geometry.ground.plane_pose import factor_homographies, mirror_plane
+from uavgram.geometry.ground.plane_pose import (
+    factor_homographies,
+    make_homography_rows,
+    mirror_plane,
+)
 from uavgram.model.arrays import Floats
 
 Pose = tuple[Floats, Floats]
@@ -46,16 +50,7 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
     size = np.sqrt(np.mean(np.sum((point_m - mean) ** 2, axis=1)))
     if size == 0:
         return None
-    x, y = ((point_m - mean) / size).T
-    u, v = ray[:, 0], ray[:, 1]
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    # DLT: two equations per point, u (h3 . X) = h1 . X and v (h3 . X) = h2 . X.
-    rows = np.concatenate(
-        [
-            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
-            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
-        ]
-    )
+    rows = make_homography_rows((point_m - mean) / size, ray[:, :2])
     _, singular, vectors = np.linalg.svd(rows)
     if singular[-2 if len(singular) == 9 else -1] < MIN_SINGULAR_RATIO * singular[0]:
         return None

@@ -204,7 +204,10 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> PhotoLinearisa
 
 
 def list_ends(design: PhotoDesign) -> Ints:
-    """Return the (2, R) ends of lengths, and -1 (no end) and the end of each coordinate."""
+    """Return the (2, R) ends of lengths, then none and the end of each coordinate.
+
+    None is -1: no gradient is by it.
+    """
     if design.placed is None:
         return design.line.T
     none = np.full_like(design.placed, -1)

@@ -124,6 +124,28 @@ def pose_above_plane(plane: Floats) -> tuple[Floats, Floats]:
     return np.array([0.0, 0.0, height]), np.stack([east, north, up])
 
 
+def make_homography_rows(plane: Floats, image: Floats, weight: Floats | float = 1.0) -> Floats:
+    """Compute the (..., 2 n, 9) equations of homographies from points of a plane to an image.
+
+    Direct linear transformation (Hartley and Zisserman 2004, algorithm 4.2): two equations per
+    point, u (h3 . X) = h1 . X and v (h3 . X) = h2 . X.
+
+    Parameters
+    ----------
+    plane, image
+        (..., n, 2), (..., n, 2) coordinates, both normalised.
+    weight
+        (..., n, 1) of each point.
+    """
+    count = plane.shape[-2]
+    point = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1) * weight
+    rows = np.zeros((*plane.shape[:-2], 2, count, 9))
+    rows[..., 0, :, :3] = rows[..., 1, :, 3:6] = point
+    rows[..., 0, :, 6:] = -image[..., :1] * point
+    rows[..., 1, :, 6:] = -image[..., 1:] * point
+    return rows.reshape(*plane.shape[:-2], 2 * count, 9)
+
+
 def factor_homographies(homography: Floats) -> tuple[Floats, Floats]:
     """Compute poses from homographies of any scale that take a plane to rays.
 
