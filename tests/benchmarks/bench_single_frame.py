@@ -130,7 +130,7 @@ def poses() -> None:
         return single_frame_ceres.solve(calibration.parameters, root, frame, start[0], first)
 
     plane, _, joint, _ = ceres()
-    sigma = np.sqrt(np.diag(best.covariance[0]))[:3]
+    sigma = np.sqrt(np.diag(best.covariance[0]))
     print(
         f"same optimum as Ceres to {np.abs((plane - best.plane[0]) / sigma).max():.1e} sigma, "
         f"sigmas to {np.abs(np.sqrt(np.diag(joint))[:3] / sigma - 1).max():.1e}"

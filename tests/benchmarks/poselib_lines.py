@@ -52,7 +52,7 @@ def p3ll_starts(scenes: MethodScenes) -> Starts:
 
 def pnpl_starts(scenes: MethodScenes) -> tuple[Starts, Bools]:
     """The pose of PoseLib's own estimator; and which of these lie below the ground."""
-    lens = scenes.rows.calibration
+    lens = scenes.calibration
     focal, _, cx, cy = lens.parameters[:4].tolist()
     camera = {
         "model": "SIMPLE_PINHOLE",
@@ -60,14 +60,14 @@ def pnpl_starts(scenes: MethodScenes) -> tuple[Starts, Bools]:
         "height": lens.height_px,
         "params": [focal, cx, cy],
     }
-    count = len(scenes.rows.pixel_px)
+    count = len(scenes.pixel_px)
     center, rotation = np.full((count, 1, 3), np.nan), np.full((count, 1, 3, 3), np.nan)
     below = np.zeros(count, dtype=np.bool_)
-    place = scenes.rows.place_m
+    place = scenes.place_m
     world = np.concatenate([place, np.zeros((*place.shape[:3], 1))], axis=-1)
     nothing = np.zeros((0, 2)), np.zeros((0, 3))
     for k in range(count):
-        pixel = scenes.rows.pixel_px[k]
+        pixel = scenes.pixel_px[k]
         pose, _ = poselib.estimate_absolute_pose_pnpl(
             *nothing, pixel[:, 0], pixel[:, 1], world[k, :, 0], world[k, :, 1], camera
         )
@@ -83,10 +83,11 @@ def _lines(scenes: MethodScenes, seen: LineRows, k: int) -> tuple[Floats, Floats
     normal = np.cross(ray[:, 0], ray[:, 1])
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     flat = np.zeros((len(normal), 1))
-    point = np.concatenate([scenes.rows.place_m[k, :, 0], flat], axis=1)
+    point = np.concatenate([scenes.place_m[k, :, 0], flat], axis=1)
     along = np.concatenate([seen.along[k, ::2], flat], axis=1)
     return normal, point, along
 
 
 def _misfit(seen: LineRows, k: int, center: Floats, rotation: Floats) -> float:
-    return float(seen.linearise(np.array([k]), (center[None], rotation[None])).cost[0])
+    off, _ = seen.rows(np.array([k]), (center[None], rotation[None]))
+    return float(np.sum(off**2))

@@ -12,7 +12,6 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -21,13 +20,14 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from poselib_lines import p3ll_starts, pnpl_starts
 
-from uavgram.estimation.first_poses.known_lines import compute_rival_differences
 from uavgram.model.simulation import MethodRow
 from uavgram.synthetic.study.method_scenes import Setting, draw_scenes
 from uavgram.synthetic.study.methods import (
     LIMIT_SETTINGS,
+    LINES,
     MAX_RIVAL_INCREASE,
     compare_methods,
+    compute_rival_differences,
     find_direct_starts,
     find_line_starts,
     find_minima,
@@ -74,16 +74,15 @@ def shown(rows: list[MethodRow]) -> None:
 def reached(scenes: int, seed: int, *, poselib: bool) -> None:
     """Share of scenes with four lines in which each way to begin leads to the best minimum."""
     drawn = draw_scenes(Setting(name="four lines"), 4, scenes, seed)
-    rows = replace(drawn.rows, start_on_line=True, end_on_line=True)
     ends = {
-        "direct": find_minima(rows, find_direct_starts(drawn)),
-        "search": find_minima(rows, find_line_starts(drawn)),
-        "truth": find_minima(rows, (drawn.center[:, None], drawn.rotation[:, None])),
+        "direct": find_minima(drawn, LINES, find_direct_starts(drawn)),
+        "search": find_minima(drawn, LINES, find_line_starts(drawn)),
+        "truth": find_minima(drawn, LINES, (drawn.center[:, None], drawn.rotation[:, None])),
     }
     if poselib:
-        ends["PoseLib p3ll"] = find_minima(rows, p3ll_starts(drawn))
+        ends["PoseLib p3ll"] = find_minima(drawn, LINES, p3ll_starts(drawn))
         starts, below = pnpl_starts(drawn)
-        ends["PoseLib pnpl"] = find_minima(rows, starts)
+        ends["PoseLib pnpl"] = find_minima(drawn, LINES, starts)
         print(f"\nposes of PoseLib's pnpl below ground: {100 * below.mean():.1f} %")
     best = np.min([end.cost[:, 0] for end in ends.values()], axis=0)
     print("\nfour lines: share that reaches the best minimum")

@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 import scenes
 from numpy.typing import ArrayLike
+from power_of_tests import compute_power
 from scenes import make_scene
 from scipy.stats import binom, chi2, norm
 from whole_surveys import with_all
@@ -32,7 +33,6 @@ from uavgram.estimation.reliability.data_snooping import find_suspicions
 from uavgram.estimation.reliability.redundancy import (
     Reliability,
     compute_critical_value,
-    compute_power,
     compute_reliability,
 )
 from uavgram.estimation.reliability.test_statistics import compute_test_statistics

@@ -38,6 +38,9 @@ class PhotoDesign(FrozenArrays):
         exact.
     tape_scale_sigma
         Standard deviation of the tape's scale, relative to the length; 0: it is exact.
+    placed, place_sigma_m
+        (P,) ends with a known coordinate along some horizontal direction, and its sigma. None:
+        there are none.
     """
 
     calibration: Calibration
@@ -49,6 +52,8 @@ class PhotoDesign(FrozenArrays):
     camera_root: Floats | None = None
     ground_root: Floats | None = None
     tape_scale_sigma: float = 0.0
+    placed: Ints | None = None
+    place_sigma_m: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,6 +68,8 @@ class PhotoDraws(FrozenArrays):
         (B, 3), (B, 3, 3) prior pose.
     ground
         (B, 3) prior ground plane: height at the origin [m], slopes to east and north.
+    toward, placed_m
+        (B, P, 2) directions and (B, P) coordinates along them of `PhotoDesign.placed`.
     """
 
     pixel_px: Annotated[Floats, "b", "e", 2]
@@ -70,6 +77,8 @@ class PhotoDraws(FrozenArrays):
     center_world_m: Annotated[Floats, "b", 3]
     world_from_camera: Annotated[Floats, "b", 3, 3]
     ground: Annotated[Floats, "b", 3]
+    toward: Floats | None = None
+    placed_m: Floats | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +95,7 @@ class PhotoPosesFound(FrozenArrays):
     common
         (B, K) the unknowns of camera, ground and tape, in that order; K = 0 where all are exact.
     cost
-        (B,) weighted sum of squares.
+        (B,) weighted sum of squares; NaN where the initial pose was impossible.
     converged, steps
         (B,) whether the adjustment converged, and its number of steps.
     """

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from uavgram.estimation.first_poses.homography import resect_from_plane
-from uavgram.estimation.first_poses.plane_search import PlaneCandidate, search_planes
+from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_planes
 from uavgram.model.arrays import Floats, Ints
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -76,14 +76,12 @@ class RandomScenes:
         return result
 
 
-def relative_errors(
-    found: Sequence[Sequence[PlaneCandidate]], truth: Floats
-) -> tuple[Floats, Floats]:
+def relative_errors(found: Sequence[KnownPlanes], truth: Floats) -> tuple[Floats, Floats]:
     """Of the best plane, and of the nearest one, per scene."""
     size = np.linalg.norm(truth, axis=1)
     apart = [
-        [float(np.linalg.norm(c.plane - m)) for c in candidates] or [np.inf]
-        for candidates, m in zip(found, truth, strict=True)
+        np.linalg.norm(planes.plane - m, axis=1).tolist() or [np.inf]
+        for planes, m in zip(found, truth, strict=True)
     ]
     best, nearest = np.array([a[0] for a in apart]), np.array([min(a) for a in apart])
     return best / size, nearest / size
@@ -159,11 +157,9 @@ def every_exact_solution(
     return distinct
 
 
-def assert_same_planes(
-    found: tuple[PlaneCandidate, ...], expected: list[Floats], scene: int
-) -> int:
+def assert_same_planes(found: KnownPlanes, expected: list[Floats], scene: int) -> int:
     """Every expected plane that looks down is found once, and nothing else is exact."""
-    exact = [c.plane for c in found if c.cost < 1e-6]
+    exact = list(found.plane[found.cost < 1e-6])
     for m in expected:
         if m[2] > np.cos(np.deg2rad(85)) * np.linalg.norm(m):
             near = [np.linalg.norm(m - p) / np.linalg.norm(m) for p in exact]
@@ -230,10 +226,10 @@ def test_frames_with_different_numbers_of_lines_are_searched_together() -> None:
     found = search_planes(a, b, length, sigma)
     kept = [1, 2, 4, 5]
     (alone,) = search_planes(a[:1, kept], b[:1, kept], length[:1, kept], sigma[:1, kept])
-    np.testing.assert_allclose(found[0][0].plane, alone[0].plane, rtol=1e-12)
-    np.testing.assert_allclose(found[0][0].plane, scenes.plane[0], rtol=1e-6)
-    assert found[1] == ()  # two lines are no plane
-    np.testing.assert_allclose(found[2][0].plane, scenes.plane[2], rtol=1e-6)
+    np.testing.assert_allclose(found[0].plane[0], alone.plane[0], rtol=1e-12)
+    np.testing.assert_allclose(found[0].plane[0], scenes.plane[0], rtol=1e-6)
+    assert not len(found[1].plane)  # two lines are no plane
+    np.testing.assert_allclose(found[2].plane[0], scenes.plane[2], rtol=1e-6)
 
 
 def test_lengths_that_no_plane_explains_still_give_the_best_one() -> None:
@@ -244,16 +240,16 @@ def test_lengths_that_no_plane_explains_still_give_the_best_one() -> None:
     length[0, 2] *= 1.5
     sigma = np.full((1, 5), 0.01)
     (found,) = search_planes(scenes.ray[:, start], scenes.ray[:, end], length, sigma)
-    assert found
-    assert found[0].cost > 10
-    assert [c.cost for c in found] == sorted(c.cost for c in found)
+    assert found.cost[0] > 10
+    assert (np.diff(found.cost) >= 0).all()
 
 
 def test_two_picks_on_the_same_pixel_are_no_length() -> None:
     ray = np.array([[0.1, 0.1, 1], [0.2, -0.1, 1], [-0.3, 0.2, 1], [0.0, 0.3, 1]])
     end = ray + np.array([0.1, 0.05, 0])
     end[1] = ray[1]
-    assert search_planes(ray[None], end[None], np.full((1, 4), 5.0), np.full((1, 4), 0.01)) == [()]
+    (found,) = search_planes(ray[None], end[None], np.full((1, 4), 5.0), np.full((1, 4), 0.01))
+    assert not len(found.plane)
 
 
 @pytest.mark.parametrize("count", [4, 5, 12])

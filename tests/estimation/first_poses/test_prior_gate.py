@@ -31,7 +31,7 @@ def ground(height_sigma: float = 0.0, slope_sigma: float = 0.0) -> Ground:
 def poses(plane: Floats, covariance: Floats | None = None) -> LengthPoses:
     count = len(plane)
     joint = np.zeros((count, 3, 3)) if covariance is None else covariance
-    return LengthPoses(plane, np.zeros((count, 0)), joint, np.zeros(count), np.ones(count, bool))
+    return LengthPoses(plane, joint, np.zeros(count), np.ones(count, bool))
 
 
 def prior() -> Floats:

@@ -7,7 +7,12 @@ import pytest
 from lanes import Lane, lane
 
 from uavgram.estimation.first_poses.known_frames import find_frame_things
-from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_known_planes
+from uavgram.estimation.first_poses.plane_search import (
+    KnownPlanes,
+    PlaneThing,
+    compute_rows,
+    search_known_planes,
+)
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Floats
 
@@ -46,8 +51,12 @@ def rays(scene: Lane) -> tuple[Floats, Floats]:
     return ray, survey.pick_sigma_px / survey.calibration.parameters[0]
 
 
+def things_of(scene: Lane) -> tuple[PlaneThing, ...]:
+    return find_frame_things(scene.survey)[0].things
+
+
 def searched(scene: Lane) -> KnownPlanes:
-    return search_known_planes(*rays(scene), find_frame_things(scene.survey)[0].things)
+    return search_known_planes(*rays(scene), things_of(scene))
 
 
 def misses(scene: Lane, found: KnownPlanes) -> Floats:
@@ -94,7 +103,9 @@ def test_planes_are_as_uncertain_as_stated() -> None:
         scene = lane(seed, noise=1.0).known(LENGTH, *CORNERS[:2], LONG, noise=1.0)
         found = searched(scene)
         off = found.plane[0] + scene.rotation[2] / scene.center[2]
-        squares.append(off @ np.linalg.solve(found.covariance[0], off))
+        rows = compute_rows(found.plane[:1], *rays(scene), things_of(scene))
+        sigmas = rows.by_plane[0] @ off / rows.sigma[0]
+        squares.append(sigmas @ sigmas)
     # Chi-squares of 3; where a scene is weak, first order ends, and the median is the sharper one:
     # of 24 it is 2.37 with a sigma of sqrt(1/4/24) / density(2.37) = 0.102 / 0.188 = 0.54.
     assert 0.7 < np.median(squares) < 4.0

@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scenes
+from power_of_tests import compute_power
 from scenes import NO_TIMES, Scene, make_scene
 from scipy.stats import norm
 
 from uavgram.estimation.measuring.propagation import compute_values, propagate
 from uavgram.estimation.reliability.external import compute_external_reliability
-from uavgram.estimation.reliability.redundancy import compute_minimal_detectable_bias, compute_power
+from uavgram.estimation.reliability.redundancy import compute_minimal_detectable_bias
 from uavgram.estimation.reliability.test_statistics import compute_test_statistics
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Adjustment

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from increments import compute_increment
 from likelihood_scenes import beginning, with_found
 from scenes import make_scene, picked_beside
 from scipy_likelihood import Oracle, central
@@ -14,7 +15,7 @@ from uavgram.estimation.solver import normal_equations
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.neighbours import _part
 from uavgram.estimation.survey.selection import select_picks
-from uavgram.estimation.survey.unknowns import apply_increment, compute_increment
+from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey

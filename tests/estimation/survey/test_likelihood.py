@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from increments import compute_increment
 from likelihood_scenes import with_relief
 from off_ground import with_third_coordinates
 from scenes import make_scene
@@ -12,7 +13,7 @@ from taped_scenes import read_on_tapes
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem, compute_covariance_root
-from uavgram.estimation.survey.unknowns import apply_increment, compute_increment
+from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import Along
 

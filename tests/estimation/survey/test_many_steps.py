@@ -7,13 +7,13 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from increments import compute_increment
 
 from uavgram.estimation.survey.unknowns import (
     Layout,
     State,
     advance_state,
     apply_increment,
-    compute_increment,
     select_states,
     stack,
     unstack,

@@ -6,13 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from increments import compute_increment
 from likelihood_scenes import MATCH_PX, PATCH_PX, beginning, with_found
 from rolling_scenes import read_in_rows
 from scenes import Scene, make_scene
 
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.unknowns import apply_increment, compute_increment
+from uavgram.estimation.survey.unknowns import apply_increment
 from uavgram.model.arrays import Floats
 
 

@@ -57,11 +57,11 @@ def test_distortion_left_out_breaks_the_sigmas_of_all_but_the_log() -> None:
 def test_scenes_are_drawn_again_from_their_seed_alone() -> None:
     first, again, other = (draw_scenes(Setting(name="a"), 5, 3, seed) for seed in (1, 1, 2))
 
-    np.testing.assert_array_equal(first.rows.pixel_px, again.rows.pixel_px)
-    assert np.abs(first.rows.place_m - other.rows.place_m).max() > 0.1
+    np.testing.assert_array_equal(first.pixel_px, again.pixel_px)
+    assert np.abs(first.place_m - other.place_m).max() > 0.1
     # Withheld distances are true ones of places that the photo shows.
     assert (first.check_m >= 3.0).all()
-    assert ((first.rows.pixel_px > -5) & (first.rows.pixel_px < 4005)).all()
+    assert ((first.pixel_px > -5) & (first.pixel_px < 4005)).all()
 
 
 def test_a_setting_without_room_is_refused() -> None:

@@ -7,7 +7,11 @@ import numpy as np
 from uavgram.estimation.calibration.adjustment import UndeterminedError, fit_poses
 from uavgram.estimation.calibration.problem import Corners, Lens, State, linearise
 from uavgram.geometry.camera.projection import back_project
-from uavgram.geometry.motion.rotation import nearest_rotation
+from uavgram.geometry.ground.plane_pose import (
+    factor_homographies,
+    make_homography_rows,
+    mirror_plane,
+)
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera.calibration import LensModel
 
@@ -126,20 +130,11 @@ def estimate_homographies(corners: Corners, image: Floats, seen: Bools) -> Float
     board = corners.board_m[..., :2] / size
     middle = np.sum(image * there, axis=1, keepdims=True) / count
     spread = np.sqrt(np.sum((image - middle) ** 2 * there, axis=(1, 2), keepdims=True) / count)
-    u, v = np.moveaxis((image - middle) / spread, -1, 0)
-    x, y = np.moveaxis(board, -1, 0)
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    # DLT rows in normalised coordinates; the eigenvector of the smallest eigenvalue solves them.
-    rows = np.concatenate(
-        [
-            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=-1) * there,
-            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=-1) * there,
-        ],
-        axis=1,
-    )
+    # The eigenvector of the smallest eigenvalue solves the equations in normalised coordinates.
+    rows = make_homography_rows(board, (image - middle) / spread, there)
     vectors = np.linalg.eigh(np.swapaxes(rows, 1, 2) @ rows)[1]
     homography = vectors[:, :, 0].reshape(-1, 3, 3)
-    back = np.zeros((len(u), 3, 3))
+    back = np.zeros((len(image), 3, 3))
     back[:, :2, :2] = spread * np.eye(2)
     back[:, :2, 2] = middle[:, 0]
     back[:, 2, 2] = 1.0
@@ -233,11 +228,7 @@ def poses_from_rays(
     if there.sum(axis=1).min() < MIN_CORNERS:
         return None
     homography = estimate_homographies(corners, np.where(there[..., None], ray, 0.0), there)
-    length = np.linalg.norm(homography[:, :, :2], axis=1)
-    homography /= np.sqrt(length[:, 0] * length[:, 1])[:, None, None]
-    first, second, middle = np.moveaxis(homography, 2, 0)
-    rough = np.stack([first, second, np.cross(first, second)], axis=2)
-    return nearest_rotation(rough), middle
+    return factor_homographies(homography)
 
 
 def choose_better_pose(lens: Lens, corners: Corners, state: State) -> State:
@@ -260,13 +251,6 @@ def choose_better_pose(lens: Lens, corners: Corners, state: State) -> State:
 
 
 def mirror_poses(state: State) -> State:
-    """Compute the second pose of each board: its normal mirrored about the line of sight.
-
-    After Collins and Bartoli 2014, "Infinitesimal plane-based pose estimation", sec. 5: for a small
-    or distant board, weak perspective does not distinguish the two.
-    """
-    sight = state.middle_camera_m / np.linalg.norm(state.middle_camera_m, axis=1)[:, None]
-    # Rotation by 180 degrees in the board's plane, then by 180 degrees about the line of sight.
-    about_sight = 2 * sight[:, :, None] * sight[:, None, :] - np.eye(3)
-    turned = about_sight @ state.camera_from_board @ np.diag([-1.0, -1.0, 1.0])
+    """Compute the second pose of each board: its normal mirrored about the line of sight."""
+    turned = mirror_plane(state.camera_from_board, state.middle_camera_m)
     return State(state.parameters, state.bow_m, turned, state.middle_camera_m)

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.estimation.first_poses.pose_problem import RayRows
+from uavgram.estimation.first_poses.pose_problem import make_ray_problem
 from uavgram.estimation.solver.batched import minimise_each
-from uavgram.geometry.motion.rotation import nearest_rotation
+from uavgram.geometry.ground.plane_pose import (
+    factor_homographies,
+    make_homography_rows,
+    mirror_plane,
+)
 from uavgram.model.arrays import Floats
 
 Pose = tuple[Floats, Floats]
@@ -46,47 +50,21 @@ def resect_from_plane(point_m: Floats, ray: Floats) -> tuple[Floats, Floats] | N
     size = np.sqrt(np.mean(np.sum((point_m - mean) ** 2, axis=1)))
     if size == 0:
         return None
-    x, y = ((point_m - mean) / size).T
-    u, v = ray[:, 0], ray[:, 1]
-    zero, one = np.zeros_like(x), np.ones_like(x)
-    # DLT: two equations per point, u (h3 . X) = h1 . X and v (h3 . X) = h2 . X.
-    rows = np.concatenate(
-        [
-            np.stack([x, y, one, zero, zero, zero, -u * x, -u * y, -u], axis=1),
-            np.stack([zero, zero, zero, x, y, one, -v * x, -v * y, -v], axis=1),
-        ]
-    )
+    rows = make_homography_rows((point_m - mean) / size, ray[:, :2])
     _, singular, vectors = np.linalg.svd(rows)
     if singular[-2 if len(singular) == 9 else -1] < MIN_SINGULAR_RATIO * singular[0]:
         return None
-    return _pose_from_homography(vectors[-1].reshape(3, 3), mean, size)
-
-
-def _pose_from_homography(homography: Floats, mean: Floats, size: float) -> tuple[Floats, Floats]:
-    """Compute the camera pose from (normalised plane coordinates) -> ray; the ground is ahead."""
-    # H ~ [r1 r2 t]: scale to unit columns, complete by r3 = r1 x r2, and orthonormalise.
-    scale = np.sqrt(np.linalg.norm(homography[:, 0]) * np.linalg.norm(homography[:, 1]))
-    homography = homography / scale
-    if homography[2, 2] < 0:  # the points' centre is in front of the camera
-        homography = -homography
-    first, second, translation = homography.T
-    rough = np.stack([first, second, np.cross(first, second)], axis=1)
-    camera_from_plane = nearest_rotation(rough)
-    center = -camera_from_plane.T @ translation * size
+    camera_from_plane, origin = factor_homographies(vectors[-1].reshape(3, 3))
+    center = -camera_from_plane.T @ origin * size
     return center + np.array([*mean, 0.0]), camera_from_plane.T
 
 
 def find_second_pose(pose: Pose, point_m: Floats) -> Pose:
-    """Compute the second pose that shows points of the plane z = 0 (N, 2) nearly alike.
-
-    It is tilted the other way: the plane is mirrored by reversing the depths along the line of
-    sight to the points' mean (Schweighofer and Pinz 2006, sec. 3); equal where perspective is weak.
-    """
+    """Compute the second pose that shows points of the plane z = 0 (N, 2) nearly alike."""
     center, plane_from_camera = pose
     middle = np.array([*point_m.mean(axis=0), 0.0])
     sight = plane_from_camera.T @ (middle - center)
-    mirror = np.eye(3) - 2.0 * np.outer(sight, sight) / (sight @ sight)
-    turned = (mirror @ plane_from_camera.T @ np.diag([1.0, 1.0, -1.0])).T
+    turned = mirror_plane(plane_from_camera.T, sight).T
     return middle - turned @ sight, turned
 
 
@@ -116,7 +94,7 @@ def refine_pose(
     across[:, [0, 1], [0, 1]] = 1.0
     across[:, :, 2] = -ray[:, :2]
     across *= (size / sigma[:, None])[:, None]
-    rows = RayRows((ray / size)[None], across[None], world_m[None])
-    ends = minimise_each(rows, (pose[0][None], pose[1][None]), MAX_ITERATIONS)
+    problem = make_ray_problem((ray / size)[None], across[None], world_m[None])
+    ends = minimise_each(problem, (pose[0][None], pose[1][None]), MAX_ITERATIONS)
     (center, rotation), cost = ends.state, float(ends.cost[0])
     return (cost, (center[0], rotation[0])) if cost < np.inf and center[0, 2] > 0 else None

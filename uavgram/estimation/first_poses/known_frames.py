@@ -7,7 +7,6 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtri
 
 from uavgram.estimation.first_poses.homography import (
     Pose,
@@ -23,9 +22,7 @@ from uavgram.estimation.first_poses.plane_search import (
     count_rows,
     search_known_planes,
 )
-from uavgram.estimation.first_poses.prior_gate import OUTSIDE_PROBABILITY
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -262,36 +259,6 @@ def find_known_planes(
             if len(planes.plane):
                 found[frame] = planes
     return found
-
-
-def find_outlying_things(survey: Survey) -> frozenset[int]:
-    """Return the numbers of known things without which all others of their frame agree.
-
-    Only if the others suffice: they determine a pose and check it, and one thing alone is possible.
-    """
-    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    sigma = survey.pick_sigma_px / survey.calibration.parameters[0]
-    odd = set()
-    for known in find_frame_things(survey).values():
-        if _agree(search_known_planes(ray, sigma, known.things), known.things):
-            continue
-        without = {
-            number: known.things[:k] + known.things[k + 1 :]
-            for k, number in enumerate(known.number)
-        }
-        found = [
-            n for n, rest in without.items() if _agree(search_known_planes(ray, sigma, rest), rest)
-        ]
-        odd |= set(found) if len(found) == 1 else set()
-    return frozenset(odd - {-1})
-
-
-def _agree(found: KnownPlanes, things: tuple[PlaneThing, ...]) -> bool:
-    """Return whether things determine a plane, check it, and fit it."""
-    checks = sum(count_rows(one.kind, len(one.pick)) for one in things) - 3
-    return bool(
-        checks > 0 and len(found.cost) and found.cost[0] <= chdtri(checks, OUTSIDE_PROBABILITY)
-    )
 
 
 def _find_seen_things(survey: Survey) -> dict[int, list[tuple[int, PlaneThing]]]:

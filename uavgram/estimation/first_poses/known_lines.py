@@ -8,10 +8,10 @@ import numpy as np
 from scipy.special import chdtrc
 
 from uavgram.estimation.first_poses.network import estimate_ground_height, has_known_height
-from uavgram.estimation.first_poses.pose_problem import LineRows
-from uavgram.estimation.solver.batched import Minima, minimise_each
+from uavgram.estimation.first_poses.pose_problem import LineRows, move_poses
+from uavgram.estimation.solver.batched import ExplicitProblem, Minima, minimise_each
 from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.motion.rotation import nearest_rotation
+from uavgram.geometry.ground.plane_pose import factor_homographies
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.flight.pose import CandidatePoses
 from uavgram.model.survey.survey import Survey
@@ -37,9 +37,6 @@ the end."""
 FIRST_STEPS, LAST_STEPS = 12, 100
 MAX_AT_ONCE = 400_000
 """Largest number of rotations times picks that are tried at once."""
-SAME_DIRECTION_RAD, SAME_RELATIVE_DISTANCE = 0.01, 0.02
-"""Differences of direction [rad] and of place, as a share of the camera's height, up to which two
-poses are one."""
 
 
 class _Rows(NamedTuple):
@@ -190,12 +187,6 @@ def _add_control(survey: Survey, lines: dict[int, list[tuple[float, ...]]]) -> N
         )
 
 
-def has_only_lines(survey: Survey) -> bool:
-    """Return whether only lines of known position place a survey on the map."""
-    few = len(survey.control_label) < 2
-    return survey.telemetry is None and few and survey.gauge == "world"
-
-
 def poses_from_lines(seen: LineRows) -> Minima:
     """Find the minima of each photo, the lowest first.
 
@@ -224,22 +215,8 @@ def _find_minima(seen: LineRows, center: Floats, rotation: Floats, iterations: i
     starts = center.shape[1]
     photo = np.repeat(np.arange(len(center)), starts)
     start = center.reshape(-1, 3), rotation.reshape(-1, 3, 3)
-    return minimise_each(seen.of_photos(photo), start, iterations).lowest_first(starts)
-
-
-def compute_rival_differences(ends: Minima, within: float) -> Floats:
-    """Compute (B,) differences of the next distinct minimum to the best; inf beyond `within`."""
-    (center, rotation), cost = ends.state[:2], ends.cost
-    height = np.maximum(center[:, :1, 2], 1e-9)
-    apart = np.linalg.norm(center - center[:, :1], axis=2) / height
-    turn = np.einsum("bij,bsij->bs", rotation[:, 0], rotation)
-    other = (apart > SAME_RELATIVE_DISTANCE) | (
-        np.arccos(np.clip((turn - 1) / 2, -1, 1)) > SAME_DIRECTION_RAD
-    )
-    with np.errstate(invalid="ignore"):
-        worse = np.where(other & ends.converged, cost - cost[:, :1], np.inf)
-    least = np.nan_to_num(worse, nan=np.inf).min(axis=1)
-    return np.where(least <= within, least, np.inf)
+    problem = ExplicitProblem(seen.of_photos(photo).rows, move_poses)
+    return minimise_each(problem, start, iterations).lowest_first(starts)
 
 
 def compute_direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
@@ -263,16 +240,8 @@ def compute_direct_poses(seen: LineRows) -> tuple[Floats, Floats]:
     columns = np.stack(
         [np.cross(second, third), np.cross(third, first), np.cross(first, second)], axis=2
     )
-    scale = np.sqrt(
-        np.linalg.norm(columns[:, :, 0], axis=1) * np.linalg.norm(columns[:, :, 1], axis=1)
-    )
-    columns /= np.maximum(scale, 1e-300)[:, None, None]
-    columns *= np.where(columns[:, 2:3, 2:3] < 0, -1.0, 1.0)  # the middle is before the camera
-    rough = np.stack(
-        [columns[:, :, 0], columns[:, :, 1], np.cross(columns[:, :, 0], columns[:, :, 1])], axis=2
-    )
-    to_camera = nearest_rotation(rough)
-    center = -np.einsum("bji,bj->bi", to_camera, columns[:, :, 2]) * size[:, None]
+    to_camera, origin = factor_homographies(columns)
+    center = -np.einsum("bji,bj->bi", to_camera, origin) * size[:, None]
     center[:, :2] += middle
     return center, to_camera.swapaxes(1, 2)
 

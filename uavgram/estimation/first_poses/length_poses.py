@@ -3,7 +3,7 @@
 A reduced form of the joint adjustment for one frame without telemetry: three unknowns m of the
 plane for each frame; picked pixels, lengths and the interior orientation are observations, all
 three with their covariances. A point at which two lines meet is one pick. The results are initial
-values of the joint adjustment, and predictions of other lengths from a frame's lengths alone.
+values of the joint adjustment.
 
 Gauss-Helmert model (Mikhail 1976; Neitzel 2010, linearised at the adjusted observations): per line
 f(m, pixels, interior) - length = 0 (`Conditions`). With A, B, C the derivatives by m, pixels and
@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.estimation.first_poses.plane_search import PlaneCandidate, search_planes
+from uavgram.estimation.first_poses.plane_search import KnownPlanes, search_planes
 from uavgram.estimation.survey.likelihood import compute_covariance_root
 from uavgram.geometry.camera.back_projection import back_project, rays_and_lens
 from uavgram.geometry.camera.lens import (
@@ -240,10 +240,6 @@ have no meaning, and any step is small in such sigmas."""
 MAX_HALVINGS = 12
 """Largest number of halvings of a step that would bring a picked point behind the camera."""
 
-NEWTON_STEPS = 4
-"""Newton steps from the rays of the given lens to those of one a few sigmas away: quadratic
-convergence."""
-
 FRAMES_AT_ONCE = 96
 """Frames at a time: their matrices stay in the processor's cache."""
 
@@ -255,10 +251,8 @@ class LengthPoses(NamedTuple):
     ----------
     plane
         (B, 3) m = normal / height in the camera frame [1/m]; NaN if none was found.
-    interior
-        (B, P) adjusted interior orientation.
     covariance
-        (B, 3 + P, 3 + P) of plane and interior together.
+        (B, 3, 3) of the plane, with the effect of the interior orientation's covariance.
     cost
         (B,) weighted sum of squared residuals; degrees of freedom: number of lines - 3.
     converged
@@ -266,7 +260,6 @@ class LengthPoses(NamedTuple):
     """
 
     plane: Floats
-    interior: Floats
     covariance: Floats
     cost: Floats
     converged: Bools
@@ -297,7 +290,7 @@ def resect_from_lengths(
     """
     if start_plane is None:
         found = search_frames(calibration, frames)
-        best = [c[0].plane if c else np.full(3, np.nan) for c in found]
+        best = [planes.plane[0] if len(planes.plane) else np.full(3, np.nan) for planes in found]
         start_plane = np.array(best).reshape(-1, 3)
     root = _root(calibration.covariance.tobytes())
     if len(start_plane) <= FRAMES_AT_ONCE:
@@ -307,53 +300,6 @@ def resect_from_lengths(
         rows = slice(first, first + FRAMES_AT_ONCE)
         parts.append(_solve(calibration, root, frames.take(rows), start_plane[rows]))
     return LengthPoses(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-
-
-def predict_ground_lengths(
-    calibration: Calibration,
-    poses: LengthPoses,
-    pixel_px: Floats,
-    pixel_sigma_px: Floats,
-    pairs: tuple[Ints, Ints],
-) -> tuple[Floats, Floats]:
-    """Predict lengths on the ground between other pixels of the frames, with covariances.
-
-    Parameters
-    ----------
-    calibration
-        Calibration as given to `resect_from_lengths`.
-    poses
-        Poses of B frames.
-    pixel_px, pixel_sigma_px
-        (B, E, 2), (B, E) independent picks: not those that the poses were computed from.
-    pairs
-        (B, k), (B, k) picks at either end.
-
-    Returns
-    -------
-    length_m : (B, k)
-        NaN if an end does not meet the ground.
-    covariance_m2 : (B, k, k)
-        Joint covariance: all lengths of a frame share pose and interior, and lengths that end in a
-        pick share the pick.
-    """
-    number = pairs[0].shape
-    frames = LengthFrames(
-        pixel_px, pixel_sigma_px, *pairs, length_m=np.zeros(number), length_sigma_m=np.ones(number)
-    )
-    block = FrameBlock(calibration, np.eye(len(calibration.parameters)), frames)
-    ray, _ = block.first_view()
-    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
-        for _ in range(NEWTON_STEPS):  # from the given lens to the adjusted one of each frame
-            view = block.view(poses.interior, ray)
-            ray[:2] += np.add.reduce(view.off[:, None] * view.inverse, axis=0)
-        view = block.view(poses.interior, ray)
-        line = block.conditions(poses.plane, np.zeros_like(poses.interior), ray, view)
-    # Propagate pose and interior, J C J^T, and add the covariance by the picks.
-    from_picks, by_interior = line.noise[..., : block.split], line.noise[..., block.split :]
-    jacobian = np.concatenate([line.by_plane.transpose(1, 2, 0), by_interior], axis=2)
-    covariance = np.matmul(np.matmul(jacobian, poses.covariance), jacobian.swapaxes(1, 2))
-    return -line.misclosure, covariance + np.matmul(from_picks, from_picks.swapaxes(1, 2))
 
 
 @lru_cache(maxsize=16)
@@ -377,9 +323,7 @@ def compute_line_sigmas(frames: LengthFrames) -> Floats:
     return np.asarray(np.hypot(frames.length_sigma_m, from_picks))
 
 
-def search_frames(
-    calibration: Calibration, frames: LengthFrames
-) -> list[tuple[PlaneCandidate, ...]]:
+def search_frames(calibration: Calibration, frames: LengthFrames) -> list[KnownPlanes]:
     """Search planes of frames by `search_planes`, from their picks."""
     ray = back_project(calibration.model, calibration.parameters, frames.pixel_px)
     rows = np.arange(len(ray))[:, None]
@@ -416,11 +360,10 @@ def _solve(
             view = view._replace(off=-block.corrections(adjusted))
         else:
             view = block.view(calibration.parameters + adjusted[:, split:] @ root.T, ray)
-    interior = calibration.parameters + adjusted[:, split:] @ root.T
-    covariance = _joint_covariance(fit, line.noise[..., split:], root)
     cost = np.add.reduce(fit.multiplier * line.misclosure, axis=1)
     determined = fit.sigma.max(axis=1) < MAX_RELATIVE_SIGMA * np.abs(plane).max(axis=1)
-    return LengthPoses(plane, interior, covariance, cost, (largest < MAX_LAST_CHANGE) & determined)
+    converged = (largest < MAX_LAST_CHANGE) & determined
+    return LengthPoses(plane, -fit.inverse[:, block.shape[1] :, block.shape[1] :], cost, converged)
 
 
 class _Fit(NamedTuple):
@@ -477,19 +420,3 @@ def _shorten(plane: Floats, step: Floats, ray: Floats) -> Floats:
         behind = depth.min(axis=(0, 2)) <= 0
         step = np.where(behind[:, None], 0.5 * step, step)
     return step
-
-
-def _joint_covariance(fit: _Fit, c: Floats, root: Floats) -> Floats:
-    """Compute (B, 3 + P, 3 + P) covariances of plane and adjusted interior; c is (B, n, r).
-
-    Cov(m, t) = -K C and Cov(t) = I - C^T P C for the interior t in sigmas.
-    """
-    n, size = c.shape[1], 3 + len(root)
-    reached = np.matmul(fit.inverse[:, :, :n], c)  # P C, K C
-    white = np.eye(c.shape[2]) - np.matmul(c.swapaxes(1, 2), reached[:, :n])
-    covariance = np.empty((len(c), size, size))
-    covariance[:, :3, :3] = -fit.inverse[:, n:, n:]
-    covariance[:, :3, 3:] = -np.matmul(reached[:, n:], root.T)
-    covariance[:, 3:, :3] = covariance[:, :3, 3:].swapaxes(1, 2)
-    covariance[:, 3:, 3:] = np.matmul(np.matmul(root, white), root.T)
-    return covariance

@@ -185,29 +185,24 @@ class _CacheKey:
 def _estimate_poses(asked: _CacheKey) -> dict[int, LengthPoses]:
     """Estimate poses of frames that lengths explain, by index, best first."""
     searched = search_frames(asked.calibration, asked.frames)
-    if not any(searched):  # no pose explains the lengths of any frame
+    start, cost = (np.concatenate(column) for column in zip(*searched, strict=True))
+    row = np.repeat(np.arange(len(searched)), [len(found.cost) for found in searched])
+    if not len(row):  # no pose explains the lengths of any frame
         return {}
-    row = np.repeat(np.arange(len(searched)), [len(found) for found in searched])
-    start = np.array([c.plane for found in searched for c in found]).reshape(-1, 3)
     poses = resect_from_lengths(asked.calibration, asked.frames.take(row), start)
     # If the iterations fail, the result of the search is still an initial value.
     failed = ~poses.converged
-    cost = np.array([c.cost for found in searched for c in found])
     poses = poses._replace(
         plane=np.where(failed[:, None], start, poses.plane),
         cost=np.where(failed, cost, poses.cost),
     )
     order = np.lexsort((poses.cost, row))
-    return {
-        k: _keep_distinct(poses.take(order[row[order] == k]))
-        for k in range(len(searched))
-        if searched[k]
-    }
+    return {k: _keep_distinct(poses.take(order[row[order] == k])) for k in np.unique(row).tolist()}
 
 
 def _keep_distinct(poses: LengthPoses) -> LengthPoses:
     """Keep the first of the poses that converged to the same plane."""
-    variance = np.einsum("bii->bi", poses.covariance)[:, :3]
+    variance = np.einsum("bii->bi", poses.covariance)
     sigma = np.sqrt(np.where(poses.converged[:, None], variance, 0.0))
     same = np.all(np.abs(poses.plane[:, None] - poses.plane) <= SAME_PLANE_SIGMAS * sigma, axis=2)
     first = np.argmax(same, axis=0)

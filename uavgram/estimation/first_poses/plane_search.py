@@ -268,11 +268,22 @@ MAX_RELATIVE_SIGMA = 1.0
 """Sigma of a plane as a share of its size, above which its numbers have no meaning."""
 
 
-class PlaneCandidate(NamedTuple):
-    """Local minimum: the plane m (3,), and its weighted sum of squared residuals."""
+class KnownPlanes(NamedTuple):
+    """Distinct planes that explain a frame's known things, best first.
+
+    Attributes
+    ----------
+    plane
+        (n, 3) m = normal / height in the camera frame [1/m].
+    cost
+        (n,) weighted sum of squared residuals; degrees of freedom: number of rows less three.
+    """
 
     plane: Floats
-    cost: float
+    cost: Floats
+
+
+NO_PLANES = KnownPlanes(np.zeros((0, 3)), np.zeros(0))
 
 
 @cache
@@ -301,29 +312,30 @@ def _apply_step(state: State, step: Floats) -> State:
     return (state[0] + step,)
 
 
-def _keep_distinct(plane: Floats, cost: Floats, information: Floats, limit: float) -> list[int]:
-    """Return candidates farther than a sigma from any better one, up to a limit of the cost.
+def _keep_distinct(plane: Floats, cost: Floats, information: Floats, rows: int) -> KnownPlanes:
+    """Return the planes that the known things allow, farther than a sigma from any better one.
 
     Parameters
     ----------
     plane, cost, information
         (C, 3), (C,), (C, 3, 3) minima, the best first.
-    limit
-        Largest difference to the lowest cost that the known things allow.
+    rows
+        Number of rows of the known things.
     """
     kept: list[int] = []
-    rows = np.flatnonzero(cost <= cost[:1] + limit)
-    while len(rows):
-        best = int(rows[0])
+    limit = float(chdtri(max(rows - 3, 1), MIN_PROBABILITY))
+    left = np.flatnonzero(cost <= cost[:1] + limit)
+    while len(left):
+        best = int(left[0])
         kept.append(best)
-        apart = plane[rows] - plane[best]
-        rows = rows[np.einsum("ki,ij,kj->k", apart, information[best], apart) > 1.0]
-    return kept
+        apart = plane[left] - plane[best]
+        left = left[np.einsum("ki,ij,kj->k", apart, information[best], apart) > 1.0]
+    return KnownPlanes(plane[kept], cost[kept])
 
 
 def search_planes(
     start_ray: Floats, end_ray: Floats, length_m: Floats, sigma_m: Floats
-) -> list[tuple[PlaneCandidate, ...]]:
+) -> list[KnownPlanes]:
     """Search all distinct planes that explain the lengths of each of many frames, best first.
 
     Parameters
@@ -336,7 +348,7 @@ def search_planes(
 
     Returns
     -------
-    list of tuple of PlaneCandidate
+    list of KnownPlanes
         Per frame: always the best one, and every other minimum that the lengths allow; empty if no
         plane of the hemisphere is in front of all rays, or there are fewer than three lines.
     """
@@ -349,7 +361,7 @@ def search_planes(
     start_ray = np.take_along_axis(start_ray, take, axis=1)
     end_ray = np.take_along_axis(end_ray, take, axis=1)
     length_m = np.take_along_axis(length_m, stand_in, axis=1)
-    found: list[tuple[PlaneCandidate, ...]] = []
+    found: list[KnownPlanes] = []
     step = max(1, BLOCK_SIZE // (len(make_normal_grid()) * max(1, there.shape[1])))
     for first in range(0, len(length_m), step):
         part = slice(first, first + step)
@@ -359,9 +371,7 @@ def search_planes(
     return found
 
 
-def _find_minima(
-    ends: Floats, observed: tuple[Floats, Floats], count: Ints
-) -> list[tuple[PlaneCandidate, ...]]:
+def _find_minima(ends: Floats, observed: tuple[Floats, Floats], count: Ints) -> list[KnownPlanes]:
     """Find distinct minima of scenes: rays (3, 2, B, L), weighted lengths and weights (B, L)."""
     start, scene = _starts(ends, observed, count)
 
@@ -376,14 +386,13 @@ def _find_minima(
     # Minima of each scene by cost; keep the distinct ones within the limit.
     order = np.lexsort((minima.cost, scene))
     bounds = np.searchsorted(scene[order], np.arange(len(count) + 1))
-    limit = np.asarray(chdtri(np.maximum(count - 3, 1), MIN_PROBABILITY))
     found = []
-    for k in range(len(count)):
+    for k, number in enumerate(count.tolist()):
         own = order[bounds[k] : bounds[k + 1]]
         own = own[np.isfinite(minima.cost[own])]
-        plane, cost = minima.state[0][own], minima.cost[own]
-        kept = _keep_distinct(plane, cost, minima.normal[own], float(limit[k]))
-        found.append(tuple(PlaneCandidate(plane[one], float(cost[one])) for one in kept))
+        found.append(
+            _keep_distinct(minima.state[0][own], minima.cost[own], minima.normal[own], number)
+        )
     return found
 
 
@@ -411,27 +420,6 @@ def _starts(ends: Floats, observed: tuple[Floats, Floats], count: Ints) -> tuple
     lowest |= cost <= np.partition(cost, LOWEST_COUNT, axis=1)[:, [LOWEST_COUNT]]
     scene, place = np.nonzero(usable & (lowest | (count <= MAX_LINES_FOR_ALL_STARTS)[:, None]))
     return normal[place] / height[scene, place, None], scene
-
-
-class KnownPlanes(NamedTuple):
-    """Planes that explain a frame's known things, best first.
-
-    Attributes
-    ----------
-    plane
-        (n, 3) m = normal / height in the camera frame [1/m].
-    covariance
-        (n, 3, 3) by things and picks; the lens is assumed exact.
-    cost
-        (n,) weighted sum of squared residuals; degrees of freedom: number of rows less three.
-    """
-
-    plane: Floats
-    covariance: Floats
-    cost: Floats
-
-
-NO_PLANES = KnownPlanes(np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0))
 
 
 def search_known_planes(
@@ -503,8 +491,10 @@ def _search(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> Known
     height = fit_heights(normal, ray, ray_sigma, things)
     problem = _Things(ray, ray_sigma, things)
     plane = problem.minima((normal / height[:, None])[np.isfinite(height)])
-    rows = np.ones((len(plane), count_all_rows(things)))
-    cost, information, gradient, *_ = problem.linearise(np.arange(len(plane)), (plane, rows))
+    rows = count_all_rows(things)
+    cost, information, gradient, *_ = problem.linearise(
+        np.arange(len(plane)), (plane, np.ones((len(plane), rows)))
+    )
     covariance, determined = _covariances(plane, information, cost)
     # Newton decrement g^T N^-1 g: reduction of the cost by another step.
     gain = np.einsum("ci,cij,cj->c", gradient, covariance, gradient)
@@ -513,9 +503,7 @@ def _search(rays: bytes, sigmas: bytes, things: tuple[PlaneThing, ...]) -> Known
     order = resting[np.lexsort((cost[resting], ~determined[resting]))]
     if not determined[order[:1]].any():
         return NO_PLANES
-    limit = float(chdtri(max(count_all_rows(things) - 3, 1), MIN_PROBABILITY))
-    kept = order[_keep_distinct(plane[order], cost[order], information[order], limit)]
-    found = KnownPlanes(plane[kept], covariance[kept], cost[kept])
+    found = _keep_distinct(plane[order], cost[order], information[order], rows)
     for column in found:
         column.flags.writeable = False
     return found

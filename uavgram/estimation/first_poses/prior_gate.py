@@ -76,7 +76,7 @@ def compare_with_seed(
     by_plane[:, HEIGHT] = -normal / size[:, None] ** 2
     across = np.cross(normal[:, None], np.eye(3)[None]) / size[:, None, None]
     by_plane[:, TILT] = np.einsum("ti,cji->ctj", sideways, across)
-    own = by_plane @ poses.covariance[:, :3, :3] @ by_plane.swapaxes(1, 2)
+    own = by_plane @ poses.covariance @ by_plane.swapaxes(1, 2)
     # Squared Mahalanobis distance d^T (P + C)^-1 d, and shift P (P + C)^-1 d to the weighted mean.
     weighted = np.linalg.solve(prior + own, difference[..., None])
     return SeedComparison(np.sum(difference * weighted[..., 0], axis=1), (prior @ weighted)[..., 0])

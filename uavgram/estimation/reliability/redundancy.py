@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import chdtrc, ndtr, ndtri
+from scipy.special import chdtrc, ndtri
 
 from uavgram.estimation.solver.normal_equations import MAX_RIGHT_SIDES, Block, Covariance, Factor
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -90,23 +90,6 @@ def compute_minimal_detectable_bias(
     checked = redundancy > MIN_REDUNDANCY
     root = np.sqrt(np.where(checked, redundancy, np.nan))
     return np.asarray(sigma * compute_noncentrality(significance) / root)
-
-
-def compute_power(bias: Floats, redundancy: Floats, sigma: Floats, significance: float) -> Floats:
-    """Compute the probability with which the w-test of an observation finds an error of `bias`.
-
-    Baarda 1968: w is normal about bias * sqrt(r) / sigma; the test has two sides.
-
-    Parameters
-    ----------
-    bias, redundancy, sigma
-        (...) size of the error, redundancy number and standard deviation of the observation.
-    significance
-        Significance of the test.
-    """
-    mean = np.abs(bias) * np.sqrt(redundancy) / sigma
-    limit = compute_critical_value(significance)
-    return np.asarray(ndtr(mean - limit) + ndtr(-limit - mean))
 
 
 class GroupFit(NamedTuple):

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from uavgram.geometry.camera.lens import distort, write_parameter_derivative
-from uavgram.model.arrays import Floats
+from uavgram.model.arrays import Floats, Ints
 from uavgram.model.simulation import PhotoDesign
 
 
@@ -118,43 +118,46 @@ def compute_pixel_shifts(
 
 def compute_common_effects(
     design: PhotoDesign,
-    by_error: Floats,
-    shifts: Floats,
-    lengths: tuple[Floats, Floats],
-    rises: tuple[Floats, Floats],
+    ends: Ints,
+    sightings: tuple[Floats, Floats],
+    readings: tuple[Floats, Floats],
+    sights: tuple[Floats, Floats, Floats, Floats],
 ) -> Floats:
-    """Compute (L, K, B) effects of the common errors on the expected readings.
+    """Compute (R, K, B) effects of the common errors on the expected readings.
 
     Parameters
     ----------
     design
         Design common to B draws.
-    by_error
-        (2, 2, L, B) effects of the errors of the two ends, u and v, on these readings.
-    shifts
-        Result of `compute_pixel_shifts`.
-    lengths
-        (L, B) between the ends [m], and result of `compute_tape_scale`.
-    rises
-        (2, L, B) effects of raising the ground under one end on these readings, and (2, E, B) the
-        places.
+    ends
+        (2, R) the two ends of each reading; the lengths come first.
+    sightings
+        (2, 2, R, B) effects of the errors of the two ends, u and v, on these readings, and result
+        of `compute_pixel_shifts`.
+    readings
+        (R, B) expected readings, and result of `compute_tape_scale`.
+    sights
+        (2, 3, R, B) gradients of the readings by their ends, and of the ends (3, E, B) rays, (E, B)
+        their fall against the ground, (3, E, B) places.
     """
-    length_m, scale = lengths
-    by_rise, place = rises
-    out = np.zeros((len(length_m), shifts.shape[2], length_m.shape[1]))
+    (by_error, shifts), (expected, scale), (pull, ray, falling, world) = sightings, readings, sights
+    out = np.zeros((len(expected), shifts.shape[2], expected.shape[1]))
     # A sighting keeps its own error: the camera's shift acts with the opposite sign.
     if design.camera_root is not None:
-        for own, at in zip(by_error, design.line.T, strict=True):
+        for own, at in zip(by_error, ends, strict=True):
             out -= np.einsum("jlb,jlkb->lkb", own, shifts[:, at])
-    columns = ground_slice(design)
-    unit = np.eye(out.shape[1])[:, :, None]
-    for k in range(columns.start, columns.stop):
-        rise = compute_rise(design, unit[:, k], place)
-        for own, at in zip(by_rise, design.line.T, strict=True):
-            out[:, k] += own * rise[at]
-    # reading = length / (1 + sigma k): its derivative by k is -sigma length scale^2.
+    if design.ground_root is not None:
+        columns = ground_slice(design)
+        unit = np.eye(out.shape[1])[columns, :, None]
+        rise = np.stack([compute_rise(design, one, world) for one in unit])
+        for own, at in zip(pull, ends, strict=True):
+            # Raising the ground moves a place along its ray, by ray / falling for each metre.
+            by_rise = np.einsum("krb,krb->rb", own, ray[:, at]) / falling[at]
+            out[:, columns] += by_rise[:, None] * rise[:, at].swapaxes(0, 1)
+    # reading = length / (1 + sigma k): its derivative by k is -sigma reading scale.
     if design.tape_scale_sigma:
-        out[:, -1] = -design.tape_scale_sigma * length_m * scale**2
+        taped = len(design.line)
+        out[:taped, -1] = -design.tape_scale_sigma * expected[:taped] * scale
     return out
 
 

@@ -3,9 +3,10 @@
 An end of a length is seen once, so its place on the ground is the intersection of its sighting,
 error e included, with the ground. Moving the camera by δC and rotating it by ω moves that place by
 P (δC + ω x r), with r the ray from camera to place and P the projection along r onto the ground:
-this needs no derivative of the lens, only the effect of e does. Errors that all sightings or all
-readings share, of camera, ground and tape, are treated like e: normal, with sigma 1, and eliminated
-with it (`estimation/repeated/common_errors.py`).
+this needs no derivative of the lens, only the effect of e does. Readings are functions of places:
+lengths between two of them, and coordinates of one along a direction. Errors that all sightings or
+all readings share, of camera, ground and tape, are treated like e: normal, with sigma 1, and
+eliminated with it (`estimation/repeated/common_errors.py`).
 """
 
 from __future__ import annotations
@@ -30,17 +31,26 @@ from uavgram.model.simulation import PhotoDesign, PhotoDraws
 
 
 class Draws(NamedTuple):
-    """(2, E, B) pixels, (L, B) readings, prior poses (3, B), (3, 3, B) and ground (3, B)."""
+    """Draws as of `PhotoDraws`, the draw last.
+
+    (2, E, B) pixels, (L, B) lengths, prior poses (3, B), (3, 3, B), ground (3, B), directions (2,
+    P, B) and coordinates (P, B) along them.
+    """
 
     pixel: Floats
     length: Floats
     center: Floats
     rotation: Floats
     ground: Floats
+    toward: Floats
+    placed: Floats
 
 
 def put_draws_last(draws: PhotoDraws) -> Draws:
     """Return the draws with the draw as the last axis."""
+    count = len(draws.length_m)
+    toward = np.zeros((count, 0, 2)) if draws.toward is None else draws.toward
+    placed = np.zeros((count, 0)) if draws.placed_m is None else draws.placed_m
     return Draws(
         *(
             np.ascontiguousarray(value)
@@ -50,6 +60,8 @@ def put_draws_last(draws: PhotoDraws) -> Draws:
                 draws.center_world_m.T,
                 draws.world_from_camera.transpose(1, 2, 0),
                 draws.ground.T,
+                toward.transpose(2, 1, 0),
+                placed.T,
             )
         )
     )
@@ -74,15 +86,15 @@ class PhotoLinearisation(NamedTuple):
     normal, right
         (6, 6, B), (6, B) of the pose.
     lower, by_pose, misfit
-        (L, L, B) factor of the covariance of the lengths' misclosures, and, divided by it, (L, 6,
-        B) derivatives of the lengths by the pose, (L, B) misclosures.
+        (R, R, B) factor of the covariance of the readings' misclosures, and, divided by it, (R, 6,
+        B) derivatives of the readings by the pose, (R, B) misclosures.
     by_error
-        (2, 2, L, B) effects of the errors of the two ends, u and v, on the lengths.
+        (2, 2, R, B) effects of the errors of the two ends, u and v, on the readings.
     error, to_place
         (2, E, B) of the sightings in sigmas, (2, 2, E, B) their effects on the places.
     common, by_common, shifts
-        (K, B) errors of camera, ground and tape, (L, K, B) their effects on the lengths, (2, E, K,
-        B) shifts of a sighting by those of the camera, in sigmas.
+        (K, B) errors of camera, ground and tape, (R, K, B) their effects on the readings, (2, E,
+        K, B) shifts of a sighting by those of the camera, in sigmas.
     slope, ray, falling, by_turn
         (2, B) of the ground, (3, E, B) from camera to place, (E, B) its fall against the ground,
         (3, 3, B) from a change of the rotation to a rotation vector in the world.
@@ -135,37 +147,32 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> PhotoLinearisa
     falling = ray[2] - slope[0] * ray[0] - slope[1] * ray[1]
     parameters = compute_parameters(design, state.common)
     error, to_place = _compute_sightings(design, draws, rotation, (ray, slope), parameters)
-    start, end = design.line.T
-    leg = world[:, end] - world[:, start]
-    length = np.sqrt(np.einsum("klb,klb->lb", leg, leg))
-    unit = leg / length
     scale = compute_tape_scale(design, state.common)
-    # Gradient of the readings by the places along the ground: unit vector plus slope times up.
-    along = np.stack([unit[k] + unit[2] * slope[k] for k in (0, 1)]) * scale
-    jacobian = _by_pose(slope, along, (ray, falling), (start, end), by_turn)
+    ends = list_ends(design)
+    sigma, pull, predicted = _compute_readings(design, draws, world, scale)
+    # Gradient by the places along the ground: by the place itself, and by its height.
+    along = pull[:, :2] + pull[:, 2:] * slope[:, None]
+    jacobian = _by_pose(slope, along, (ray, falling), ends, by_turn)
     by_error = np.stack(
         [
-            sign * np.einsum("klb,kjlb->jlb", along, to_place[:, :, at])
-            for sign, at in ((-1.0, start), (1.0, end))
+            np.einsum("krb,kjrb->jrb", own, to_place[:, :, at])
+            for own, at in zip(along, ends, strict=True)
         ]
     )
     shifts = compute_pixel_shifts(design, parameters, rotation, ray)
-    # Raising the ground moves a place along its ray, by ray / falling for each metre.
-    by_rise = np.stack(
-        [
-            sign * scale * np.einsum("klb,klb->lb", unit, ray[:, at]) / falling[at]
-            for sign, at in ((-1.0, start), (1.0, end))
-        ]
+    shared = compute_common_effects(
+        design, ends, (by_error, shifts), (predicted, scale), (pull, ray, falling, world)
     )
-    shared = compute_common_effects(design, by_error, shifts, (length, scale), (by_rise, world[:2]))
     # Misclosure at e = 0: reading minus prediction, plus the effects of the present errors.
-    misfit = draws.length - scale * length
-    off = misfit / design.length_sigma_m[:, None]
-    for k, at in enumerate((start, end)):
-        misfit = misfit + np.einsum("jlb,jlb->lb", by_error[k], error[:, at])
-    misfit = misfit + np.einsum("lkb,kb->lb", shared, state.common)
+    misfit = np.concatenate([draws.length, draws.placed]) - predicted
+    off = misfit / sigma[:, None]
+    for k, at in enumerate(ends):
+        misfit += np.einsum("jlb,jlb->lb", by_error[k], error[:, at])
+    misfit += np.einsum("lkb,kb->lb", shared, state.common)
     # S = sigma_t^2 I + Je Je^T; whiten Jacobian and misclosure by its Cholesky factor.
-    spread = _spread(design, by_error) + np.einsum("lkb,mkb->lmb", shared, shared)
+    spread = _spread(ends, sigma, by_error)
+    if shared.shape[1]:
+        spread += np.einsum("lkb,mkb->lmb", shared, shared)
     lower = cholesky(spread)
     whitened = forward(lower, np.concatenate([jacobian, misfit[:, None]], axis=1))
     by_pose, missed = whitened[:, :6], whitened[:, 6]
@@ -196,6 +203,46 @@ def linearise(design: PhotoDesign, draws: Draws, state: State) -> PhotoLinearisa
     )
 
 
+def list_ends(design: PhotoDesign) -> Ints:
+    """Return the (2, R) ends of lengths, then none and the end of each coordinate.
+
+    None is -1: no gradient is by it.
+    """
+    if design.placed is None:
+        return design.line.T
+    none = np.full_like(design.placed, -1)
+    return np.concatenate([design.line.T, [none, design.placed]], axis=1)
+
+
+def _compute_readings(
+    design: PhotoDesign, draws: Draws, world: Floats, scale: Floats
+) -> tuple[Floats, Floats, Floats]:
+    """Predict the readings at places (3, E, B) of the ends: lengths, then coordinates.
+
+    Returns
+    -------
+    sigma : (R,)
+    pull : (2, 3, R, B)
+        Gradients by the two ends of `list_ends`.
+    predicted : (R, B)
+    """
+    start, end = design.line.T
+    leg = world[:, end] - world[:, start]
+    length = np.sqrt(np.einsum("klb,klb->lb", leg, leg))
+    unit = leg / length * scale
+    pull, predicted = np.stack([-unit, unit]), scale * length
+    if design.placed is None or design.place_sigma_m is None:
+        return design.length_sigma_m, pull, predicted
+    toward = np.zeros((2, 3, *draws.placed.shape))
+    toward[1, :2] = draws.toward
+    coordinate = np.einsum("kpb,kpb->pb", draws.toward, world[:2, design.placed])
+    return (
+        np.concatenate([design.length_sigma_m, design.place_sigma_m]),
+        np.concatenate([pull, toward], axis=2),
+        np.concatenate([predicted, coordinate]),
+    )
+
+
 def apply_step(design: PhotoDesign, line: PhotoLinearisation, state: State, step: Floats) -> State:
     """Apply steps of the poses; errors and places follow by back substitution.
 
@@ -210,10 +257,10 @@ def apply_step(design: PhotoDesign, line: PhotoLinearisation, state: State, step
     missed = line.misfit - np.einsum("lib,ib->lb", line.by_pose, step)
     force = backward(line.lower, missed)
     change = -line.error
-    for k, ends in enumerate(design.line.T.tolist()):
+    for k, ends in enumerate(list_ends(design).tolist()):
         pulls = line.by_error[k] * force
-        for length, at in enumerate(ends):
-            change[:, at] += pulls[:, length]
+        for reading, at in enumerate(ends):
+            change[:, at] += pulls[:, reading]
     common = np.einsum("lkb,lb->kb", line.by_common, force) - line.common
     # The pixel is fixed: the shift by the camera's error counts against the sighting's own.
     seen = change - np.einsum("jekb,kb->jeb", line.shifts, common)
@@ -281,21 +328,17 @@ def _compute_sightings(
 
 
 def _by_pose(
-    slope: Floats,
-    along: Floats,
-    rays: tuple[Floats, Floats],
-    ends: tuple[Ints, Ints],
-    by_turn: Floats,
+    slope: Floats, along: Floats, rays: tuple[Floats, Floats], ends: Ints, by_turn: Floats
 ) -> Floats:
-    """Compute (L, 6, B) effects of a shift and a rotation of the camera on lengths between ends."""
+    """Compute (R, 6, B) effects of a shift and a rotation of the camera on readings of ends."""
     ray, falling = rays
     shift: Floats | float = 0.0
     swing: Floats | float = 0.0
-    for sign, at in zip((-1.0, 1.0), ends, strict=True):
+    for own, at in zip(along, ends, strict=True):
         r = ray[:, at]
         # g = P^T (gradient along the ground); the rotation has r x g.
-        tilt = (along[0] * r[0] + along[1] * r[1]) / falling[at]
-        g = sign * np.stack([along[0] + tilt * slope[0], along[1] + tilt * slope[1], -tilt])
+        tilt = (own[0] * r[0] + own[1] * r[1]) / falling[at]
+        g = np.stack([own[0] + tilt * slope[0], own[1] + tilt * slope[1], -tilt])
         shift = shift + g
         swing = swing + np.stack(
             [r[1] * g[2] - r[2] * g[1], r[2] * g[0] - r[0] * g[2], r[0] * g[1] - r[1] * g[0]]
@@ -304,18 +347,16 @@ def _by_pose(
     return np.concatenate([np.asarray(shift), by_vector]).transpose(1, 0, 2)
 
 
-def _spread(design: PhotoDesign, by_error: Floats) -> Floats:
-    """Compute the (L, L, B) covariance of the misclosures: by the tape, and by the ends' errors."""
-    line = design.line
-    count, size = len(line), by_error.shape[-1]
+def _spread(ends: Ints, sigma: Floats, by_error: Floats) -> Floats:
+    """Compute the (R, R, B) covariance of the misclosures: by the readings and the ends' errors."""
+    count, size = len(sigma), by_error.shape[-1]
     out = np.zeros((count, count, size))
-    for i in range(count):
-        for j in range(i + 1):
-            for end, at in enumerate(line[i].tolist()):
-                for other, there in enumerate(line[j].tolist()):
-                    if at == there:
-                        one, two = by_error[end, :, i], by_error[other, :, j]
-                        out[i, j] += one[0] * two[0] + one[1] * two[1]
-            out[j, i] = out[i, j]
-        out[i, i] += design.length_sigma_m[i] ** 2
+    out[range(count), range(count)] = sigma[:, None] ** 2
+    # Readings of one end have its sighting's error in common.
+    for at in range(int(ends.max(initial=-1)) + 1):
+        of_end = np.argwhere(ends == at).tolist()
+        for end, i in of_end:
+            for other, j in of_end:
+                one, two = by_error[end, :, i], by_error[other, :, j]
+                out[i, j] += one[0] * two[0] + one[1] * two[1]
     return out

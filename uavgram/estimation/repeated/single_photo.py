@@ -48,13 +48,17 @@ MIN_REDUCTION = 1e-14
 """Expected reduction of the sum of squares by the last step: the remaining one is smaller by
 another factor of ten to a thousand."""
 
-NEWTON_STEPS, DAMPED_STEPS, SMALL_DAMPING = 12, 200, 1e-9
-"""Largest number of steps: first regardless of the sum of squares and with hardly any damping; the
+UNDAMPED_STEPS, SMALL_DAMPING = 12, 1e-9
+"""Largest number of first steps: regardless of the sum of squares and with hardly any damping; the
 few draws that do not converge start again with damped steps."""
 
 
 def adjust_photos(
-    design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] | None = None
+    design: PhotoDesign,
+    draws: PhotoDraws,
+    start: tuple[Floats, Floats] | None = None,
+    undamped: int = UNDAMPED_STEPS,
+    settled: float = MIN_REDUCTION,
 ) -> PhotoPosesFound:
     """Adjust every draw.
 
@@ -65,7 +69,11 @@ def adjust_photos(
     draws
         B draws.
     start
-        (3,), (3, 3) initial pose; None: each starts at its prior pose.
+        (3,), (3, 3) initial pose, or (B, 3), (B, 3, 3); None: each starts at its prior pose.
+    undamped
+        Largest number of steps before the damped ones; 0 for poor starts.
+    settled
+        Expected reduction of the sum of squares by the last step.
 
     Returns
     -------
@@ -73,10 +81,16 @@ def adjust_photos(
         Draws that did not converge are marked.
     """
     count = len(draws.length_m)
-    found = [
-        _adjust_block(design, _some(draws, slice(first, first + BLOCK_SIZE)), start)
-        for first in range(0, count, BLOCK_SIZE)
-    ]
+    center, rotation = start or (draws.center_world_m, draws.world_from_camera)
+    center, rotation = (
+        np.broadcast_to(center, (count, 3)),
+        np.broadcast_to(rotation, (count, 3, 3)),
+    )
+    found = []
+    for first in range(0, count, BLOCK_SIZE):
+        rows = slice(first, first + BLOCK_SIZE)
+        begun = center[rows], rotation[rows]
+        found.append(_adjust_block(design, _some(draws, rows), begun, (undamped, settled)))
     names = vars(found[0])
     return PhotoPosesFound(
         **{name: np.concatenate([getattr(one, name) for one in found]) for name in names}
@@ -111,23 +125,28 @@ def intersect_ground(
 
 
 def _some(draws: PhotoDraws, rows: slice) -> PhotoDraws:
-    return PhotoDraws(**{name: value[rows] for name, value in vars(draws).items()})
+    every = vars(draws).items()
+    return PhotoDraws(**{name: value[rows] for name, value in every if value is not None})
 
 
 def _adjust_block(
-    design: PhotoDesign, drawn: PhotoDraws, start: tuple[Floats, Floats] | None
+    design: PhotoDesign,
+    drawn: PhotoDraws,
+    start: tuple[Floats, Floats],
+    iteration: tuple[int, float],
 ) -> PhotoPosesFound:
     """Adjust draws that fit the processor's cache together."""
+    undamped, settled = iteration
     problem = _Problem(design, put_draws_last(drawn))
     first = _make_initial_state(design, drawn, start)
     ends = minimise_each(
-        problem, first, NEWTON_STEPS, settled=MIN_REDUCTION, damping=SMALL_DAMPING, descending=False
+        problem, first, undamped, settled=settled, damping=SMALL_DAMPING, descending=False
     )
     left = np.flatnonzero(~ends.converged & np.isfinite(first.place).all(axis=(0, 1)))
     if len(left):
         again = _Problem(design, problem.part(left))
         begun = tuple(value[..., left] for value in first)
-        ends.put(left, minimise_each(again, begun, DAMPED_STEPS, settled=MIN_REDUCTION), again.axis)
+        ends.put(left, minimise_each(again, begun, settled=settled), again.axis)
     return _make_result(design, problem.draws, ends)
 
 
@@ -157,15 +176,12 @@ class _Problem:
 
 
 def _make_initial_state(
-    design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats] | None
+    design: PhotoDesign, draws: PhotoDraws, start: tuple[Floats, Floats]
 ) -> State:
     """Return the initial state, with the draws' ends where their sightings meet the ground."""
-    center, rotation = draws.center_world_m, draws.world_from_camera
-    turn = np.zeros_like(center)
-    if start is not None:
-        turn = log_so3(np.swapaxes(rotation, 1, 2) @ start[1])
-        center, rotation = (np.repeat(one[None], len(center), axis=0) for one in start)
-    place = intersect_ground(design, draws, (center, rotation))
+    center, rotation = start
+    turn = log_so3(np.swapaxes(draws.world_from_camera, 1, 2) @ rotation)
+    place = intersect_ground(design, draws, start)
     common = np.zeros((count_common_errors(design), len(center)))
     return State(center.T.copy(), turn.T.copy(), place[..., :2].transpose(2, 1, 0).copy(), common)
 
@@ -188,7 +204,7 @@ def _make_result(design: PhotoDesign, draws: Draws, ends: Minima) -> PhotoPosesF
         covariance=np.where(at_rest[:, None, None], covariance, np.nan),
         place_m=compute_places(design, draws, state).transpose(2, 1, 0),
         common=state.common.T,
-        cost=np.where(at_rest, ends.cost, np.nan),
+        cost=np.where(np.isfinite(ends.cost), ends.cost, np.nan),
         converged=at_rest,
         steps=ends.steps,
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE, count_fixed_planes, count_relief
-from uavgram.geometry.motion.rotation import exp_so3, log_so3
+from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.survey import Survey
@@ -354,33 +354,6 @@ def _of_frames(layout: Layout, step: Floats) -> Floats:
     """Return the (..., F, frame_size) part of a step, a view of it."""
     own = step[..., layout.first_frame : layout.first_intrinsic]
     return own.reshape(*step.shape[:-1], layout.frames, layout.frame_size)
-
-
-def compute_increment(layout: Layout, start: State, end: State) -> Floats:
-    """Compute the (..., size) increment by which `apply_increment` leads from one state to another.
-
-    Parameters
-    ----------
-    layout
-        Order of the unknowns in the vector.
-    start, end
-        Two states of the same unknowns, or as many of each with the same leading axes.
-    """
-    turn = log_so3(np.swapaxes(start.rotation, -1, -2) @ end.rotation)
-    parts = (
-        end.point - start.point,
-        end.picked - start.picked,
-        end.tie - start.tie,
-        np.concatenate([end.center - start.center, turn, end.turning - start.turning], axis=-1),
-        end.intrinsic - start.intrinsic,
-        (end.plane - start.plane)[..., end.plane.shape[-1] - layout.plane :],
-        end.relief - start.relief,
-        end.telemetry - start.telemetry,
-        end.tape - start.tape,
-        end.readout - start.readout,
-    )
-    many = end.plane.shape[:-1]
-    return np.concatenate([part.reshape(*many, -1) for part in parts], axis=-1)
 
 
 def advance_state(layout: Layout, state: State, step: Floats) -> State:

@@ -1,4 +1,4 @@
-"""Lengths on the ground plane seen by one camera, for poses from known lengths alone.
+"""Planes seen by one camera: lengths on the ground plane, poses over it, and from homographies.
 
 The plane is m . X = 1 in the camera frame, m = n / h with the unit normal n towards the ground and
 the height h of the camera above it. A ray v (z = 1) meets it at X = v / (m . v): three unknowns, no
@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.geometry.motion.rotation import nearest_rotation
 from uavgram.model.arrays import Floats
 
 _HORIZON = 1e-12
@@ -121,3 +122,66 @@ def pose_above_plane(plane: Floats) -> tuple[Floats, Floats]:
     north /= size
     east = np.cross(north, up)
     return np.array([0.0, 0.0, height]), np.stack([east, north, up])
+
+
+def make_homography_rows(plane: Floats, image: Floats, weight: Floats | float = 1.0) -> Floats:
+    """Compute the (..., 2 n, 9) equations of homographies from points of a plane to an image.
+
+    Direct linear transformation (Hartley and Zisserman 2004, algorithm 4.2): two equations per
+    point, u (h3 . X) = h1 . X and v (h3 . X) = h2 . X.
+
+    Parameters
+    ----------
+    plane, image
+        (..., n, 2), (..., n, 2) coordinates, both normalised.
+    weight
+        (..., n, 1) of each point.
+    """
+    count = plane.shape[-2]
+    point = np.concatenate([plane, np.ones((*plane.shape[:-1], 1))], axis=-1) * weight
+    rows = np.zeros((*plane.shape[:-2], 2, count, 9))
+    rows[..., 0, :, :3] = rows[..., 1, :, 3:6] = point
+    rows[..., 0, :, 6:] = -image[..., :1] * point
+    rows[..., 1, :, 6:] = -image[..., 1:] * point
+    return rows.reshape(*plane.shape[:-2], 2 * count, 9)
+
+
+def factor_homographies(homography: Floats) -> tuple[Floats, Floats]:
+    """Compute poses from homographies of any scale that take a plane to rays.
+
+    Parameters
+    ----------
+    homography
+        (..., 3, 3) matrices that take (x, y, 1) on the plane to rays in the camera.
+
+    Returns
+    -------
+    camera_from_plane : (..., 3, 3)
+    origin : (..., 3)
+        Origin of the plane in the camera's axes, before the camera.
+
+    Notes
+    -----
+    H ~ [r1 r2 t]: scale to unit columns, complete by r3 = r1 x r2, orthonormalise (Zhang 2000, sec.
+    3.1, appendix C).
+    """
+    size = np.linalg.norm(homography[..., :2], axis=-2)
+    scale = np.sqrt(size[..., 0] * size[..., 1])
+    sign = np.where(homography[..., 2, 2] < 0, -1.0, 1.0)
+    scaled = homography * (sign / np.maximum(scale, 1e-300))[..., None, None]
+    first, second, origin = np.moveaxis(scaled, -1, 0)
+    rough = np.stack([first, second, np.cross(first, second)], axis=-1)
+    return nearest_rotation(rough), origin
+
+
+def mirror_plane(camera_from_plane: Floats, sight: Floats) -> Floats:
+    """Compute the second rotation (..., 3, 3) of a plane that looks nearly alike.
+
+    Its normal is mirrored about the line of sight (..., 3) to its middle (Schweighofer and Pinz
+    2006, sec. 3; Collins and Bartoli 2014, sec. 5): a small or distant plane, of weak perspective,
+    does not distinguish the two.
+    """
+    sight = sight / np.linalg.norm(sight, axis=-1, keepdims=True)
+    # Rotation by 180 degrees in the plane, then by 180 degrees about the line of sight.
+    about_sight = 2 * sight[..., :, None] * sight[..., None, :] - np.eye(3)
+    return np.asarray(about_sight @ camera_from_plane @ np.diag([-1.0, -1.0, 1.0]))

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.estimation.first_poses.pose_problem import FeatureRows, LoggedPoses
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
@@ -72,20 +71,32 @@ class MethodScenes:
 
     Attributes
     ----------
-    rows
-        Observations of each; none of them is used yet.
+    calibration
+        The lens, assumed exact.
+    pixel_px, pick_sigma_px
+        (B, n, 2, 2) picks of start and end of each line, and sigma of each coordinate.
+    place_m, place_sigma_m
+        (B, n, 2, 2) stated places of start and end.
+    length_m, length_sigma_m
+        (B, n) taped lengths.
     center, rotation
         (B, 3), (B, 3, 3) the truth.
     logged
-        The pose in the log.
+        Centres (B, 3) and rotations (B, 3, 3) in the log.
     check_px, check_m
         (B, m, 2, 2) picks of the ends of withheld distances; (B, m) these.
     """
 
-    rows: FeatureRows
+    calibration: Calibration
+    pixel_px: Floats
+    pick_sigma_px: float
+    place_m: Floats
+    place_sigma_m: float
+    length_m: Floats
+    length_sigma_m: float
     center: Floats
     rotation: Floats
-    logged: LoggedPoses
+    logged: tuple[Floats, Floats]
     check_px: Floats
     check_m: Floats
 
@@ -116,21 +127,18 @@ def draw_scenes(setting: Setting, lines: int, count: int, seed: int) -> MethodSc
     pixel = _project_points(truth, center, rotation, _raise(ends, setting.relief_m, rng))
     check = _raise(pairs, setting.relief_m, rng)
     # logged pose with normal errors
-    sigma = np.array(LOG_SIGMA)
-    error = sigma * rng.normal(size=(count, 6))
+    error = np.array(LOG_SIGMA) * rng.normal(size=(count, 6))
     return MethodScenes(
-        rows=FeatureRows(
-            calibration=make_study_camera(0.0),
-            pixel_px=_add_noise(pixel, setting.pick_px, rng),
-            pick_sigma_px=setting.pick_px,
-            place_m=ends + setting.place_m * rng.normal(size=ends.shape),
-            place_sigma_m=setting.place_m,
-            length_m=measured + setting.tape_m * rng.normal(size=measured.shape),
-            length_sigma_m=setting.tape_m,
-        ),
+        calibration=make_study_camera(0.0),
+        pixel_px=_add_noise(pixel, setting.pick_px, rng),
+        pick_sigma_px=setting.pick_px,
+        place_m=ends + setting.place_m * rng.normal(size=ends.shape),
+        place_sigma_m=setting.place_m,
+        length_m=measured + setting.tape_m * rng.normal(size=measured.shape),
+        length_sigma_m=setting.tape_m,
         center=center,
         rotation=rotation,
-        logged=LoggedPoses(center + error[:, :3], rotation @ exp_so3(error[:, 3:]), sigma),
+        logged=(center + error[:, :3], rotation @ exp_so3(error[:, 3:])),
         check_px=_add_noise(_project_points(truth, center, rotation, check), setting.pick_px, rng),
         check_m=np.linalg.norm(check[:, :, 1, :2] - check[:, :, 0, :2], axis=-1),
     )

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.first_poses.first_points import intersect_rays
-from uavgram.estimation.first_poses.pose_problem import RayRows, compute_across_axes
+from uavgram.estimation.first_poses.pose_problem import compute_across_axes, make_ray_problem
 from uavgram.estimation.first_poses.tied.bundle import Scene, TiedPoses, TiedRays, adjust_scene
+from uavgram.estimation.first_poses.tied.minimal_solvers import solve_three_points
 from uavgram.estimation.first_poses.tied.two_views import estimate_relative_poses, find_best_turn
-from uavgram.estimation.solver.batched import State, minimise_trimmed
+from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_trimmed
 from uavgram.model.arrays import Bools, Floats, Ints
 
 SAMPLE_COUNT = 60
@@ -22,83 +23,6 @@ SCORED_COUNT = 150
 
 TRIMMING_FACTOR = 4.0
 """Residual in units of the median up to which a ray takes part in the pose."""
-
-
-def solve_three_points(world: Floats, ray: Floats) -> tuple[Floats, Floats]:
-    """Compute centres (M, 3) and rotations (M, 3, 3), world from camera, from three points each.
-
-    Parameters
-    ----------
-    world
-        (S, 3, 3) three points of each sample.
-    ray
-        (S, 3, 3) unit rays to them, in the camera.
-
-    Notes
-    -----
-    Grunert 1841, as given by Haralick et al. 1994, "Review and analysis of solutions of the three
-    point perspective pose estimation problem", eq. 9; up to four poses of each sample.
-    """
-    # Squared sides of the triangle, and cosines of the angles between the rays.
-    a, b, c = (
-        np.sum((world[:, i] - world[:, j]) ** 2, axis=1) for i, j in ((1, 2), (0, 2), (0, 1))
-    )
-    alpha, beta, gamma = (
-        np.sum(ray[:, i] * ray[:, j], axis=1) for i, j in ((1, 2), (0, 2), (0, 1))
-    )
-    with np.errstate(all="ignore"):
-        p, q, r = (a - c) / b, (a + c) / b, c / b
-        quartic = np.stack(
-            [
-                (p - 1) ** 2 - 4 * r * alpha**2,
-                4 * (p * (1 - p) * beta - (1 - q) * alpha * gamma + 2 * r * alpha**2 * beta),
-                2
-                * (
-                    p**2
-                    - 1
-                    + 2 * p**2 * beta**2
-                    + 2 * (1 - r) * alpha**2
-                    - 4 * q * alpha * beta * gamma
-                    + 2 * (1 - a / b) * gamma**2
-                ),
-                4 * (-p * (1 + p) * beta + 2 * (a / b) * gamma**2 * beta - (1 - q) * alpha * gamma),
-                (1 + p) ** 2 - 4 * (a / b) * gamma**2,
-            ],
-            axis=1,
-        )
-        usable = np.isfinite(quartic).all(axis=1) & (np.abs(quartic[:, 0]) > 1e-12)
-    sample, v = _real_roots(quartic, np.flatnonzero(usable))
-    # Distances of the three points from the ratios u, v to the first one.
-    with np.errstate(all="ignore"):
-        u = (p[sample] - 1) * v**2 - 2 * p[sample] * beta[sample] * v + 1 + p[sample]
-        u = u / (2.0 * (gamma[sample] - v * alpha[sample]))
-        nearest = np.sqrt(b[sample] / (1 + v**2 - 2 * v * beta[sample]))
-    good = np.isfinite(u) & np.isfinite(nearest) & (u > 0) & (v > 0)
-    distance = nearest[good, None] * np.stack([np.ones(good.sum()), u[good], v[good]], axis=1)
-    sample = sample[good]
-    local = distance[:, :, None] * ray[sample]
-    rotation = _triads(world[sample]) @ _triads(local).transpose(0, 2, 1)
-    return world[sample, 0] - np.einsum("mij,mj->mi", rotation, local[:, 0]), rotation
-
-
-def _real_roots(quartic: Floats, rows: Ints) -> tuple[Ints, Floats]:
-    """Find the real roots of some polynomials: index of the polynomial (m,) and root (m,)."""
-    companion = np.zeros((len(rows), 4, 4))
-    companion[:, [1, 2, 3], [0, 1, 2]] = 1.0
-    companion[:, 0] = -quartic[rows, 1:] / quartic[rows, :1]
-    roots = np.linalg.eigvals(companion)
-    real = np.abs(roots.imag) <= 1e-4 * np.abs(roots)
-    which, root = np.nonzero(real)
-    return rows[which], np.asarray(roots[which, root].real, dtype=np.float64)
-
-
-def _triads(three: Floats) -> Floats:
-    """Compute (M, 3, 3) orthonormal axes, as columns, spanned by three points each."""
-    along = three[:, 1] - three[:, 0]
-    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
-    up = np.cross(along, three[:, 2] - three[:, 0])
-    up = up / np.maximum(np.linalg.norm(up, axis=1, keepdims=True), 1e-300)
-    return np.stack([along, up, np.cross(along, up)], axis=2)
 
 
 def compute_ray_angles(center: Floats, rotation: Floats, world: Floats, ray: Floats) -> Floats:
@@ -143,8 +67,8 @@ def resect_photo(
     def angles(state: State) -> Floats:
         return compute_ray_angles(state[0], state[1], world, ray)
 
-    def weighted(weight: Floats) -> RayRows:
-        return RayRows(ray[None], across * weight[..., None, None], world[None])
+    def weighted(weight: Floats) -> ExplicitProblem:
+        return make_ray_problem(ray[None], across * weight[..., None, None], world[None])
 
     pose, miss = minimise_trimmed(
         angles, weighted, (center[[best]], rotation[[best]]), TRIMMING_FACTOR

@@ -6,13 +6,13 @@ them has a pose, the other has the same centre, and a few shared points determin
 
 from __future__ import annotations
 
-from itertools import combinations_with_replacement, product
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.estimation.first_poses.pose_problem import compute_across_axes
 from uavgram.estimation.first_poses.tied.bundle import TiedRays, compute_tied_rays
+from uavgram.estimation.first_poses.tied.minimal_solvers import compute_essential_matrices
 from uavgram.estimation.solver.batched import ExplicitProblem, State, minimise_trimmed
 from uavgram.geometry.motion.rotation import exp_so3, hat, nearest_rotation
 from uavgram.model.arrays import Floats, Ints
@@ -124,99 +124,6 @@ def find_best_turn(first: Floats, second: Floats) -> Turn:
             break
         good = near
     return Turn(rotation, typical, int(good.sum()))
-
-
-MAX_IMAGINARY_SHARE = 1e-6
-"""Imaginary part, as a share of the size, up to which a root counts as real."""
-
-_CUBIC = [m for m in combinations_with_replacement(range(4), 3) if 3 not in m]
-_LOWER = [m for m in combinations_with_replacement(range(4), 3) if 3 in m]
-_PLACE: dict[tuple[int, ...], int] = {monomial: k for k, monomial in enumerate(_CUBIC + _LOWER)}
-"""Monomials of degree three in (x, y, z, 1), those without the 1 first: positions in a row."""
-
-_LINEAR = [_PLACE[(k, 3, 3)] - 10 for k in range(4)]
-"""Positions of x, y, z and 1 themselves among those with the 1."""
-
-_SIGN = np.zeros((3, 3, 3))
-_SIGN[[0, 1, 2], [1, 2, 0], [2, 0, 1]] = 1.0
-_SIGN[[0, 2, 1], [2, 1, 0], [1, 0, 2]] = -1.0
-
-
-def _make_gather_matrix() -> Floats:
-    """Return a (64, 20) matrix that sums products of three of (x, y, z, 1) to monomials."""
-    gather = np.zeros((64, 20))
-    for row, factors in enumerate(product(range(4), repeat=3)):
-        gather[row, _PLACE[tuple(sorted(factors))]] = 1.0
-    return gather
-
-
-_GATHER = _make_gather_matrix()
-
-
-def compute_essential_matrices(first: Floats, second: Floats) -> Floats:
-    """Compute matrices E with second . E first = 0 from samples of five rays each.
-
-    Parameters
-    ----------
-    first, second
-        (S, 5, 3) unit rays to the same points from the two cameras.
-
-    Returns
-    -------
-    (M, 3, 3)
-        Of all samples together, up to ten of each.
-
-    Notes
-    -----
-    Stewenius, Engels and Nister 2006, "Recent developments on direct relative orientation": the ten
-    cubic conditions on E = x E1 + y E2 + z E3 + E4, and the roots from the eigenvectors of the
-    multiplication by x. It holds for points in a plane too.
-    """
-    # Null space E1 to E4 of the five epipolar equations.
-    rows = (second[:, :, :, None] * first[:, :, None, :]).reshape(-1, 5, 9)
-    basis = np.linalg.svd(rows)[2][:, 5:].reshape(-1, 4, 3, 3)
-    conditions = _conditions(basis)
-    solvable = np.linalg.cond(conditions[:, :, :10]) < 1e12
-    basis, conditions = basis[solvable], conditions[solvable]
-    reduced = -np.linalg.solve(conditions[:, :, :10], conditions[:, :, 10:])
-    # Action matrix: multiplication by x in the basis of the ten monomials of degree <= 2.
-    action = np.zeros((len(basis), 10, 10))
-    for row, (_, *rest) in enumerate(_sorted_lower()):
-        raised = _PLACE[tuple(sorted((0, *rest)))]
-        if raised < 10:
-            action[:, row] = reduced[:, raised]
-        else:
-            action[:, row, raised - 10] = 1.0
-    values, vectors = np.linalg.eig(action)
-    ones = vectors[:, -1]
-    real = (np.abs(values.imag) <= MAX_IMAGINARY_SHARE * (1.0 + np.abs(values))) & (
-        np.abs(ones) > 0
-    )
-    sample, root = np.nonzero(real)
-    weights = (vectors[sample, :, root][:, _LINEAR] / ones[sample, root][:, None]).real
-    found = np.einsum("mi,mijk->mjk", weights, basis[sample])
-    size = np.linalg.norm(found, axis=(1, 2), keepdims=True)
-    return np.asarray(found / size * np.sqrt(2.0))
-
-
-def _sorted_lower() -> list[tuple[int, ...]]:
-    """Return the monomials of degree at most two, as (3, a, b): the 1 first."""
-    return [(3, *sorted(monomial)[:2]) for monomial in _LOWER]
-
-
-def _conditions(basis: Floats) -> Floats:
-    """Expand 2 E E^T E - tr(E E^T) E = 0 and det E = 0 of (S, 4, 3, 3), to (S, 10, 20)."""
-    samples = len(basis)
-    squares = np.einsum("siab,sjcb->sijac", basis, basis)
-    trace = np.einsum("sijaa->sij", squares)
-    cubes = 2.0 * np.einsum("sijac,skcd->sadijk", squares, basis)
-    cubes -= np.einsum("sij,skad->sadijk", trace, basis)
-    minors = np.einsum("abc,sib,sjc->saij", _SIGN, basis[:, :, 1], basis[:, :, 2])
-    determinant = np.einsum("sia,sajk->sijk", basis[:, :, 0], minors)
-    conditions = np.concatenate(
-        [cubes.reshape(samples, 9, 64), determinant.reshape(samples, 1, 64)], axis=1
-    )
-    return np.asarray(conditions @ _GATHER)
 
 
 def decompose_essential(essential: Floats) -> tuple[Floats, Floats]:
