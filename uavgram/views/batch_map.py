@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M
 from uavgram.model.batch import Batch
-from uavgram.views.batch_words import told_name
+from uavgram.views.batch_words import display_name
 
 WIDTH, HIGHEST, MARGIN = 1000.0, 620.0, 46.0
 _LEAST_SPAN_DEG = 0.002
@@ -76,7 +76,7 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
             x(row.longitude_deg),
             y(row.latitude_deg),
             row.level or "none",
-            f"{told_name(row)}: {row.sentence}",
+            f"{display_name(row)}: {row.sentence}",
             links.get(row.project, ""),
         )
         for row in rows

@@ -10,9 +10,9 @@ from urllib.parse import quote
 
 from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
 from uavgram.views.batch_map import batch_map
-from uavgram.views.batch_words import KINDS, drift_words, headline, pooled_words, told_name
+from uavgram.views.batch_words import KINDS, drift_words, headline, pooled_words, display_name
 from uavgram.views.pages import page
-from uavgram.views.wording import number
+from uavgram.views.formatting import number
 
 REPORT = "report.html"
 _ORDER = {"failed": 0, "waiting": 3}
@@ -57,7 +57,7 @@ def render_batch_page(batch: Batch, folder: Path) -> str:
 def _line(row: SurveyRow, links: dict[str, str]) -> Line:
     return Line(
         row=row,
-        name=told_name(row),
+        name=display_name(row),
         link=links.get(row.project, ""),
         sigma=number(row.mean_sigma_m),
         w=number(row.worst_w, 1, signed=True),

@@ -36,7 +36,7 @@ def headline(batch: Batch) -> Headline:
     ]
     failed, waiting = batch.count("failed"), batch.count("waiting")
     if failed:
-        names = ", ".join(told_name(row) for row in batch.rows if row.status == "failed")
+        names = ", ".join(display_name(row) for row in batch.rows if row.status == "failed")
         reasons.insert(0, f"not measured: {names}; the table gives the reasons")
     level: VerdictLevel = "red" if failed else "amber" if reasons or waiting else "green"
     return Headline(level, counts(batch), reasons)
@@ -91,7 +91,7 @@ def drift_words(one: Drift) -> str:
     return " and ".join(said) + ": calibrate the camera again" if said else "agrees with its file"
 
 
-def told_name(row: SurveyRow) -> str:
+def display_name(row: SurveyRow) -> str:
     """Return a survey's name, followed by its folder if that differs: names are often all alike."""
     path = Path(row.project)
     folder = path.parent.name if path.stem == "project" else path.stem
@@ -101,9 +101,9 @@ def told_name(row: SurveyRow) -> str:
 def survey_line(row: SurveyRow) -> str:
     """Return the line for a survey that has ended: its name, and its verdict or its problem."""
     if row.status == "failed":
-        return f"{told_name(row)}: failed. {row.message}"
+        return f"{display_name(row)}: failed. {row.message}"
     again = " (unchanged, not measured again)" if row.status == "unchanged" else ""
-    return f"{told_name(row)}: {row.level or 'no verdict'}{again}"
+    return f"{display_name(row)}: {row.level or 'no verdict'}{again}"
 
 
 def time_left(seconds: float) -> str:

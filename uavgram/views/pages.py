@@ -16,21 +16,21 @@ from jinja2.runtime import Context
 
 from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
-from uavgram.views import wording
+from uavgram.views import formatting
 from uavgram.views.compiled_templates import CompiledTemplates
 from uavgram.views.markdown import MOST_ROWS, plain
 from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
 from uavgram.views.units import column, units_of
 
 WORDS = (
-    wording.number,
-    wording.chance,
-    wording.plus_minus,
-    wording.each_plus_minus,
-    wording.parameter_text,
-    wording.axes_text,
-    wording.size_text,
-    wording.utc,
+    formatting.number,
+    formatting.chance,
+    formatting.plus_minus,
+    formatting.each_plus_minus,
+    formatting.parameter_text,
+    formatting.axes_text,
+    formatting.size_text,
+    formatting.utc,
     plain,
 )
 """Filters of the templates, by their names: numbers and texts are formatted as everywhere else."""

@@ -12,7 +12,7 @@ from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.planned.tables import plate_rows
 from uavgram.views.planned.words import chosen, headline, of_lengths, outcome
 from uavgram.views.terminal import aligned, message_lines
-from uavgram.views.wording import number
+from uavgram.views.formatting import number
 
 LINES = ("line", "length", "photos", "a mistake that passes", "expect without it")
 PLATES = ("plate", "middle", "photos", "expect without it")

@@ -23,7 +23,7 @@ from uavgram.views.survey.reliability import effect_words
 from uavgram.views.survey.sources import has_found, measured_alone, points_made
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import column, spread_text, units_of
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     LINE_STATUS_WORDS,
     MeasurementText,
     axes_text,

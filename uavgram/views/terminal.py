@@ -15,7 +15,7 @@ from uavgram.views.result_tables import result_table
 from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of, value_text
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     LEVEL_RANK,
     NOT_UNIQUE,
     number,

@@ -20,7 +20,7 @@ from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.exports import exports
-from uavgram.views.wording import NOT_COMPUTED, measurement_text
+from uavgram.views.formatting import NOT_COMPUTED, measurement_text
 
 TEXTURE = GroundTexture(
     rgb=np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3),

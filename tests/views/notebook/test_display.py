@@ -21,7 +21,7 @@ from uavgram.model.result.result import Result
 from uavgram.views.notebook.display import result_html
 from uavgram.views.survey.verdict import verdict_sentence
 from uavgram.views.units import units_of
-from uavgram.views.wording import measurement_text
+from uavgram.views.formatting import measurement_text
 
 
 @pytest.fixture(scope="module")

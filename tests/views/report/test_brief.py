@@ -24,7 +24,7 @@ from uavgram.views.report.brief import (
     Brief,
     brief,
 )
-from uavgram.views.wording import measurement_text, shapes_first
+from uavgram.views.formatting import measurement_text, shapes_first
 
 CASE = (
     ("case.number", "AZ 12/26"),

@@ -28,7 +28,7 @@ from uavgram.views.report import render_annex, render_report
 from uavgram.views.report.pictures import ON_MEASURED, Gallery, Look, gallery
 from uavgram.views.report.scale_bars import placed
 from uavgram.views.style import LINE_COLOURS, hex_colour
-from uavgram.views.wording import measurement_text
+from uavgram.views.formatting import measurement_text
 
 STRETCH = (12.0, 96.0, 1.5)
 

@@ -15,7 +15,7 @@ from uavgram.views.report import render_annex
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.terminal import measurement_table
-from uavgram.views.wording import computed_first
+from uavgram.views.formatting import computed_first
 
 NAME, OTHERS = "skid left", "or 31.200, 44.900 m"
 

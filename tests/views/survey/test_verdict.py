@@ -25,7 +25,7 @@ from uavgram.views.survey.verdict import (
     verdict_words,
 )
 from uavgram.views.terminal import light_line, measurement_table
-from uavgram.views.wording import with_sigma
+from uavgram.views.formatting import with_sigma
 
 
 def first_rows(table: MeasurementResults, count: int) -> MeasurementResults:

@@ -13,7 +13,7 @@ from uavgram.views.survey.verdict import (
 )
 from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
 from uavgram.views.units import units_of
-from uavgram.views.wording import measurement_text, shapes_first
+from uavgram.views.formatting import measurement_text, shapes_first
 
 
 def results_json(result: Result) -> Json:

@@ -24,7 +24,7 @@ from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
 from uavgram.stages.messages import order_messages
 from uavgram.views.survey.verdict import named_picks
-from uavgram.views.wording import KNOWN_STATUS_WORDS
+from uavgram.views.formatting import KNOWN_STATUS_WORDS
 
 Json = dict[str, Any]
 

@@ -11,7 +11,7 @@ from uavgram.geometry.camera.properties import CameraProperties
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration, CameraProvenance
 from uavgram.views.terminal import aligned
-from uavgram.views.wording import number
+from uavgram.views.formatting import number
 
 _PIXELS = {"fx", "fy", "cx", "cy"}
 _MAP_COLUMNS, _MAP_ROWS = 7, 5

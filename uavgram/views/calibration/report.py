@@ -31,7 +31,7 @@ from uavgram.views.calibration.verdict import (
     percent,
 )
 from uavgram.views.pages import page
-from uavgram.views.wording import LEVEL_RANK, number
+from uavgram.views.formatting import LEVEL_RANK, number
 
 PICTURE_WIDTH_PX = 300
 

@@ -15,7 +15,7 @@ from uavgram.model.camera.calibration_result import (
 )
 from uavgram.views.calibration.drawing import pixels_text
 from uavgram.views.survey.drawing import largest_known
-from uavgram.views.wording import LEVEL_RANK
+from uavgram.views.formatting import LEVEL_RANK
 
 GOOD_FOCAL = 0.005
 """Limit of a good calibration: relative error of the focal length, or of lengths by the lens."""

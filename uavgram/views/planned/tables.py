@@ -13,7 +13,7 @@ from uavgram.model.planned import FlightPlanned
 from uavgram.views.planned.numbers import centimetres, metres
 from uavgram.views.planned.words import WORTH_SAYING
 from uavgram.views.units import spread_text, value_text
-from uavgram.views.wording import KIND_WORDS
+from uavgram.views.formatting import KIND_WORDS
 
 ROUGHLY = 10.0
 """Rounding of a wanted value, in its standard deviations: it is only approximate."""

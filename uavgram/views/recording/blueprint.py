@@ -52,7 +52,7 @@ from uavgram.views.survey.frame_states import frame_counts
 from uavgram.views.survey.profiles import WIDTH
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import column, units_of
-from uavgram.views.wording import axes_text
+from uavgram.views.formatting import axes_text
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)

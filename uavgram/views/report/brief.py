@@ -15,7 +15,7 @@ from uavgram.views.survey.accuracy import accuracy_words
 from uavgram.views.survey.sheet import WIDTH
 from uavgram.views.survey.sources import measured_alone
 from uavgram.views.survey.verdict import verdict_words
-from uavgram.views.wording import shapes_first
+from uavgram.views.formatting import shapes_first
 
 MOST_ROWS = 12
 """Largest number of measurements on the first page; of more, the least certain ones."""

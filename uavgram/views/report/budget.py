@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.reliability import ErrorBudget
 from uavgram.model.result.result import Result
-from uavgram.views.wording import computed_first, number
+from uavgram.views.formatting import computed_first, number
 
 # Okabe and Ito (2008): distinguishable for colour-blind readers; in the order of the bars.
 COLOURS = {

@@ -11,7 +11,7 @@ from uavgram.model.provenance import InputDigest
 from uavgram.model.result.result import Result
 from uavgram.views.report.budget import WORDS
 from uavgram.views.survey.sources import picks_text
-from uavgram.views.wording import place
+from uavgram.views.formatting import place
 
 MOST_FILES = 40
 """Number of files whose checksums are in the report; the annex has all."""

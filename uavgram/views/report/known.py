@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.result.result import Result
 from uavgram.views.units import spread_text, units_of, value_text
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     KNOWN_STATUS_WORDS,
     KNOWN_WORDS,
     number,

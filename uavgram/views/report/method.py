@@ -10,7 +10,7 @@ from uavgram.estimation.reliability.redundancy import (
 from uavgram.geometry.ground.ellipse import ELLIPSE_95
 from uavgram.model.result.result import Result
 from uavgram.views.survey.limits import significance_of
-from uavgram.views.wording import number
+from uavgram.views.formatting import number
 
 
 def method_facts(result: Result) -> dict[str, str | bool]:

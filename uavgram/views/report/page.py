@@ -67,7 +67,7 @@ from uavgram.views.survey.texts import LETTERS
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
 from uavgram.views.units import spread_text, units_of, value_text
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     FRAME_STATUS_WORDS,
     GROUP_WORDS,
     LINE_STATUS_WORDS,

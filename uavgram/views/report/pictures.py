@@ -29,7 +29,7 @@ from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
 from uavgram.views.survey.top_view import used_labels
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import units_of
-from uavgram.views.wording import measurement_text, number, shapes_first, size_text
+from uavgram.views.formatting import measurement_text, number, shapes_first, size_text
 
 WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "point": 210.0}
 """Width of each kind of picture on the page, in units of its marks."""

@@ -13,7 +13,7 @@ from uavgram.model.naming import METRIC
 from uavgram.model.result.verdict import VerdictLevel
 from uavgram.model.simulation import Accuracy, Repetitions, Simulation, Variant
 from uavgram.views.units import decimals, shown
-from uavgram.views.wording import number
+from uavgram.views.formatting import number
 
 MUCH = 1.5
 """Errors over stated sigmas above which a survey is called wrong instead of optimistic."""

@@ -8,7 +8,7 @@ from typing import Literal
 from uavgram.model.naming import counted
 from uavgram.model.result.result import Result
 from uavgram.views.survey.verdict import named_picks
-from uavgram.views.wording import FRAME_STATE_WORDS
+from uavgram.views.formatting import FRAME_STATE_WORDS
 
 FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
 

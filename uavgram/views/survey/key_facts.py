@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.model.result.result import Result
 from uavgram.views.survey.frame_states import frame_counts
 from uavgram.views.units import units_of
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     SIGNED_KINDS,
     alternatives_text,
     axes_text,

@@ -12,7 +12,7 @@ from uavgram.model.naming import METRIC, Units
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, PointResults
 from uavgram.views.unit_words import in_units
-from uavgram.views.wording import height_text, number, with_sigma
+from uavgram.views.formatting import height_text, number, with_sigma
 
 
 @dataclass(frozen=True, eq=False)

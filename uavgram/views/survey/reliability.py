@@ -12,7 +12,7 @@ from uavgram.model.result.reliability import ChecksOverall, Effects, PriorResult
 from uavgram.model.result.result import Result
 from uavgram.views.survey.limits import prior_limits
 from uavgram.views.units import spread_text, units_of
-from uavgram.views.wording import UNIT_WORDS, chance, computed_first, number
+from uavgram.views.formatting import UNIT_WORDS, chance, computed_first, number
 
 MOST_PRIORS = 20
 """Number of priors shown: those with the largest test statistics."""

@@ -31,7 +31,7 @@ from uavgram.views.survey.sheet import (
 from uavgram.views.survey.texts import Text, Wanted, around_drawing, box, placed_texts
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import INCH_M, round_bar, units_of, value_text
-from uavgram.views.wording import number, worst_first
+from uavgram.views.formatting import number, worst_first
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MOST_ROOM = 0.3

@@ -12,7 +12,7 @@ from uavgram.model.naming import counted
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
-from uavgram.views.wording import NOT_COMPUTED, with_sigma
+from uavgram.views.formatting import NOT_COMPUTED, with_sigma
 
 # The usual limit in surveying for a check.
 THREE_SIGMA = 3.0

@@ -11,7 +11,7 @@ from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
 from uavgram.views.markdown import plain, table
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.wording import LEVEL_RANK, number
+from uavgram.views.formatting import LEVEL_RANK, number
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
 MOST_ODD = 20

@@ -17,7 +17,7 @@ from uavgram.views.survey.drawing import largest_known
 from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.limits import pick_limit
 from uavgram.views.units import column, units_of
-from uavgram.views.wording import FRAME_STATE_WORDS
+from uavgram.views.formatting import FRAME_STATE_WORDS
 
 MISS_REFINED = "plots/miss"
 MISS_SEED = "plots/miss_of_flight_log/flight_log"

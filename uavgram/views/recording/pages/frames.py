@@ -12,7 +12,7 @@ from uavgram.views.recording.curves.plots import Curves
 from uavgram.views.recording.curves.pose_curves import PoseCurves
 from uavgram.views.recording.photo.frame_picks import FramePicks
 from uavgram.views.survey.sources import frames_made
-from uavgram.views.wording import FRAME_STATUS_WORDS
+from uavgram.views.formatting import FRAME_STATUS_WORDS
 
 
 def frame_sheets(

@@ -32,7 +32,7 @@ from uavgram.views.survey.sources import (
     ties_text,
 )
 from uavgram.views.survey.verdict import THREE_SIGMA, VerdictWords, headline, status_text
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     LEVEL_RANK,
     LINE_STATUS_WORDS,
     NOT_UNIQUE,

@@ -38,7 +38,7 @@ from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.in_sight import InSight
 from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.verdict import named_picks
-from uavgram.views.wording import BRIGHTENED, FRAME_STATE_WORDS, worst_first
+from uavgram.views.formatting import BRIGHTENED, FRAME_STATE_WORDS, worst_first
 
 # Parent of the rulers from the ground to points off it, by the source of their heights.
 HEIGHTS = "heights"

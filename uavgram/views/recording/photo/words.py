@@ -16,7 +16,7 @@ from uavgram.views.recording.view_texts import hanging, place_texts
 from uavgram.views.style import OBSERVED
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
-from uavgram.views.wording import number
+from uavgram.views.formatting import number
 
 Word = tuple[Floats, str]
 """Pixel and text of a label."""

@@ -16,7 +16,7 @@ from uavgram.views.survey.off_ground import height_label
 from uavgram.views.survey.verdict import STATUS_WORDS, status_text
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     alternatives_text,
     axes_text,
     relative,

@@ -34,7 +34,7 @@ from uavgram.views.survey.frame_states import frame_states
 from uavgram.views.survey.verdict import STATUS_WORDS, headline
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
-from uavgram.views.wording import size_text
+from uavgram.views.formatting import size_text
 
 LEGEND = "legend"
 # Twice the displayed size, for sharp letters; wider if the texts need it.
