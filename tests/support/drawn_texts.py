@@ -17,10 +17,9 @@ from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
 from uavgram.stages.products.text_places import overlaps
 from uavgram.views.plan.sheet import THIN_PT, Sheet
 from uavgram.views.plan.surveyed import draw_surveyed
-from uavgram.views.recording.eye import Eye
-from uavgram.views.recording.photo.frame_picks import project_picks
-from uavgram.views.recording.photo.words import HALF_LETTER, LINE_HEIGHT, place_on_photo
-from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.photo import project_picks
+from uavgram.views.recording.photo_overlay import HALF_LETTER, LINE_HEIGHT, place_on_photo
+from uavgram.views.recording.scene import Eye, measure_scene
 from uavgram.views.recording.view_texts import (
     HALF_LETTER_ON_SCREEN,
     LINE_ON_SCREEN,

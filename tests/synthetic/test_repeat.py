@@ -35,8 +35,7 @@ from uavgram.synthetic.simulate import (
     write_outputs,
 )
 from uavgram.synthetic.survey import simulate
-from uavgram.views.simulation.page import render_simulation_page
-from uavgram.views.simulation.text import simulation_lines
+from uavgram.views.simulation import render_simulation_page, simulation_lines
 
 
 @pytest.fixture(scope="module")

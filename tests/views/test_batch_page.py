@@ -13,9 +13,7 @@ from pyproj import Geod
 from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
 from uavgram.model.batch import Batch, Fit, ParameterUpdate, SurveyRow
 from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
-from uavgram.views.batch_map import batch_map
-from uavgram.views.batch_page import render_batch_page
-from uavgram.views.batch_words import headline
+from uavgram.views.batch import batch_map, headline, render_batch_page
 
 ROWS = (
     SurveyRow(

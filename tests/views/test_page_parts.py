@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 
 import synthetic_survey as survey
 
-from uavgram.views.page_parts import DRAWING, PHOTO, take_apart
+from uavgram.views.pages_pdf import DRAWING, PHOTO, take_apart
 from uavgram.views.report import render_report
 
 JPEG = b"\xff\xd8 not quite \xff\xd9"

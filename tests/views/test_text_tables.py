@@ -7,7 +7,7 @@ from html import unescape
 
 import pytest
 
-from uavgram.views.text_tables import LEAST_PT, MOST_ROWS, with_text_tables
+from uavgram.views.pages_pdf import LEAST_PT, MOST_ROWS, with_text_tables
 
 HEAD = '<tr><th>photo</th><th class="n">largest residual [px]</th></tr>'
 

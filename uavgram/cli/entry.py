@@ -24,7 +24,6 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     new,
     pick,
     picks,
-    picks_ties,
     plan,
     rectify,
     run,

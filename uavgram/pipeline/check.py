@@ -10,10 +10,9 @@ from pathlib import Path
 from uavgram.errors import near_miss
 from uavgram.estimation.survey.known_kinds.kinds import determine_scale
 from uavgram.model.message import Message, MessagePlural
-from uavgram.pipeline.measure.ground_below import has_place
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.measure.observations import with_sides
-from uavgram.pipeline.measure.pose import Posed, pose_frames
+from uavgram.pipeline.measure.pose import Posed, has_place, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 

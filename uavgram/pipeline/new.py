@@ -32,9 +32,8 @@ from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
 from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.pipeline.check import missing
-from uavgram.pipeline.measure.ground_below import ABOVE_GROUND_SIGMA_M, ground_below, has_place
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.measure.pose import ABOVE_GROUND_SIGMA_M, ground_below, has_place, pose_frames
 from uavgram.stages.messages import order_messages
 from uavgram.stages.seed.photo_exposures import DEFAULT_HEIGHT_M
 

@@ -33,9 +33,9 @@ from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster
+from uavgram.views.formatting import BRIGHTENED
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import round_bar, units_of
-from uavgram.views.formatting import BRIGHTENED
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000

@@ -29,7 +29,7 @@ from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.errors import FixedErrors
 from uavgram.synthetic.inputs import DrawnSurvey, ScenarioWorld, World
 from uavgram.synthetic.scenario import GroundSpec, Scenario
-from uavgram.views.simulation.page import render_simulation_page
+from uavgram.views.simulation import render_simulation_page
 
 LOG_KEYS = {
     "position_bias_m": "position_bias_sigma_m",

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import re
+import sys
+from collections.abc import Sequence
 from functools import cache
+from importlib.util import cache_from_source
+from pathlib import Path
 from typing import Any
 
+import jinja2
 from jinja2 import (
     Environment,
     PackageLoader,
@@ -12,15 +19,60 @@ from jinja2 import (
     pass_context,
     select_autoescape,
 )
+from jinja2.bccache import Bucket
 from jinja2.runtime import Context
 
 from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
 from uavgram.views import formatting
-from uavgram.views.compiled_templates import CompiledTemplates
-from uavgram.views.markdown import MOST_ROWS, plain
 from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
 from uavgram.views.units import column, units_of
+
+_TEMPLATES = Path(__file__).parent / "templates"
+
+
+class CompiledTemplates(jinja2.FileSystemBytecodeCache):
+    """Cache of Jinja's bytecode in ``__pycache__`` of this package or below Python's cache prefix.
+
+    If the folder cannot be written, templates are compiled each time, as modules are. A user who
+    can write there can also change the modules, so the cached templates are as trustworthy as they.
+    """
+
+    def __init__(self) -> None:
+        folder = Path(cache_from_source(str(_TEMPLATES / "page.py"))).parent
+        super().__init__(str(folder), f"%s.jinja-{jinja2.__version__}")
+
+    def load_bytecode(self, bucket: Bucket) -> None:
+        """Load a compiled template if the cache has it."""
+        with contextlib.suppress(OSError):
+            super().load_bytecode(bucket)
+
+    def dump_bytecode(self, bucket: Bucket) -> None:
+        """Store a compiled template, complete or not at all."""
+        if sys.dont_write_bytecode:
+            return
+        with contextlib.suppress(OSError):  # such as a folder that only root can write to
+            Path(self.directory).mkdir(parents=True, exist_ok=True)
+            super().dump_bytecode(bucket)
+
+
+# Longer tables are in the files beside the recording.
+MOST_ROWS = 200
+
+
+def plain(text: str) -> str:
+    """Escape text written by a person so that Markdown shows it unchanged."""
+    return re.sub(r"([\\`*_{}\[\]<>#|~$!])", r"\\\1", " ".join(text.split()))
+
+
+def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Format a Markdown table, with a note if rows are omitted."""
+    body = ["| " + " | ".join(cells) + " |" for cells in rows[:MOST_ROWS]]
+    more = len(rows) - MOST_ROWS
+    note = [f"\n{more} more rows are in the report and in results.json."] if more > 0 else []
+    rule = "|" + " --- |" * len(header)
+    return "\n".join(["| " + " | ".join(header) + " |", rule, *body, *note])
+
 
 WORDS = (
     formatting.number,

@@ -8,11 +8,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from uavgram.model.planned import FlightPlanned, Gain, NextLines
-from uavgram.views.planned.numbers import centimetres, metres
-from uavgram.views.planned.tables import plate_rows
-from uavgram.views.planned.words import chosen, headline, of_lengths, outcome
-from uavgram.views.terminal import aligned, message_lines
+from uavgram.views.flight_plan import (
+    centimetres,
+    chosen,
+    headline,
+    metres,
+    of_lengths,
+    outcome,
+    plate_rows,
+)
 from uavgram.views.formatting import number
+from uavgram.views.terminal import aligned, message_lines
 
 LINES = ("line", "length", "photos", "a mistake that passes", "expect without it")
 PLATES = ("plate", "middle", "photos", "expect without it")

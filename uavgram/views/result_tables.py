@@ -16,13 +16,6 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
-from uavgram.views.survey.departures import departures
-from uavgram.views.survey.limits import line_limits
-from uavgram.views.survey.off_ground import height_of
-from uavgram.views.survey.reliability import effect_words
-from uavgram.views.survey.sources import has_found, measured_alone, points_made
-from uavgram.views.survey.verdict import status_text
-from uavgram.views.units import column, spread_text, units_of
 from uavgram.views.formatting import (
     LINE_STATUS_WORDS,
     MeasurementText,
@@ -36,6 +29,18 @@ from uavgram.views.formatting import (
     shift_text,
     size_text,
 )
+from uavgram.views.survey.off_ground import departures, height_of
+from uavgram.views.survey.reliability import (
+    effect_words,
+    line_limits,
+)
+from uavgram.views.survey.sources import (
+    has_found,
+    measured_alone,
+    points_made,
+)
+from uavgram.views.survey.verdict import status_text
+from uavgram.views.units import column, spread_text, units_of
 
 Place = Literal["terminal", "first page", "report", "annex", "recording"]
 TableName = Literal["measured", "lengths", "points"]
@@ -568,3 +573,30 @@ def _is_bad(name: TableName, result: Result, row: int) -> bool:
     if name == "lengths":
         return result.lines.status[row] in BAD_LINES
     return name == "measured" and not np.isfinite(result.measurements.value[row])
+
+
+MAX_ROWS = 1_000
+"""Largest number of rows of one table."""
+
+
+def most_doubtful(doubt: Floats) -> tuple[int, ...]:
+    """Select the rows with the most doubt, in their order.
+
+    Parameters
+    ----------
+    doubt
+        (N,) amount of doubt; NaN is none.
+    """
+    first = np.argsort(-np.nan_to_num(doubt, nan=-np.inf), kind="stable")[:MAX_ROWS]
+    return tuple(np.sort(first).tolist())
+
+
+def rows_told(result: Result) -> dict[str, tuple[int, ...]]:
+    """Select rows of photos, those without a place first; of points, least certain; of files."""
+    frames = result.frames
+    is_lost = np.array([status in ("rejected", "unmatched") for status in frames.status])
+    return {
+        "photos_told": most_doubtful(is_lost.astype(np.float64)),
+        "points_told": most_doubtful(result.points.relative.ellipse_95_m[:, 0]),
+        "files_told": most_doubtful(np.zeros(len(result.provenance.inputs))),
+    }

@@ -14,7 +14,7 @@ from uavgram.model.arrays import Bools, Ints
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
-from uavgram.pipeline.pick.other_photos import same_ground
+from uavgram.pipeline.pick.places import same_ground
 
 
 @pytest.fixture(scope="module")

@@ -17,8 +17,7 @@ from uavgram.io.results.plan_json import write_plan
 from uavgram.model.planned import FlightPlanned, PlannedSite
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.pick.other_photos import known_places
-from uavgram.pipeline.pick.places import planned_places
+from uavgram.pipeline.pick.places import known_places, planned_places
 
 HIGHER_M = 300.0
 """Who plans at home knows the height of the ground badly, if at all."""

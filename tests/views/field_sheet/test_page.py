@@ -16,8 +16,8 @@ from uavgram.errors import UavgramError
 from uavgram.model.maps import Paper
 from uavgram.model.naming import Units
 from uavgram.model.planned import FlightPlanned
-from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
-from uavgram.views.planned.words import (
+from uavgram.views.field_sheet import field_sheet, field_sheet_pdf
+from uavgram.views.flight_plan import (
     flight_facts,
     headline,
     if_a_line_is_lost,

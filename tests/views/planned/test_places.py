@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.model.arrays import Floats
-from uavgram.views.planned.tables import place_in_area
+from uavgram.views.flight_plan import place_in_area
 
 WAY = re.compile(
     r"([\d.]+) m from corner (\d+) (towards|away from) corner (\d+)"

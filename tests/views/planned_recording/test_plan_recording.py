@@ -12,7 +12,7 @@ from recording_contents import Contents
 from uavgram.errors import OutputError
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import Units
-from uavgram.views.planned_recording.write import write_plan_recording
+from uavgram.views.flight_plan_recording import write_plan_recording
 
 PLAN = sample_plan()
 

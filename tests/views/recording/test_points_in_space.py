@@ -19,11 +19,10 @@ from uneven_ground import uneven
 from uavgram.model.result.result import Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
-from uavgram.views.recording.curves.plots import frame_curves
-from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.photo.frame_picks import project_picks
+from uavgram.views.recording.curves import frame_curves, pose_curves
+from uavgram.views.recording.photo import project_picks
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.world.legend import BACKGROUND, BAND_PX, draw_legend
+from uavgram.views.recording.world.legend import BAND_PX, LEGEND_BACKGROUND, draw_legend
 from uavgram.views.style import FREE, REFERENCE, UNASKED
 from uavgram.views.survey.off_ground import height_label, height_of
 
@@ -290,7 +289,7 @@ def test_the_legend_has_their_colours_and_room_for_them(result: Result) -> None:
     everything = np.asarray(
         draw_legend(uneven(result), measure_scene(uneven(result)), brightened=True)
     )
-    assert (everything[BAND_PX + 1 :, -8:] == BACKGROUND).all()
+    assert (everything[BAND_PX + 1 :, -8:] == LEGEND_BACKGROUND).all()
 
 
 def test_labels_say_which_heights_were_stated(result: Result) -> None:

@@ -13,6 +13,7 @@ from html_page import Page
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import MeasurementStatus
+from uavgram.views.formatting import measurement_text, shapes_first
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.report.brief import (
     LEAST_PLAN,
@@ -24,7 +25,6 @@ from uavgram.views.report.brief import (
     Brief,
     brief,
 )
-from uavgram.views.formatting import measurement_text, shapes_first
 
 CASE = (
     ("case.number", "AZ 12/26"),

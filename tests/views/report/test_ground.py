@@ -15,7 +15,7 @@ from uavgram.imaging.top_view.ground_picture import MOST_PX, cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.pictures import NO_PICTURES
 from uavgram.views.report import render_report, shown_ground
-from uavgram.views.report.ground import backdrop
+from uavgram.views.report.brief import backdrop
 from uavgram.views.survey.top_view import top_view
 
 SIZE_M = 0.1

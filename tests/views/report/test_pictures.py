@@ -24,11 +24,11 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineStatus
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
-from uavgram.views.report import render_annex, render_report
-from uavgram.views.report.pictures import ON_MEASURED, Gallery, Look, gallery
-from uavgram.views.report.scale_bars import placed
-from uavgram.views.style import LINE_COLOURS, hex_colour
 from uavgram.views.formatting import measurement_text
+from uavgram.views.report import render_annex, render_report
+from uavgram.views.report.picture_marks import placed
+from uavgram.views.report.pictures import ON_MEASURED, Gallery, Look, gallery
+from uavgram.views.style import LINE_COLOURS, hex_colour
 
 STRETCH = (12.0, 96.0, 1.5)
 

@@ -23,7 +23,7 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import annex_of, render_annex, render_report, write_report
 from uavgram.views.report.budget import COLOURS, WORDS
-from uavgram.views.report.gauge import gauge
+from uavgram.views.report.checks import gauge
 
 VARIANTS = [
     {},

@@ -7,7 +7,7 @@ from fontTools.pens.areaPen import AreaPen
 from fontTools.pens.boundsPen import BoundsPen
 from fontTools.svgLib.path import parse_path
 
-from uavgram.views.report.shapes import mark, rings
+from uavgram.views.report.picture_marks import mark, rings
 
 X, Y, R, INNER = 812.34, 77.5, 6.28, 1.44
 AREAS = {"match": 4 * R**2, "target": 2 * R**2, "hand": pi * R**2, "removed": 0.0}

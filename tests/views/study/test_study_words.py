@@ -11,10 +11,8 @@ from xml.etree import ElementTree as ET
 from PIL import Image
 
 from uavgram.model.simulation import Cell, MethodRow, Study
-from uavgram.views.study.figures import figure_files
-from uavgram.views.study.overall import overall, ranking
-from uavgram.views.study.page import render_study_page
-from uavgram.views.study.words import agreement, said
+from uavgram.views.study import agreement, overall, ranking, render_study_page, said
+from uavgram.views.study_figures import figure_files
 
 
 def cell(at: float, lengths: float, **more: object) -> Cell:

@@ -11,7 +11,7 @@ import synthetic_survey as survey
 from uneven_ground import DEPARTURE_M, uneven
 
 from uavgram.views.style import diverging_colours, hex_colour
-from uavgram.views.survey.departures import departures
+from uavgram.views.survey.off_ground import departures
 from uavgram.views.survey.top_view import top_view
 
 

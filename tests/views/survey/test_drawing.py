@@ -9,8 +9,7 @@ import synthetic_survey as survey
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.stages.products import map_layers as features
-from uavgram.views.recording.eye import HALF_HEIGHT, HALF_WIDTH
-from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene
 from uavgram.views.survey import drawing
 
 

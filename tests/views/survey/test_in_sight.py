@@ -9,8 +9,7 @@ import pytest
 import synthetic_survey as survey
 
 from uavgram.geometry.ground.row_projection import row_poses
-from uavgram.views.survey.drawing import project_from, sampled
-from uavgram.views.survey.in_sight import InSight
+from uavgram.views.survey.drawing import InSight, project_from, sampled
 
 
 @pytest.mark.parametrize("sweep", [0.0, 0.4])

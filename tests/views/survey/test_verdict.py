@@ -17,6 +17,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.stages.products.map_layers import features_of
+from uavgram.views.formatting import with_sigma
 from uavgram.views.report.page import render_report
 from uavgram.views.survey.verdict import (
     STATUS_WORDS,
@@ -25,7 +26,6 @@ from uavgram.views.survey.verdict import (
     verdict_words,
 )
 from uavgram.views.terminal import light_line, measurement_table
-from uavgram.views.formatting import with_sigma
 
 
 def first_rows(table: MeasurementResults, count: int) -> MeasurementResults:

@@ -83,7 +83,7 @@ def batch(
     """
     from uavgram.pipeline.batch.run import CSV, PAGE, PARQUET, Means, run_batch
     from uavgram.pipeline.batch.survey import Asked
-    from uavgram.views.batch_words import headline
+    from uavgram.views.batch import headline
 
     log_to_stderr(verbose=verbose)
     means = Means(
@@ -100,7 +100,7 @@ def batch(
 
 
 def _tell(step: Step) -> None:
-    from uavgram.views.batch_words import survey_line, time_left
+    from uavgram.views.batch import survey_line, time_left
 
     left = f"; {time_left(step.seconds_left)}" if step.ended < step.total else ""
     say_as_is(f"[{step.ended}/{step.total}{left}] {survey_line(step.row)}")

@@ -116,7 +116,7 @@ def _changed(read: CameraRead, crop: str | None, size: str | None) -> CameraRead
 def _shown(read: CameraRead) -> list[str]:
     from uavgram.geometry.camera.properties import compute_camera_properties
     from uavgram.pipeline.cameras.read import focal_on_sensor_mm
-    from uavgram.views.calibration.camera_text import camera_lines
+    from uavgram.views.calibration.text import camera_lines
     from uavgram.views.terminal import message_lines
 
     lines = camera_lines(
@@ -133,7 +133,7 @@ def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bo
     from uavgram.cli.as_json import difference_object
     from uavgram.estimation.calibration.difference import compare_cameras
     from uavgram.pipeline.cameras.read import read_camera
-    from uavgram.views.calibration.camera_text import difference_lines
+    from uavgram.views.calibration.text import difference_lines
     from uavgram.views.terminal import message_lines
 
     second = read_camera(other)

@@ -40,7 +40,7 @@ def study(
         Show the progress of the work.
     """
     from uavgram.synthetic.study.run import JSON_FILE, PAGE_FILE, list_studies, make_studies
-    from uavgram.views.study.words import said
+    from uavgram.views.study import said
 
     log_to_stderr(verbose=verbose)
     names = list_studies(name)

@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.estimation.measuring.predicted_pixels import PredictedPixels
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.pick.other_photos import KnownPlaces
+from uavgram.pipeline.pick.places import KnownPlaces
 
 Json = dict[str, Any]
 

@@ -6,8 +6,7 @@ from uavgram.model.naming import Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.model.target_families import PLATE_CORNERS
 from uavgram.picking.protocol.encode_places import Json
-from uavgram.views.planned.tables import LineRow, PlateRow, line_rows, plate_rows
-from uavgram.views.planned.words import plate_side
+from uavgram.views.flight_plan import LineRow, PlateRow, line_rows, plate_rows, plate_side
 from uavgram.views.unit_words import in_units
 
 NOT_SOUGHT = (

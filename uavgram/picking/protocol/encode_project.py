@@ -23,7 +23,7 @@ from uavgram.pipeline.measure.pose import Posed
 from uavgram.pipeline.pick.live import LiveSurvey
 from uavgram.stages.camera import UNKNOWN_CAMERA
 from uavgram.synthetic.accident_scene import PAINTED_LABELS, TAPE_FILE, is_sample
-from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, provenance_lines
+from uavgram.views.calibration.text import fact_lines, parameter_cells, provenance_lines
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
 
 CENTRE_SIGMA_SHARE = 0.01

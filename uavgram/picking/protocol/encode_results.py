@@ -5,6 +5,7 @@ from __future__ import annotations
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.picking.protocol.encode_survey import Json
+from uavgram.views.formatting import measurement_text, shapes_first
 from uavgram.views.survey.verdict import (
     headline,
     reason_sentence,
@@ -13,7 +14,6 @@ from uavgram.views.survey.verdict import (
 )
 from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
 from uavgram.views.units import units_of
-from uavgram.views.formatting import measurement_text, shapes_first
 
 
 def results_json(result: Result) -> Json:

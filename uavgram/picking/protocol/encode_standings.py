@@ -17,8 +17,8 @@ from uavgram.model.result.reliability import WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict
-from uavgram.views.survey.verdict import STATUS_WORDS, named_picks
 from uavgram.views.formatting import UNIT_WORDS, number, size_text
+from uavgram.views.survey.verdict import STATUS_WORDS, named_picks
 
 Json = dict[str, Any]
 

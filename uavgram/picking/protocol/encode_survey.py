@@ -23,8 +23,8 @@ from uavgram.picking.protocol.encode_verdict import measurement_standings, verdi
 from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live import Adjusted, Linearised
 from uavgram.stages.messages import order_messages
-from uavgram.views.survey.verdict import named_picks
 from uavgram.views.formatting import KNOWN_STATUS_WORDS
+from uavgram.views.survey.verdict import named_picks
 
 Json = dict[str, Any]
 

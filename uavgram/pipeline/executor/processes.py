@@ -23,8 +23,8 @@ from multiprocessing.context import BaseContext
 from typing import Any, Generic, TypeVar, cast
 
 from uavgram.errors import UavgramError
-from uavgram.pipeline.cores import use_one_core
 from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
+from uavgram.pipeline.threads import use_one_core
 
 if sys.platform != "win32":
     import resource

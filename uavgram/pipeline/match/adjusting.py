@@ -19,7 +19,7 @@ from uavgram.estimation.survey.departures import compute_heights_at
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.survey import Survey
-from uavgram.pipeline.match.rows import with_found
+from uavgram.pipeline.match.asked import with_found
 from uavgram.pipeline.measure.compute import assembled_survey, refined_survey
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed

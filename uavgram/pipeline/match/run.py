@@ -20,9 +20,9 @@ from uavgram.pipeline.match.asked import (
     earlier,
     labels_by_hand,
     still_founded,
+    with_found,
 )
 from uavgram.pipeline.match.looking import grey_photos
-from uavgram.pipeline.match.rows import with_found
 from uavgram.pipeline.match.search import searched
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames

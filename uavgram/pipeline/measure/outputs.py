@@ -15,8 +15,8 @@ from uavgram.model.maps import PLAN_PDF, Paper, PlanPaper
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
 from uavgram.pipeline.measure.exports import exports
-from uavgram.pipeline.measure.journal import Journal
 from uavgram.pipeline.measure.pictures import ReportPictures, carried, ground_picture
+from uavgram.pipeline.measure.run import Journal
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.views.recording.write import write_recording

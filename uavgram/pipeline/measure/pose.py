@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from uavgram.config.project_text import AssumedOrigin
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import (
@@ -19,8 +21,10 @@ from uavgram.geometry.earth.geodesy import (
     explain_unsuitable_crs,
     utm_crs,
 )
+from uavgram.io.photos.metadata import read_exif_place
+from uavgram.io.photos.poses.sources import read_photo_poses
 from uavgram.model.arrays import Floats, rows_of
-from uavgram.model.flight.frames import Frames, Pairing
+from uavgram.model.flight.frames import Frames, Pairing, Photos
 from uavgram.model.flight.log import FlightLog, HeightDatum, LogFault
 from uavgram.model.flight.pose import Flight, PhotoExposures, PhotoPoses, Telemetry
 from uavgram.model.message import Message
@@ -32,10 +36,48 @@ from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_effects import report_faults
 from uavgram.stages.seed.log_faults import find_faults
 from uavgram.stages.seed.logged_positions import compute_positions
-from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
+from uavgram.stages.seed.photo_exposures import DEFAULT_HEIGHT_M, find_photo_home, place_photos
 from uavgram.stages.seed.track import build_track, find_home, gather_evidence
 from uavgram.stages.synchronise import Synchronised, synchronise
 from uavgram.stages.synchronise.tied_times import poses_of
+
+ABOVE_GROUND_SIGMA_M = 40.0
+"""Sigma of `ABOVE_GROUND_M`."""
+
+
+def ground_below(source: str, photos: Photos) -> AssumedOrigin | None:
+    """Assume the ground at a usual distance below the photos; None where no pose can be read.
+
+    Parameters
+    ----------
+    source
+        As `poses` in a project.
+    photos
+        The project's photos.
+    """
+    heights: HeightDatum = "msl"
+    try:
+        poses, _ = read_photo_poses(source, photos, heights)
+    except InputError:
+        return None
+    stated = poses.height_m[np.isfinite(poses.height_m)]
+    return AssumedOrigin(
+        latitude_deg=float(poses.latitude_deg[0]),
+        longitude_deg=float(poses.longitude_deg[0]),
+        height_m=float(np.median(stated)) - DEFAULT_HEIGHT_M if stated.size else 0.0,
+        height_sigma_m=ABOVE_GROUND_SIGMA_M,
+        datum=poses.datum,
+    )
+
+
+def has_place(photos: Photos) -> bool:
+    """Return whether any of the photos states a place in EXIF, even without a height."""
+    try:
+        places = [read_exif_place(path) for path in photos.path]
+    except InputError:
+        return False
+    return any(math.isfinite(place.latitude_deg) for place in places)
+
 
 Place = tuple[float, float, float]
 

@@ -19,8 +19,8 @@ from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.study.method_scenes import Setting
 from uavgram.synthetic.study.methods import LIMIT_SETTINGS, compare_methods
 from uavgram.synthetic.study.photos import StudyCell, StudyScene, simulate_cell
-from uavgram.views.study.figures import figure_files
-from uavgram.views.study.page import render_study_page
+from uavgram.views.study import render_study_page
+from uavgram.views.study_figures import figure_files
 
 Numbers = Mapping[str, float | str]
 """Values of a scene, by name."""

@@ -9,11 +9,11 @@ import sys
 from html import escape
 
 from uavgram.model.result.result import Result
+from uavgram.views.formatting import measurement_text, worst_first
 from uavgram.views.style import LEVEL_COLOURS, hex_colour
 from uavgram.views.survey.verdict import status_text, verdict_words
 from uavgram.views.unit_words import in_units, names_like_lengths
 from uavgram.views.units import units_of
-from uavgram.views.formatting import measurement_text, worst_first
 
 COLUMNS = ("measurement", "what", "points", "value ± sigma", "95 % interval", "status")
 

@@ -12,10 +12,10 @@ import numpy as np
 
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
+from uavgram.views.formatting import measurement_text, worst_first
 from uavgram.views.survey.drawing import nice_factor
 from uavgram.views.survey.sheet import INK
 from uavgram.views.units import column, units_of
-from uavgram.views.formatting import measurement_text, worst_first
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

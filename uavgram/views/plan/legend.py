@@ -2,17 +2,127 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from matplotlib.patches import Polygon, Rectangle
 
 from uavgram.model.maps import Plan
+from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
-from uavgram.views.plan.notes import fitted, plan_notes
 from uavgram.views.plan.sheet import INK as BLACK
-from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, plain
-from uavgram.views.plan.surveyed import DASHES, DIAMOND_MM, LINE_PT
+from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, plain, width_mm
+from uavgram.views.plan.surveyed import DASHES, DIAMOND_MM, DOUBT, LINE_PT, is_doubtful
+from uavgram.views.survey.key_facts import accuracy_words
 from uavgram.views.survey.sheet import INK
-from uavgram.views.units import round_bar, units_of
+from uavgram.views.survey.verdict import headline
+from uavgram.views.unit_words import in_units, names_like_lengths
+from uavgram.views.units import column, round_bar, units_of
+
+NOTE_PT, MIN_NOTE_PT = 7.0, 4.5
+"""Limits of the font size of the notes, which is as large as the room allows."""
+
+_LINE_MM, _GAP = 0.43, 0.35
+"""Line spacing [mm] per point of font size, and gap between paragraphs as a share of that."""
+
+LEANS = (
+    "Picture: the photos, projected onto the plane of the ground. Objects above the ground "
+    "appear displaced away from the camera: only surveyed points are at their true place."
+)
+ACTUAL_SIZE = (
+    'Print at "actual size" (100 %) and check the scale bar with a ruler: its length is stated.'
+)
+JOIN = (
+    "To join the sheets: cut along the dashed lines, right and below, and lay each cut edge onto "
+    "the frame of the next sheet."
+)
+
+
+class Note(NamedTuple):
+    """Lines of each paragraph with font size [pt] and distances [mm]."""
+
+    paragraphs: tuple[tuple[str, ...], ...]
+    size_pt: float
+    line_mm: float
+    gap_mm: float
+
+    @property
+    def height_mm(self) -> float:
+        """Height of all lines and gaps."""
+        return sum(len(lines) * self.line_mm + self.gap_mm for lines in self.paragraphs)
+
+
+def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
+    """List the notes of every plan, the verdict first.
+
+    Parameters
+    ----------
+    result
+        Result shown by the plan.
+    sheet
+        One of its sheets, with all its content.
+    """
+    case = "; ".join(
+        f"{word}: {text}" for word, text in case_from_options(result.provenance.options)
+    )
+    verdict = in_units(headline(result), units_of(result), names_like_lengths(result))
+    told = [case, verdict, accuracy_words(result), LEANS, _grid_note(result)]
+    if is_doubtful(result).any():
+        told.append(f"{DOUBT.strip()} after a value: it is doubtful. The report gives the reason.")
+    told.append(ACTUAL_SIZE)
+    if len(sheet.plan.sheets) > 1:
+        told.append(JOIN)
+    return tuple(filter(None, told))
+
+
+def _grid_note(result: Result) -> str:
+    origin = result.world.origin
+    if origin is None:
+        return ""
+    unit = "metres" if column(units_of(result)).symbol == "m" else "feet"
+    return (
+        f"Grid: {unit} east (E) and north (N) of latitude {origin.latitude_deg:.7f}°, "
+        f"longitude {origin.longitude_deg:.7f}°."
+    )
+
+
+def fitted(told: tuple[str, ...], size_mm: tuple[float, float]) -> Note:
+    """Break sentences into lines, with the largest font size that fits.
+
+    Parameters
+    ----------
+    told
+        The paragraphs.
+    size_mm
+        Width and height available.
+    """
+    for size_pt in np.arange(NOTE_PT, MIN_NOTE_PT, -0.25).tolist():
+        note = _set(told, size_mm[0], size_pt)
+        if note.height_mm <= size_mm[1]:
+            return note
+    return _set(told, size_mm[0], MIN_NOTE_PT)
+
+
+def _set(told: tuple[str, ...], across_mm: float, size_pt: float) -> Note:
+    paragraphs = tuple(_lines(text, across_mm / size_pt) for text in told)
+    line = _LINE_MM * size_pt
+    return Note(paragraphs, size_pt, line, _GAP * line)
+
+
+def _lines(text: str, across: float) -> tuple[str, ...]:
+    """Break a text into lines for a font size of one point."""
+    space = width_mm("a a", 1.0) - 2 * width_mm("a", 1.0)
+    lines: list[list[str]] = []
+    room = 0.0
+    for word in text.split():
+        need = space + width_mm(word, 1.0)
+        if not lines or need > room:
+            lines.append([])
+            room = across + space
+        lines[-1].append(word)
+        room -= need
+    return tuple(" ".join(line) for line in lines)
+
 
 TITLE_PT, TEXT_PT, FOOT_PT, NUMBER_PT = 11.0, 6.0, 5.0, 11.0
 BAR_MM, NORTH_MM = 50.0, 59.0

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_pdf import Name, PdfFile, PdfPages
 from matplotlib.patches import Rectangle
 from PIL import Image
 
@@ -19,10 +20,52 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster, Plan, PlanSheet
 from uavgram.model.result.result import Result
-from uavgram.views.plan.jpeg_pages import JpegPages
 from uavgram.views.plan.legend import draw_legend, outline_sheets
 from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet
 from uavgram.views.plan.surveyed import draw_grid, draw_surveyed
+
+QUALITY = 88
+"""Quality for libjpeg at which no difference is visible on paper."""
+
+
+class JpegPages(PdfPages):
+    """`PdfPages` that stores colour pictures as JPEG."""
+
+    def _ensure_file(self) -> Any:  # noqa: ANN401
+        if self._file is None:
+            make: Any = _JpegFile  # Matplotlib's own class has no types
+            self._file = make(self._filename, metadata=self._metadata)
+        return self._file
+
+
+class _JpegFile(PdfFile):
+    def _writeImg(self, data: Pixels, id: int, smask: Any = None) -> None:  # noqa: A002, ANN401, N802
+        """Store (H, W, 3) RGB without opacity as JPEG, all else as Matplotlib does."""
+        height, width, bands = data.shape
+        if bands != 3 or smask is not None:
+            super()._writeImg(data, id, smask)  # type: ignore[no-untyped-call]
+            return
+        file: Any = self
+        name: Any = Name
+        stored = io.BytesIO()
+        Image.fromarray(data).save(stored, format="jpeg", quality=QUALITY)
+        with rc_context({"pdf.compression": 0}):  # JPEG is compressed already
+            file.beginStream(
+                id,
+                file.reserveObject("length of image stream"),
+                {
+                    "Type": name("XObject"),
+                    "Subtype": name("Image"),
+                    "Width": width,
+                    "Height": height,
+                    "ColorSpace": name("DeviceRGB"),
+                    "BitsPerComponent": 8,
+                    "Filter": name("DCTDecode"),
+                },
+            )
+            file.currentstream.write(stored.getvalue())
+            file.endStream()
+
 
 PNG_DPI = 200
 _FONTS: Any = {"pdf.fonttype": 42, "path.simplify": False, "font.family": "DejaVu Sans"}

@@ -14,10 +14,10 @@ from uavgram.stages.products.map_layers import (
     position_strips,
     reference_strips,
 )
+from uavgram.views.formatting import measurement_text, number, worst_first
 from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, half_text
 from uavgram.views.survey.sheet import INK
 from uavgram.views.units import column, round_bar, units_of, value_text
-from uavgram.views.formatting import measurement_text, number, worst_first
 
 MEASURED_PT, KNOWN_PT, NAME_PT, GRID_PT = 7.0, 6.0, 6.0, 5.0
 """Font sizes."""

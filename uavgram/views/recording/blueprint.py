@@ -9,24 +9,22 @@ import rerun.blueprint as rrb
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.views.recording.curves.plots import (
+from uavgram.views.formatting import axes_text
+from uavgram.views.recording.curves import (
+    ATTITUDE_SIGMA,
+    CORRECTION,
     HEIGHT,
     MISS_REFINED,
     MISS_SEED,
+    POSITION_SIGMA,
     RESIDUAL_REFINED,
     RESIDUAL_SEED,
     STATUS,
     WORST_W,
     Curves,
-)
-from uavgram.views.recording.curves.pose_curves import (
-    ATTITUDE_SIGMA,
-    CORRECTION,
-    POSITION_SIGMA,
     PoseCurves,
 )
-from uavgram.views.recording.eye import Eye
-from uavgram.views.recording.pages.documents import (
+from uavgram.views.recording.pages import (
     CHECKS,
     FRAME_SHEET,
     HEIGHTS,
@@ -35,24 +33,22 @@ from uavgram.views.recording.pages.documents import (
     MESSAGES,
     POINTS,
     SUMMARY,
+    messages_title,
 )
-from uavgram.views.recording.pages.tables import messages_title
-from uavgram.views.recording.photo.overlay import NAME_ABOVE, OVERLAYS
-from uavgram.views.recording.photo.photo import PHOTO
-from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.photo import PHOTO
+from uavgram.views.recording.photo_overlay import NAME_ABOVE, OVERLAYS
+from uavgram.views.recording.scene import Eye, Scene
 from uavgram.views.recording.stream import FRAME_TIMELINE
-from uavgram.views.recording.world.footprint_marks import ALL, CURRENT
 from uavgram.views.recording.world.geography import MAP, has_map
-from uavgram.views.recording.world.heights import ELLIPSOIDS, RULERS, SIDE_TEXTS
 from uavgram.views.recording.world.legend import LEGEND
-from uavgram.views.recording.world.points import CLOSE_UP
+from uavgram.views.recording.world.points import CLOSE_UP, ELLIPSOIDS, RULERS, SIDE_TEXTS
 from uavgram.views.recording.world.profiles import GAP, PROFILES, shown_height
+from uavgram.views.recording.world.survey import ALL, CURRENT
 from uavgram.views.style import Rgb
-from uavgram.views.survey.frame_states import frame_counts
+from uavgram.views.survey.key_facts import frame_counts
 from uavgram.views.survey.profiles import WIDTH
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import column, units_of
-from uavgram.views.formatting import axes_text
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)

@@ -1,6 +1,6 @@
 """report.html for readers, report-annex.html for specialists: self-contained, also on paper."""
 
-from uavgram.views.report.ground import shown_ground
+from uavgram.views.report.brief import shown_ground
 from uavgram.views.report.page import annex_of, render_annex, render_report, write_report
 from uavgram.views.report.pdf import check_pdf, report_pdf
 

@@ -9,9 +9,9 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import POSE_NAMES
-from uavgram.views.report.long_tables import most_doubtful
-from uavgram.views.survey.drawing import flight_order
 from uavgram.views.formatting import number
+from uavgram.views.result_tables import most_doubtful
+from uavgram.views.survey.drawing import flight_order
 
 MOST_POSES, MOST_MATRICES = 120, 16
 """Largest numbers of printed poses and of their matrices; results.json has them all."""

@@ -7,15 +7,61 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.model.arrays import Floats
 from uavgram.model.naming import listed
 from uavgram.model.provenance import case_from_options
+from uavgram.model.result.pictures import GroundPicture, Pictures
 from uavgram.model.result.result import Result
+from uavgram.views.formatting import shapes_first
 from uavgram.views.report.checks import checks_summary
-from uavgram.views.survey.accuracy import accuracy_words
+from uavgram.views.report.pictures import GROUND, picture_mark
+from uavgram.views.survey.key_facts import accuracy_words
 from uavgram.views.survey.sheet import WIDTH
 from uavgram.views.survey.sources import measured_alone
+from uavgram.views.survey.top_view import TopView, lay_out, top_view, used_points
 from uavgram.views.survey.verdict import verdict_words
-from uavgram.views.formatting import shapes_first
+
+
+class Backdrop(NamedTuple):
+    """Picture behind a drawing: its place there, and its address."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    data: str
+
+
+def shown_ground(result: Result) -> tuple[Floats, Floats] | None:
+    """Return south-west and north-east corner (2,) of the report's plan; None without one."""
+    plan = lay_out(result, brief(result).plan_height, used_points(result))
+    return None if plan is None else plan.sheet.extent_m
+
+
+def report_plan(result: Result, first: Brief) -> TopView | None:
+    """Draw the plan of the first page; return None if there is no point to draw."""
+    return top_view(result, first.plan_height, used_points(result))
+
+
+def backdrop(view: TopView | None, pictures: Pictures) -> Backdrop | None:
+    """Place the picture of the ground in a drawing."""
+    ground = pictures.ground
+    if view is None or ground is None:
+        return None
+    return _placed(view, ground)
+
+
+def _placed(view: TopView, ground: GroundPicture) -> Backdrop:
+    x, y = view.sheet(np.array([ground.west_m, ground.north_m]))
+    scale = view.sheet.scale
+    return Backdrop(
+        x=round(float(x), 2),
+        y=round(float(y), 2),
+        width=round(ground.width_m * scale, 2),
+        height=round(ground.height_m * scale, 2),
+        data=picture_mark(GROUND),
+    )
+
 
 MOST_ROWS = 12
 """Largest number of measurements on the first page; of more, the least certain ones."""

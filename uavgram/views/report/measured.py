@@ -9,9 +9,9 @@ import numpy as np
 from uavgram.model.result.reliability import Noise
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
+from uavgram.views.formatting import computed_first, number, relief_text, shift_text
 from uavgram.views.survey.reliability import second_order_rows
 from uavgram.views.units import units_of
-from uavgram.views.formatting import computed_first, number, relief_text, shift_text
 
 MOST_RELIEF = 10
 """Largest number of single-photo measurements with a sentence of their own, the least certain."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable
 from functools import partial
@@ -15,18 +16,27 @@ from uavgram.errors import OutputError
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import compare_cameras
+from uavgram.views.formatting import (
+    FRAME_STATUS_WORDS,
+    GROUP_WORDS,
+    LINE_STATUS_WORDS,
+    NOT_UNIQUE,
+    WHY_TO_NEIGHBOURS,
+    WHY_TWO_ELLIPSES,
+    height_text,
+    interval,
+    measurement_text,
+    place,
+    relief_text,
+    shapes_first,
+    worst_fit_first,
+)
 from uavgram.views.pages import page, units_shown
 from uavgram.views.report.annex import annex
-from uavgram.views.report.brief import MOST_REASONS, Brief, brief
+from uavgram.views.report.brief import MOST_REASONS, Brief, backdrop, brief, report_plan
 from uavgram.views.report.budget import MOST_ROWS, budget_table
-from uavgram.views.report.checks import checks_summary
-from uavgram.views.report.contents import with_contents
-from uavgram.views.report.foundations import files_shown, foundations
-from uavgram.views.report.gauge import gauge
-from uavgram.views.report.ground import backdrop, report_plan
-from uavgram.views.report.inline import with_pictures
-from uavgram.views.report.known import known_table
-from uavgram.views.report.long_tables import rows_told
+from uavgram.views.report.checks import checks_summary, gauge, known_table
+from uavgram.views.report.foundations import files_shown, foundations, method_facts
 from uavgram.views.report.measured import (
     alternative_tables,
     learnt_words,
@@ -34,18 +44,17 @@ from uavgram.views.report.measured import (
     sampled_words,
     second_order_note,
 )
-from uavgram.views.report.method import method_facts
-from uavgram.views.report.pictures import gallery
-from uavgram.views.report.shapes import rings
-from uavgram.views.result_tables import result_table
-from uavgram.views.survey.departures import departures
+from uavgram.views.report.picture_marks import rings
+from uavgram.views.report.pictures import gallery, with_pictures
+from uavgram.views.result_tables import result_table, rows_told
 from uavgram.views.survey.drawing import largest_sigmas
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.key_plan import key_plan
-from uavgram.views.survey.limits import line_limits
+from uavgram.views.survey.off_ground import departures
 from uavgram.views.survey.profiles import profile_drawings
 from uavgram.views.survey.reliability import (
     effect_words,
+    line_limits,
     overall_words,
     prior_rows,
     removal_rows,
@@ -67,21 +76,19 @@ from uavgram.views.survey.texts import LETTERS
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
 from uavgram.views.units import spread_text, units_of, value_text
-from uavgram.views.formatting import (
-    FRAME_STATUS_WORDS,
-    GROUP_WORDS,
-    LINE_STATUS_WORDS,
-    NOT_UNIQUE,
-    WHY_TO_NEIGHBOURS,
-    WHY_TWO_ELLIPSES,
-    height_text,
-    interval,
-    measurement_text,
-    place,
-    relief_text,
-    shapes_first,
-    worst_fit_first,
-)
+
+PLACE = "<!-- contents -->"
+_HEADING = re.compile(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', re.DOTALL)
+
+
+def with_contents(html: str) -> str:
+    """Insert the list of sections at its place in the page; the PDF adds page numbers."""
+    rows = [f'<li><a href="#{name}">{words}</a></li>' for name, words in _HEADING.findall(html)]
+    listed = "\n".join(rows)
+    title = '<p class="title"><b>Contents</b></p>'
+    nav = f'<nav class="contents">\n{title}\n<ol>\n{listed}\n</ol>\n</nav>'
+    return html.replace(PLACE, nav, 1)
+
 
 BESIDE_HEIGHT = 480.0
 """Height of the top view, below which the key plan fits."""

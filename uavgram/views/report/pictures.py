@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from base64 import b64encode
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +17,13 @@ from uavgram.model.result.pictures import Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
-from uavgram.views.report.inline import picture_mark
-from uavgram.views.report.scale_bars import Bar, placed, scale_bars
-from uavgram.views.report.shapes import Mark, mark
+from uavgram.views.formatting import (
+    measurement_text,
+    number,
+    shapes_first,
+    size_text,
+)
+from uavgram.views.report.picture_marks import Bar, Mark, mark, placed, scale_bars
 from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, hex_colour
 from uavgram.views.survey.drawing import (
     project_from,
@@ -29,7 +36,6 @@ from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
 from uavgram.views.survey.top_view import used_labels
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import units_of
-from uavgram.views.formatting import measurement_text, number, shapes_first, size_text
 
 WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "point": 210.0}
 """Width of each kind of picture on the page, in units of its marks."""
@@ -376,3 +382,24 @@ def _lines(runs: Sequence[tuple[Floats, Look]], unit: float) -> Iterator[tuple[s
     for run, look in runs:
         kept = thinned(run, DRAWN_OFF * unit)
         yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept.tolist()), look
+
+
+GROUND = "ground"
+
+
+_MARK = re.compile(r"<!-- picture (\w+) -->")  # escaped text cannot contain this
+
+
+def picture_mark(which: int | str) -> str:
+    """Return the mark for the address of a picture: a photo by its row, or `GROUND`."""
+    return f"<!-- picture {which} -->"
+
+
+def with_pictures(html: str, pictures: Pictures) -> Iterator[bytes]:
+    """Yield the page as pieces of UTF-8, with each mark replaced by a data URL of its picture."""
+    parts = _MARK.split(html)
+    for text, which in zip_longest(parts[::2], parts[1::2]):
+        yield text.encode()
+        if which is not None:
+            shown = pictures.ground if which == GROUND else pictures.shown[int(which)]
+            yield b"data:image/jpeg;base64," + b64encode(b"" if shown is None else shown.jpeg)

@@ -9,10 +9,10 @@ import numpy as np
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import COLUMNS
+from uavgram.views.formatting import decimals_for, number
 from uavgram.views.survey.drawing import nice_factor, round_length
 from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
 from uavgram.views.units import Shown, column, round_bar, units_of
-from uavgram.views.formatting import decimals_for, number
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 720.0, 70.0, 30.0, 34.0, 30.0
 MOST_HEIGHT, LEAST_HEIGHT = 200.0, 24.0

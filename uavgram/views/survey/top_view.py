@@ -16,9 +16,10 @@ from uavgram.stages.products.map_layers import (
     position_strips,
     reference_strips,
 )
+from uavgram.views.formatting import number, worst_first
 from uavgram.views.style import hex_colour
-from uavgram.views.survey.departures import Departures, departures
 from uavgram.views.survey.drawing import longest_part, nice_factor
+from uavgram.views.survey.off_ground import Departures, departures
 from uavgram.views.survey.sheet import (
     INK,
     MOST_HEIGHT,
@@ -31,7 +32,6 @@ from uavgram.views.survey.sheet import (
 from uavgram.views.survey.texts import Text, Wanted, around_drawing, box, placed_texts
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import INCH_M, round_bar, units_of, value_text
-from uavgram.views.formatting import number, worst_first
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MOST_ROOM = 0.3

@@ -17,12 +17,11 @@ from uavgram.model.result.reliability import (
 )
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import AreaPlane
-from uavgram.views.markdown import MOST_ROWS, plain, table
-from uavgram.views.recording.curves.plots import frame_curves
-from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.pages.frames import frame_sheets
-from uavgram.views.recording.pages.tables import (
+from uavgram.views.pages import MOST_ROWS, plain, table
+from uavgram.views.recording.curves import frame_curves, pose_curves
+from uavgram.views.recording.pages import (
     checks_page,
+    frame_sheets,
     lengths_page,
     measured_page,
     messages_page,
@@ -30,7 +29,7 @@ from uavgram.views.recording.pages.tables import (
     points_page,
     summary,
 )
-from uavgram.views.recording.photo.frame_picks import project_picks
+from uavgram.views.recording.photo import project_picks
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.survey.verdict import verdict_words
 

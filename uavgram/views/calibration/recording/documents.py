@@ -6,12 +6,12 @@ import numpy as np
 import rerun as rr
 
 from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
-from uavgram.views.calibration.camera_text import parameter_cells
 from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
+from uavgram.views.calibration.text import parameter_cells
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
-from uavgram.views.markdown import plain, table
-from uavgram.views.recording.stream import Recorder
 from uavgram.views.formatting import LEVEL_RANK, number
+from uavgram.views.pages import plain, table
+from uavgram.views.recording.stream import Recorder
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
 MOST_ODD = 20

@@ -15,8 +15,8 @@ from uavgram.stages.products.map_layers import (
     reference_strips,
 )
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.world.footprint_marks import closed
 from uavgram.views.recording.world.labels import line_width
+from uavgram.views.recording.world.survey import closed
 from uavgram.views.style import LINE_COLOURS, MEASURED, OBSERVED, QUIET, REFINED, SEED, Rgb
 from uavgram.views.survey.drawing import track
 

@@ -7,15 +7,6 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, point_index, reference_strips
-from uavgram.views.recording.eye import Eye
-from uavgram.views.recording.scene import Scene
-from uavgram.views.recording.view_texts import ViewTexts, place_in_space
-from uavgram.views.survey.drawing import longest_middle
-from uavgram.views.survey.key_facts import least_certain_length
-from uavgram.views.survey.off_ground import height_label
-from uavgram.views.survey.verdict import STATUS_WORDS, status_text
-from uavgram.views.unit_words import in_units
-from uavgram.views.units import units_of
 from uavgram.views.formatting import (
     alternatives_text,
     axes_text,
@@ -23,6 +14,14 @@ from uavgram.views.formatting import (
     with_sigma,
     worst_first,
 )
+from uavgram.views.recording.scene import Eye, Scene
+from uavgram.views.recording.view_texts import ViewTexts, place_in_space
+from uavgram.views.survey.drawing import longest_middle
+from uavgram.views.survey.key_facts import least_certain_length
+from uavgram.views.survey.off_ground import height_label
+from uavgram.views.survey.verdict import STATUS_WORDS, status_text
+from uavgram.views.unit_words import in_units
+from uavgram.views.units import units_of
 
 # More than a dozen values are easier to read in tables.
 MOST_LABELS = 14

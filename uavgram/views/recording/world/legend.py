@@ -8,6 +8,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
+from uavgram.views.formatting import size_text
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.points import has_outlines, sigma_shares
@@ -30,16 +31,15 @@ from uavgram.views.style import (
     Rgb,
     scale_colours,
 )
-from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.verdict import STATUS_WORDS, headline
 from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
-from uavgram.views.formatting import size_text
 
 LEGEND = "legend"
 # Twice the displayed size, for sharp letters; wider if the texts need it.
 WIDTH_PX, HEIGHT_PX = 2400, 160
-BACKGROUND: Rgb = (13, 16, 17)
+LEGEND_BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
 BAND_PX = 44
@@ -83,7 +83,7 @@ def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Im
     brightened
         Whether the ground is brighter than in the photos.
     """
-    image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), BACKGROUND)
+    image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), LEGEND_BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
     rows = [20.0, 20.0]
