@@ -15,7 +15,7 @@ from playwright.sync_api import expect
 
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.pipeline.pick.live import Adjusted, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, Observed
 
 PLACES = {"New": (700.0, 500.0), "Other": (900.0, 640.0)}
 

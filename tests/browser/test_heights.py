@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 
 from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.pipeline.pick.live import Adjusted, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, Observed
 
 
 @pytest.fixture

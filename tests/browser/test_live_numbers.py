@@ -16,7 +16,7 @@ from picking_server import Served, served
 from playwright.sync_api import expect
 from unsure import unsure
 
-from uavgram.pipeline.pick.live import Adjusted, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, Observed
 
 GREY = 'body[data-numbers="old"]'
 ADJUSTED = '#mode[data-mode="adjusted"]'

@@ -17,7 +17,7 @@ from standings import with_status
 from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.pipeline.pick.live import Adjusted, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, Observed
 
 SWAPPED = Reason(
     cause="labels-swapped",

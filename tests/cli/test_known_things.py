@@ -11,7 +11,7 @@ from small_projects import Command, Project
 
 import uavgram
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.pick.live import LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveSurvey, Observed
 
 
 @pytest.fixture

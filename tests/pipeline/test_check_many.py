@@ -16,7 +16,7 @@ from uavgram.pipeline.measure.inputs import Inputs
 def test_hints_stop_where_they_would_take_long(
     monkeypatch: pytest.MonkeyPatch, most: int, hint: str
 ) -> None:
-    monkeypatch.setattr(check, "_MOST_COMPARED", most)
+    monkeypatch.setattr(check, "_MAX_COMPARED", most)
     inputs = SimpleNamespace(  # of what was read, all that is asked for
         picks=SimpleNamespace(label=("A", "B", "C", "P11")),
         lines=SimpleNamespace(name=("L",), start=("A",), end=("P1",)),

@@ -15,8 +15,6 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
 from uavgram.stages.products.text_places import overlaps
-from uavgram.views.plan.sheet import THIN_PT, Sheet
-from uavgram.views.plan.surveyed import draw_surveyed
 from uavgram.views.recording.photo import project_picks
 from uavgram.views.recording.photo_overlay import HALF_LETTER, LINE_HEIGHT, place_on_photo
 from uavgram.views.recording.scene import Eye, measure_scene
@@ -28,6 +26,8 @@ from uavgram.views.recording.view_texts import (
 )
 from uavgram.views.recording.world.labels import survey_labels
 from uavgram.views.report import render_annex, render_report
+from uavgram.views.site_plan.drawing import draw_survey
+from uavgram.views.site_plan.sheet import THIN_PT, Sheet
 
 PLAN = re.compile(r'<svg class="(?:drawing|photo)".*?</svg>', re.DOTALL)
 TEXT = re.compile(
@@ -94,7 +94,7 @@ def on_plan(result: Result) -> Drawn:
     """Texts of the plan to scale, as Matplotlib draws them [mm]."""
     plan = lay_plan(surveyed_extent(result), "a4")
     sheet = Sheet(plan, plan.sheets[0])
-    draw_surveyed(sheet, result)
+    draw_survey(sheet, result)
     renderer = FigureCanvasAgg(sheet.figure).get_renderer()  # type: ignore[no-untyped-call]
     mm, boxes = sheet.figure.dpi / 25.4, []
     for one in sheet.axes.texts:

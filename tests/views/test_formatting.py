@@ -17,10 +17,10 @@ from uavgram.views.formatting import (
     UNIT_WORDS,
     chance,
     decimals_for,
+    format_relative_sigma,
+    format_with_sigma,
     number,
-    relative,
-    with_sigma,
-    worst_first,
+    order_worst_first,
 )
 
 
@@ -40,12 +40,12 @@ def test_a_value_shows_two_digits_of_its_sigma(sigma: float, unit: str, decimals
 
 
 def test_a_value_and_its_sigma_end_at_the_same_digit() -> None:
-    assert with_sigma(12.34567, 0.0213, "m") == "12.346 ± 0.021 m"
-    assert with_sigma(143.04, 0.912, "m2") == "143.04 ± 0.91 m²"
+    assert format_with_sigma(12.34567, 0.0213, "m") == "12.346 ± 0.021 m"
+    assert format_with_sigma(143.04, 0.912, "m2") == "143.04 ± 0.91 m²"
 
 
 def test_what_cannot_be_computed_says_so() -> None:
-    assert with_sigma(np.nan, np.nan, "m") == "not computed"
+    assert format_with_sigma(np.nan, np.nan, "m") == "not computed"
     assert number(np.nan) == "–"
 
 
@@ -59,13 +59,13 @@ def test_a_tiny_probability_is_not_shown_as_zero() -> None:
 
 
 def test_an_angle_has_no_relative_sigma() -> None:
-    assert relative(87.0, 0.1, "deg") == "–"
-    assert relative(-50.0, 0.1, "m") == "0.20 %"
+    assert format_relative_sigma(87.0, 0.1, "deg") == "–"
+    assert format_relative_sigma(-50.0, 0.1, "m") == "0.20 %"
 
 
 def test_the_worst_measurement_comes_first_and_what_has_no_value_before_it() -> None:
     rows = survey.build().measurements
-    order = [rows.name[i] for i in worst_first(rows)]
+    order = [rows.name[i] for i in order_worst_first(rows)]
 
     assert order[:2] == ["to the tree", "patch"]  # 0.9 of 143 m² is 0.6 %: more than any length
     assert order[-1] == "skid left"  # 21 mm of 40 m
@@ -79,7 +79,7 @@ def test_every_kind_of_measurement_has_words_and_a_number_of_points() -> None:
 
 def test_a_coordinate_near_zero_is_not_the_worst_for_being_small() -> None:
     rows = survey.build().measurements
-    order = [rows.name[i] for i in worst_first(rows)]
+    order = [rows.name[i] for i in order_worst_first(rows)]
 
     assert order.index("road width") < order.index("rest position north")  # 12 mm of 6.3 m; 34 mm
 
@@ -87,4 +87,4 @@ def test_a_coordinate_near_zero_is_not_the_worst_for_being_small() -> None:
 def test_a_height_near_zero_is_not_the_worst_for_being_small() -> None:
     rows = survey.build().measurements
     kinds = tuple("height" if kind == "coordinate" else kind for kind in rows.kind)
-    assert list(worst_first(replace(rows, kind=kinds))) == list(worst_first(rows))
+    assert list(order_worst_first(replace(rows, kind=kinds))) == list(order_worst_first(rows))

@@ -16,7 +16,7 @@ from uavgram.pipeline.measure.pose import Posed, has_place, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 
-_MOST_COMPARED = 1_000_000
+_MAX_COMPARED = 1_000_000
 """Largest number of pairs of names that are compared for typing errors, 2 microseconds each."""
 
 
@@ -97,7 +97,7 @@ def _unseen(inputs: Inputs) -> list[Message]:
     named += [("the control points", label) for label in inputs.control.label]
     named += [("the check points", label) for label in inputs.check.label]
     missing = [(what, label) for what, label in named if label not in picked]
-    few = len({label for _, label in missing}) * len(picked) <= _MOST_COMPARED
+    few = len({label for _, label in missing}) * len(picked) <= _MAX_COMPARED
     known = sorted(picked) if few else []
     hints = {
         label: near_miss(label, known) for label in dict.fromkeys(label for _, label in missing)

@@ -34,7 +34,7 @@ from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster
 from uavgram.views.formatting import BRIGHTENED
-from uavgram.views.unit_words import in_units
+from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.units import round_bar, units_of
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
@@ -182,7 +182,7 @@ def _brightened_messages(tone: Tone) -> tuple[Message, ...]:
 
 def _caption(view: View, raster: GroundRaster) -> str:
     where = raster.crs or "local metres, north is arbitrary"
-    pixel = in_units(f"{raster.pixel_m:.3g} m", units_of(view.result))
+    pixel = convert_sentence(f"{raster.pixel_m:.3g} m", units_of(view.result))
     return f"{view.result.name}: {where}, pixel {pixel}, ground plane"
 
 

@@ -26,14 +26,14 @@ from uavgram.model.message import Message
 from uavgram.model.options import TargetOptions
 from uavgram.model.survey.observations import Picks, RejectedPlate, SeenPlate
 from uavgram.model.target_families import plate_of
-from uavgram.pipeline.match.adjusting import begun
-from uavgram.pipeline.match.looking import Photos, grey_photos
+from uavgram.pipeline.match.adjustment import begun
+from uavgram.pipeline.match.patch_search import Photos, grey_photos
 from uavgram.pipeline.match.search import searched
 from uavgram.pipeline.measure.inputs import NO_PICKS, Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.parallel import prefetch
+from uavgram.pipeline.picks_table import save_picks, sole_writer
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import Pair, Record
 from uavgram.stages.messages import order_messages

@@ -32,11 +32,13 @@ class Headline(NamedTuple):
     reasons: list[str]
 
 
-def headline(batch: Batch) -> Headline:
+def summarise_batch(batch: Batch) -> Headline:
     """Summarise a batch: surveys not measured, stated sigmas that are wrong, cameras that drift."""
-    reasons = [f"{kind_words(one)}: {pooled_words(one)}" for one in batch.pooled if _is_bad(one)]
+    reasons = [
+        f"{describe_kind(one)}: {describe_pooled(one)}" for one in batch.pooled if _is_bad(one)
+    ]
     reasons += [
-        f"camera {one.camera}: {drift_words(one)}"
+        f"camera {one.camera}: {describe_drift(one)}"
         for one in batch.drifts
         if one.is_off or one.drifts
     ]
@@ -45,10 +47,10 @@ def headline(batch: Batch) -> Headline:
         names = ", ".join(display_name(row) for row in batch.rows if row.status == "failed")
         reasons.insert(0, f"not measured: {names}; the table gives the reasons")
     level: VerdictLevel = "red" if failed else "amber" if reasons or waiting else "green"
-    return Headline(level, counts(batch), reasons)
+    return Headline(level, count_surveys(batch), reasons)
 
 
-def counts(batch: Batch) -> str:
+def count_surveys(batch: Batch) -> str:
     """Count the surveys: ``12 surveys: 9 measured, 2 unchanged, 1 failed; 5 green, 6 amber...``."""
     parts = [f"{batch.count('done')} measured", f"{batch.count('unchanged')} unchanged"]
     parts += [f"{count} failed" for count in [batch.count("failed")] if count]
@@ -67,12 +69,12 @@ def _is_bad(one: PooledRatio) -> bool:
     return one.of == "all" and (one.is_small or (one.is_large and one.kind == "checks"))
 
 
-def kind_words(one: PooledRatio) -> str:
+def describe_kind(one: PooledRatio) -> str:
     """Return the words for the kind of the observations, such as ``withheld lengths``."""
     return KINDS.get(one.kind, one.kind)
 
 
-def pooled_words(one: PooledRatio) -> str:
+def describe_pooled(one: PooledRatio) -> str:
     """Judge the stated sigmas: ``the stated ± are too small: errors are 1.4 times as large``."""
     if one.is_small:
         return f"the stated ± are too small: errors are {one.ratio:.2g} times as large"
@@ -83,7 +85,7 @@ def pooled_words(one: PooledRatio) -> str:
     return "the stated ± are right"
 
 
-def drift_words(one: Drift) -> str:
+def describe_drift(one: Drift) -> str:
     """Describe a camera's drift (``fx drifts by 3.2 ± 0.4 a year``) and whether to recalibrate."""
     said = []
     if one.is_off:
@@ -112,7 +114,7 @@ def survey_line(row: SurveyRow) -> str:
     return f"{display_name(row)}: {row.level or 'no verdict'}{again}"
 
 
-def time_left(seconds: float) -> str:
+def format_time_left(seconds: float) -> str:
     """Format the remaining time: ``about 3 min left``."""
     if seconds < 60.0:
         return f"about {seconds:.0f} s left"
@@ -121,13 +123,13 @@ def time_left(seconds: float) -> str:
     return f"about {seconds / 3600.0:.1f} h left"
 
 
-WIDTH, HIGHEST, MARGIN = 1000.0, 620.0, 46.0
-_LEAST_SPAN_DEG = 0.002
+WIDTH, MAX_HEIGHT, MARGIN = 1000.0, 620.0, 46.0
+_MIN_SPAN_DEG = 0.002
 """Least span of the map, about 200 m, so that a batch at one place has an area."""
 _STEPS = (1.0, 2.0, 5.0)
 
 
-class Place(NamedTuple):
+class MapPlace(NamedTuple):
     """Survey on the map: place in the drawing, class of its colour, text, link to its report."""
 
     x: float
@@ -145,7 +147,7 @@ class BatchMap(NamedTuple):
     parallels: list[tuple[float, str]]
     bar: float
     bar_text: str
-    places: list[Place]
+    places: list[MapPlace]
 
 
 def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
@@ -166,12 +168,12 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
     rows = [row for row in batch.rows if math.isfinite(row.latitude_deg + row.longitude_deg)]
     if not rows:
         return None
-    south, north = _widened([row.latitude_deg for row in rows])
-    west, east = _widened([row.longitude_deg for row in rows])
+    south, north = _widen([row.latitude_deg for row in rows])
+    west, east = _widen([row.longitude_deg for row in rows])
     # equirectangular: degrees of longitude shrink with the cosine of the latitude
     squeeze = max(math.cos(math.radians((south + north) / 2.0)), 0.05)
     room = WIDTH - 2.0 * MARGIN
-    scale = min(room / ((east - west) * squeeze), (HIGHEST - 2.0 * MARGIN) / (north - south))
+    scale = min(room / ((east - west) * squeeze), (MAX_HEIGHT - 2.0 * MARGIN) / (north - south))
     left = MARGIN + (room - scale * (east - west) * squeeze) / 2.0
     height = scale * (north - south) + 2.0 * MARGIN
 
@@ -184,7 +186,7 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
     metres = math.radians(1.0) * EARTH_RADIUS_M / scale  # metres per unit of the drawing
     long = _round_down(metres * WIDTH / 4.0)
     places = [
-        Place(
+        MapPlace(
             x(row.longitude_deg),
             y(row.latitude_deg),
             row.level or "none",
@@ -203,9 +205,9 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
     )
 
 
-def _widened(values: list[float]) -> tuple[float, float]:
+def _widen(values: list[float]) -> tuple[float, float]:
     low, high = min(values), max(values)
-    more = max(0.06 * (high - low), (_LEAST_SPAN_DEG - (high - low)) / 2.0)
+    more = max(0.06 * (high - low), (_MIN_SPAN_DEG - (high - low)) / 2.0)
     return low - more, high + more
 
 
@@ -232,7 +234,7 @@ _ORDER = {"failed": 0, "waiting": 3}
 _LEVELS = {"red": 1, "amber": 2, "green": 4}
 
 
-class Line(NamedTuple):
+class PageRow(NamedTuple):
     """Row of a survey on the page; `why` is its problem or the first reason of its verdict."""
 
     row: SurveyRow
@@ -244,7 +246,7 @@ class Line(NamedTuple):
     why: str
 
 
-class Judged(NamedTuple):
+class PooledRow(NamedTuple):
     """Row of pooled statistics, or of a camera's drift, with its interpretation."""
 
     found: PooledRatio | Drift
@@ -254,21 +256,23 @@ class Judged(NamedTuple):
 
 def render_batch_page(batch: Batch, folder: Path) -> str:
     """Render the page as text; it loads nothing from elsewhere."""
-    links = {row.project: _link(row, folder) for row in batch.rows if row.output}
+    links = {row.project: _report_address(row, folder) for row in batch.rows if row.output}
     return page(
         "batch.html",
         batch=batch,
         kinds=KINDS,
-        verdict=headline(batch),
+        verdict=summarise_batch(batch),
         map=batch_map(batch, links),
-        lines=[_line(row, links) for row in sorted(batch.rows, key=_worst_first)],
-        pooled=[Judged(one, pooled_words(one), one.is_small) for one in batch.pooled],
-        drifts=[Judged(one, drift_words(one), one.is_off or one.drifts) for one in batch.drifts],
+        lines=[_survey_row(row, links) for row in sorted(batch.rows, key=_sort_worst_first)],
+        pooled=[PooledRow(one, describe_pooled(one), one.is_small) for one in batch.pooled],
+        drifts=[
+            PooledRow(one, describe_drift(one), one.is_off or one.drifts) for one in batch.drifts
+        ],
     )
 
 
-def _line(row: SurveyRow, links: dict[str, str]) -> Line:
-    return Line(
+def _survey_row(row: SurveyRow, links: dict[str, str]) -> PageRow:
+    return PageRow(
         row=row,
         name=display_name(row),
         link=links.get(row.project, ""),
@@ -279,12 +283,12 @@ def _line(row: SurveyRow, links: dict[str, str]) -> Line:
     )
 
 
-def _worst_first(row: SurveyRow) -> tuple[int, float]:
+def _sort_worst_first(row: SurveyRow) -> tuple[int, float]:
     rank = _ORDER.get(row.status, _LEVELS.get(row.level or "", 3))
     return rank, -abs(row.worst_w) if math.isfinite(row.worst_w) else 0.0
 
 
-def _link(row: SurveyRow, folder: Path) -> str:
+def _report_address(row: SurveyRow, folder: Path) -> str:
     """Return the address of a survey's report: relative if both are on one disk."""
     report = Path(row.output) / REPORT
     try:

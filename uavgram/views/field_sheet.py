@@ -15,30 +15,37 @@ from uavgram.model.naming import METRIC, Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells, wanted_shapes
 from uavgram.views.flight_plan import (
-    assumed,
     centimetres,
-    chosen,
     corners_on_earth,
+    describe_accuracy,
+    describe_alternatives,
+    describe_criterion,
     flight_facts,
-    headline,
-    if_a_line_is_lost,
     line_rows,
+    list_assumptions,
     metres,
-    outcome,
     plate_rows,
     plate_side,
+    summarise_work,
     take_off_words,
-    unchecked,
+    unchecked_lines,
     value_rows,
 )
 from uavgram.views.pages import page
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
-from uavgram.views.survey.texts import Letters, Text, Wanted, box, placed_texts, svg_points
-from uavgram.views.unit_words import in_units, like_lengths
-from uavgram.views.units import column, round_bar
+from uavgram.views.sentence_units import convert_sentence, select_like_lengths
+from uavgram.views.survey.text_placement import (
+    Letters,
+    PlacedText,
+    TextRequest,
+    box,
+    place_texts,
+    svg_points,
+)
+from uavgram.views.units import round_bar, table_unit
 
 WIDTH = 900.0
-LEAST_HEIGHT, MOST_HEIGHT = 420.0, 740.0
+MIN_HEIGHT, MAX_HEIGHT = 420.0, 740.0
 """Limits of the drawing's height, in its own units: a sheet has room for it and for some text."""
 
 MARGIN = 46.0
@@ -68,8 +75,8 @@ class SheetMapping:
         """Make the paper on which all (n, 2 or 3) places are seen."""
         low = world_m[:, :2].min(axis=0)
         size = np.maximum(world_m[:, :2].max(axis=0) - low, 1.0)
-        scale = float(((np.array([WIDTH, MOST_HEIGHT]) - 2 * MARGIN) / size).min())
-        height = max(float(size[1]) * scale + 2 * MARGIN, LEAST_HEIGHT)
+        scale = float(((np.array([WIDTH, MAX_HEIGHT]) - 2 * MARGIN) / size).min())
+        height = max(float(size[1]) * scale + 2 * MARGIN, MIN_HEIGHT)
         spare = ((np.array([WIDTH, height]) - 2 * MARGIN) / scale - size) / 2
         return cls(
             west_m=float(low[0] - spare[0]),
@@ -87,7 +94,7 @@ class SheetMapping:
 LIGHTEST, DARKEST = 1.0, 0.66
 """Range of grey as a share of white: names on the darkest can still be read."""
 
-_LEAST_STEP_M = 1e-3
+_MIN_STEP_M = 1e-3
 _STEPS = 4
 
 
@@ -108,7 +115,7 @@ class Shading:
     legend: tuple[Shade, ...]
 
 
-def shading(planned: FlightPlanned, paper: SheetMapping) -> Shading:
+def shade_cells(planned: FlightPlanned, paper: SheetMapping) -> Shading:
     """Shade the cells: the lighter, the better."""
     grid = planned.grid
     corners = [svg_points(paper(ring)) for ring in grid_cells(planned)]
@@ -133,7 +140,7 @@ def shading(planned: FlightPlanned, paper: SheetMapping) -> Shading:
 def class_edges(sigma_m: Floats) -> Floats:
     """Choose (c + 1,) round class limits in equal steps that enclose some (n,) accuracies."""
     low, high = float(sigma_m.min()), float(sigma_m.max())
-    least = max((high - low) / _STEPS, _LEAST_STEP_M)
+    least = max((high - low) / _STEPS, _MIN_STEP_M)
     # smallest step of the 1-2-5 series that is not below the least step
     power = 10.0 ** np.floor(np.log10(least))
     step = power * min(f for f in (1, 2, 5, 10) if f * power >= least * (1 - 1e-9))
@@ -170,7 +177,9 @@ _BESIDE = 8.0
 _HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
 
 
-def placed_names(planned: FlightPlanned, paper: SheetMapping, units: Units) -> tuple[Text, ...]:
+def place_names(
+    planned: FlightPlanned, paper: SheetMapping, units: Units
+) -> tuple[PlacedText, ...]:
     """Place all names, each at the nearest place that is free.
 
     Parameters
@@ -183,14 +192,16 @@ def placed_names(planned: FlightPlanned, paper: SheetMapping, units: Units) -> t
         Units of lengths.
     """
     wanted = [
-        Wanted(text, kind, paper(at)[None], gap=_BESIDE)
+        TextRequest(text, kind, paper(at)[None], gap=_BESIDE)
         for kind, text, at in _names(planned, units)
     ]
     sheet = np.zeros(2), np.array([WIDTH, paper.height])
-    return placed_texts(wanted, sheet, _taken(planned, paper), letters=LETTERS, reach=_REACH)[0]
+    return place_texts(
+        wanted, sheet, _occupied_boxes(planned, paper), letters=LETTERS, reach=_REACH
+    )[0]
 
 
-def _taken(planned: FlightPlanned, paper: SheetMapping) -> Floats:
+def _occupied_boxes(planned: FlightPlanned, paper: SheetMapping) -> Floats:
     """Return (n, 5) boxes to keep free of names: reference lines, photos, points, bar and arrow."""
     lines = planned.lines
     starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
@@ -219,7 +230,7 @@ def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[str, str, Flo
     lines, measured, points = planned.lines, planned.measurements, planned.points
     middles = (lines.start_world_m + lines.end_world_m) / 2
     for name, length, at in zip(lines.name, lines.length_m, middles, strict=True):
-        yield "line", f"{name} {in_units(metres(float(length)), units)}", at
+        yield "line", f"{name} {convert_sentence(metres(float(length)), units)}", at
     for name, at in zip(planned.plates.name, planned.plates.center_world_m, strict=True):
         yield "plate", name, at
     for number, at in enumerate(planned.area_world_m, start=1):
@@ -243,12 +254,12 @@ def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[str, str, Flo
             yield "point", label, at
 
 
-MOST_FOOTPRINTS = 8
+MAX_FOOTPRINTS = 8
 """Largest number of outlined photos: more would hide the ground."""
 
 _TRIANGLE = np.array([[0.0, -11.0], [6.5, 7.0], [0.0, 3.0], [-6.5, 7.0]])
 _TICK = 7.0
-_LEAST_PLATE = 9.0
+_MIN_PLATE = 9.0
 """Least half diagonal of a plate on paper."""
 
 
@@ -294,7 +305,7 @@ class FieldDrawing:
     plates: tuple[str, ...]
     wanted: tuple[str, ...]
     points: tuple[tuple[float, float], ...]
-    names: tuple[Text, ...]
+    names: tuple[PlacedText, ...]
     bar: float
     bar_text: str
 
@@ -310,13 +321,13 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
         ]
     )
     paper = SheetMapping.showing(shown)
-    every = -(-len(frames.name) // MOST_FOOTPRINTS)
+    every = -(-len(frames.name) // MAX_FOOTPRINTS)
     starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
     bar_m, bar_text = round_bar(WIDTH / 5 / paper.scale, units)
     return FieldDrawing(
         width=WIDTH,
         height=paper.height,
-        shading=shading(planned, paper),
+        shading=shade_cells(planned, paper),
         area=svg_points(paper(planned.area_world_m)),
         no_go=tuple(svg_points(paper(ring)) for ring in planned.no_go_world_m),
         footprints=tuple(svg_points(paper(ring)) for ring in frames.footprint_world_m[::every]),
@@ -328,7 +339,7 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
         plates=_plates(paper(planned.plates.corner_world_m)),
         wanted=tuple(svg_points(paper(strip)) for some in wanted_shapes(planned) for strip in some),
         points=tuple((x, y) for x, y in paper(points.world_m).tolist()),
-        names=placed_names(planned, paper, units),
+        names=place_names(planned, paper, units),
         bar=bar_m * paper.scale,
         bar_text=bar_text,
     )
@@ -346,7 +357,7 @@ def _triangles(places: Floats, heading_deg: Floats) -> tuple[str, ...]:
 def _plates(corners: Floats) -> tuple[str, ...]:
     middle = corners.mean(axis=1, keepdims=True)
     half = np.linalg.norm(corners - middle, axis=-1, keepdims=True)
-    larger = np.maximum(_LEAST_PLATE / np.maximum(half, 1e-9), 1.0)
+    larger = np.maximum(_MIN_PLATE / np.maximum(half, 1e-9), 1.0)
     return tuple(svg_points(ring) for ring in middle + larger * (corners - middle))
 
 
@@ -380,25 +391,25 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         planned=planned,
         view=field_drawing(planned, units),
         letters=LETTERS,
-        headline=headline(planned),
-        outcome=outcome(planned),
+        headline=summarise_work(planned),
+        outcome=describe_accuracy(planned),
         lines=line_rows(planned),
         plates=plate_rows(planned),
         wanted=value_rows(planned, units),
         facts=flight_facts(planned),
         corners=corners_on_earth(planned),
-        unchecked=unchecked(planned),
-        lost=if_a_line_is_lost(planned),
+        unchecked=unchecked_lines(planned),
+        lost=describe_alternatives(planned),
         take_off=take_off_words(planned),
-        chosen=chosen(planned),
-        assumed=assumed(planned),
+        chosen=describe_criterion(planned),
+        assumed=list_assumptions(planned),
         plate_side=plate_side(planned),
         longest=metres(math.ceil(lengths.max())) if len(lengths) else "",
         length_of_map=metres(planned.grid.length_m),
         has_log=planned.assumptions.telemetry != "none",
         units=units,
-        length_unit=column(units).symbol,
-        kept_names=like_lengths(named),
+        length_unit=table_unit(units).symbol,
+        kept_names=select_like_lengths(named),
     )
 
 

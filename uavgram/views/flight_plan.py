@@ -222,7 +222,7 @@ LOGS = {
 }
 
 
-def headline(planned: FlightPlanned) -> str:
+def summarise_work(planned: FlightPlanned) -> str:
     """State the work in one sentence."""
     lines, photos = len(planned.lines.name), len(planned.frames.name)
     lay = f"Lay and tape {counted(lines, 'line')}, then take" if lines else "Take"
@@ -238,7 +238,7 @@ def plate_side(planned: FlightPlanned) -> str:
     return f"{100 * planned.plates.side_m:g} cm"
 
 
-def outcome(planned: FlightPlanned) -> tuple[str, ...]:
+def describe_accuracy(planned: FlightPlanned) -> tuple[str, ...]:
     """Describe the accuracy to expect."""
     wanted = planned.measurements
     told = []
@@ -300,7 +300,7 @@ def corners_on_earth(planned: FlightPlanned) -> tuple[str, ...]:
     return tuple(f"{a:.6f}, {b:.6f}" for a, b in zip(latitude, longitude, strict=True))
 
 
-def chosen(planned: FlightPlanned) -> str:
+def describe_criterion(planned: FlightPlanned) -> str:
     """State the criterion by which lines or plates were placed; empty if there are none."""
     if not planned.laid.name:
         return ""
@@ -324,14 +324,14 @@ def of_lengths(planned: FlightPlanned) -> str:
     return " of the lengths" if "m" in unit and set(unit) != {"m"} else ""
 
 
-def unchecked(planned: FlightPlanned) -> tuple[str, ...]:
+def unchecked_lines(planned: FlightPlanned) -> tuple[str, ...]:
     """Return the lines for which a wrong reading would not be detected."""
     lines = planned.lines
     weak = ~np.isfinite(lines.mdb_m) | (lines.redundancy < LOW_CHECK)
     return tuple(name for name, is_weak in zip(lines.name, weak, strict=True) if is_weak)
 
 
-def if_a_line_is_lost(planned: FlightPlanned) -> tuple[str, ...]:
+def describe_alternatives(planned: FlightPlanned) -> tuple[str, ...]:
     """Describe alternatives if a line or plate cannot be laid out, and the worst loss."""
     lines = planned.laid
     if not lines.name:
@@ -377,7 +377,7 @@ def take_off_words(planned: FlightPlanned) -> str:
     )
 
 
-def assumed(planned: FlightPlanned) -> str:
+def list_assumptions(planned: FlightPlanned) -> str:
     """List the assumptions of the prediction."""
     rests = planned.assumptions
     log = LOGS.get(rests.telemetry, f"a log of the class {rests.telemetry}")

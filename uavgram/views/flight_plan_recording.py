@@ -17,16 +17,16 @@ from uavgram.model.naming import METRIC, Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.stages.products.planned_layers import grid_cells, wanted_shapes
 from uavgram.views.flight_plan import (
-    assumed,
     centimetres,
-    chosen,
+    describe_accuracy,
+    describe_alternatives,
+    describe_criterion,
     flight_facts,
-    headline,
-    if_a_line_is_lost,
     line_rows,
+    list_assumptions,
     metres,
-    outcome,
     plate_rows,
+    summarise_work,
     take_off_words,
     value_rows,
 )
@@ -34,7 +34,7 @@ from uavgram.views.pages import plain, table
 from uavgram.views.recording.blueprint import BACKGROUND, layout, space_view
 from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE, Eye
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.recording.view_texts import log_in_space, place_in_space, polylines
+from uavgram.views.recording.view_texts import log_in_space, make_polylines, place_in_space
 from uavgram.views.recording.world.legend import (
     FONT_PX,
     GAP_PX,
@@ -43,7 +43,8 @@ from uavgram.views.recording.world.legend import (
     TEXT,
     WIDTH_PX,
 )
-from uavgram.views.recording.world.survey import closed
+from uavgram.views.recording.world.survey import close_border
+from uavgram.views.sentence_units import convert_sentence, select_like_lengths
 from uavgram.views.style import (
     BAD,
     MEASURED,
@@ -54,8 +55,7 @@ from uavgram.views.style import (
     Rgb,
     scale_colours,
 )
-from uavgram.views.survey.drawing import corner_rays, longest_middle, pyramids
-from uavgram.views.unit_words import in_units, like_lengths
+from uavgram.views.survey.outlines import corner_rays, longest_middle, pyramids
 
 SUMMARY, LAY, PHOTO = "documents/summary", "documents/lines", "documents/photo"
 
@@ -73,17 +73,19 @@ def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units)
         Units of the lengths shown.
     """
     named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
-    kept = like_lengths(named)
+    kept = select_like_lengths(named)
     for path, text in ((SUMMARY, summary_page(planned, units)), (LAY, lines_page(planned))):
-        told = in_units(text, units, kept)
+        told = convert_sentence(text, units, kept)
         recorder.static(path, rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN))
-    sheets = [in_units(photo_page(planned, k), units) for k in range(len(planned.frames.name))]
+    sheets = [
+        convert_sentence(photo_page(planned, k), units) for k in range(len(planned.frames.name))
+    ]
     recorder.sheets(PHOTO, sheets)
 
 
 def summary_page(planned: FlightPlanned, units: Units) -> str:
     """Write the summary page."""
-    parts = [f"# {plain(headline(planned))}", *map(plain, outcome(planned))]
+    parts = [f"# {plain(summarise_work(planned))}", *map(plain, describe_accuracy(planned))]
     parts += [f"**{plain(m.text)}** `{m.code}`" for m in planned.messages if m.level != "info"]
     if planned.measurements.name:
         rows = [
@@ -103,7 +105,9 @@ def summary_page(planned: FlightPlanned, units: Units) -> str:
     if planned.gains:
         more = [(plain(gain.what), f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
         parts += ["## Other choices", table(("with", "on average"), more)]
-    parts += [plain(text) for text in (chosen(planned), assumed(planned)) if text]
+    parts += [
+        plain(text) for text in (describe_criterion(planned), list_assumptions(planned)) if text
+    ]
     parts += [f"{plain(m.text)} `{m.code}`" for m in planned.messages if m.level == "info"]
     return "\n\n".join(parts)
 
@@ -124,11 +128,11 @@ def lines_page(planned: FlightPlanned) -> str:
     if planned.plates.name:
         plates = [(row.name, plain(row.place), str(row.photos)) for row in plate_rows(planned)]
         laid = table(("plate", "middle", "photos"), plates)
-        return "\n\n".join([laid, *map(plain, if_a_line_is_lost(planned))])
+        return "\n\n".join([laid, *map(plain, describe_alternatives(planned))])
     if not rows:
         return "No line is to be laid."
     head = ("line", "length", "from", "to", "photos", "mistake noticed from")
-    return "\n\n".join([table(head, rows), *map(plain, if_a_line_is_lost(planned))])
+    return "\n\n".join([table(head, rows), *map(plain, describe_alternatives(planned))])
 
 
 def photo_page(planned: FlightPlanned, row: int) -> str:
@@ -177,9 +181,9 @@ def draw_plan_legend(planned: FlightPlanned, units: Units) -> Image.Image:
     if reach is None:
         pen.text((20, ROWS_PX[1]), "nothing can be measured in the area", fill=TEXT, font=font)
         return image
-    length = in_units(metres(planned.grid.length_m), units)
+    length = convert_sentence(metres(planned.grid.length_m), units)
     words = f"ground: lengths of {length} will be known to ± "
-    low, high = (in_units(centimetres(one), units) for one in reach)
+    low, high = (convert_sentence(centimetres(one), units) for one in reach)
     x = 20.0
     pen.text((x, ROWS_PX[1]), words + low, fill=TEXT, font=font)
     x += pen.textlength(words + low, font=font) + 16
@@ -271,13 +275,13 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
     lines = planned.lines
     strips = np.stack([lines.start_world_m, lines.end_world_m], axis=1)
     if len(strips):
-        recorder.static(f"{SPACE}/lines_to_lay", polylines(strips, REFERENCE, 5.0))
+        recorder.static(f"{SPACE}/lines_to_lay", make_polylines(strips, REFERENCE, 5.0))
     if planned.plates.name:
-        rings = [closed(ring) for ring in planned.plates.corner_world_m]
-        recorder.static(f"{SPACE}/plates_to_lay", polylines(rings, REFERENCE, 5.0))
+        rings = [close_border(ring) for ring in planned.plates.corner_world_m]
+        recorder.static(f"{SPACE}/plates_to_lay", make_polylines(rings, REFERENCE, 5.0))
     wanted = [strip for some in wanted_shapes(planned) for strip in some]
     if wanted:
-        recorder.static(f"{SPACE}/wanted", polylines(wanted, MEASURED, 3.0))
+        recorder.static(f"{SPACE}/wanted", make_polylines(wanted, MEASURED, 3.0))
     if planned.points.label:
         dots = rr.Points3D(planned.points.world_m, colors=MEASURED, radii=rr.Radius.ui_points(3.5))
         recorder.static(f"{SPACE}/points", dots)
@@ -296,11 +300,11 @@ def map_colours(share: Floats) -> Pixels:
 
 
 def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
-    area = [closed(planned.area_world_m)]
-    recorder.static(f"{SPACE}/area", polylines(area, OBSERVED, 2.0))
+    area = [close_border(planned.area_world_m)]
+    recorder.static(f"{SPACE}/area", make_polylines(area, OBSERVED, 2.0))
     if planned.no_go_world_m:
-        rings = [closed(ring) for ring in planned.no_go_world_m]
-        recorder.static(f"{SPACE}/keep_out", polylines(rings, BAD, 4.0))
+        rings = [close_border(ring) for ring in planned.no_go_world_m]
+        recorder.static(f"{SPACE}/keep_out", make_polylines(rings, BAD, 4.0))
     reach = accuracy_range(planned)
     if reach is None:
         return
@@ -324,10 +328,10 @@ def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> Non
     frames = planned.frames
     if len(frames.name) > 1:
         way = [frames.center_world_m]
-        recorder.static(f"{SPACE}/flight", polylines(way, REFINED, 1.5))
-    recorder.static(f"{SPACE}/photos", polylines(scene.frusta_m, REFINED, 1.5))
-    rings = [closed(ring) for ring in frames.footprint_world_m]
-    recorder.static(f"{SPACE}/footprints", polylines(rings, QUIET, 0.8))
+        recorder.static(f"{SPACE}/flight", make_polylines(way, REFINED, 1.5))
+    recorder.static(f"{SPACE}/photos", make_polylines(scene.frusta_m, REFINED, 1.5))
+    rings = [close_border(ring) for ring in frames.footprint_world_m]
+    recorder.static(f"{SPACE}/footprints", make_polylines(rings, QUIET, 0.8))
     _one_by_one(recorder, f"{SPACE}/this_photo", list(scene.frusta_m), 3.0)
     _one_by_one(recorder, f"{SPACE}/footprint_of_this_photo", rings, 2.0)
 
@@ -339,12 +343,12 @@ def _one_by_one(recorder: Recorder, path: str, strips: list[Floats], width: floa
     recorder.each(path, lambda some: rr.LineStrips3D.columns(strips=[strips[k] for k in some]))
 
 
-def _named(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str]]:
+def _name_places(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str]]:
     """Return (3,) places on the ground and their names, the most important first."""
     lines, rows = planned.lines, planned.measurements
     places = list((lines.start_world_m + lines.end_world_m) / 2)
     words = [
-        f"{name} {in_units(metres(float(length)), units)}"
+        f"{name} {convert_sentence(metres(float(length)), units)}"
         for name, length in zip(lines.name, lines.length_m, strict=True)
     ]
     places += list(planned.plates.center_world_m)
@@ -354,7 +358,9 @@ def _named(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str
     ):
         if strips:
             places.append(longest_middle(strips))
-            known = f" ± {in_units(centimetres(float(sigma)), units)}" if unit == "m" else ""
+            known = (
+                f" ± {convert_sentence(centimetres(float(sigma)), units)}" if unit == "m" else ""
+            )
             words.append(f"{name}{known}")
     places += [ring.mean(axis=0) for ring in planned.no_go_world_m]
     words += ["keep out"] * len(planned.no_go_world_m)
@@ -365,7 +371,7 @@ def _named(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str
 
 def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
     """Log separate names for both views, as their free space differs."""
-    places, words = _named(planned, units)
+    places, words = _name_places(planned, units)
     frames, points = planned.frames, planned.points.world_m
     above = np.array(places)
     log_in_space(recorder, FLAT_NAMES, place_in_space(scene.top_eye, above, words, dots_m=points))

@@ -26,7 +26,7 @@ NOT_UNIQUE = (
 LEVEL_RANK = {"error": 0, "warning": 1, "info": 2}
 """Order in which messages are shown."""
 
-LEAST_SHIFT = 1e-4
+MIN_SHIFT = 1e-4
 """Smallest shift that is shown with two digits, in the unit of its value."""
 
 UNIT_WORDS = {"m": "m", "m2": "m²", "m3": "m³", "deg": "°", "m/s": "m/s"}
@@ -197,7 +197,7 @@ def parameter_text(value: float, sigma: float) -> str:
     return plus_minus(value, sigma, max(0, 1 - math.floor(math.log10(sigma))))
 
 
-def with_sigma(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
+def format_with_sigma(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
     """Format a value with its sigma: ``12.345 ± 0.021 m``, or in other units.
 
     Parameters
@@ -214,7 +214,7 @@ def with_sigma(value: float, sigma: float, unit: str, units: Units = METRIC) -> 
     return shown_units.quantity(value, sigma, unit, units)
 
 
-def interval(low: float, high: float, sigma: float, unit: str, units: Units = METRIC) -> str:
+def format_interval(low: float, high: float, sigma: float, unit: str, units: Units = METRIC) -> str:
     """Format an interval: ``12.304 to 12.386 m``, or an en dash.
 
     Parameters
@@ -297,14 +297,16 @@ def measurement_text(rows: MeasurementResults, row: int, units: Units = METRIC) 
         name=rows.name[row],
         kind=KIND_WORDS.get(rows.kind[row], rows.kind[row]),
         points=rows.points[row],
-        value=with_sigma(value, sigma, unit, units),
-        interval=interval(low, high, sigma, unit, units),
-        relative="–" if rows.kind[row] in SIGNED_KINDS else relative(value, sigma, unit),
+        value=format_with_sigma(value, sigma, unit, units),
+        interval=format_interval(low, high, sigma, unit, units),
+        relative="–"
+        if rows.kind[row] in SIGNED_KINDS
+        else format_relative_sigma(value, sigma, unit),
         others=alternatives_text(rows, row, units),
     )
 
 
-def relative(value: float, sigma: float, unit: str) -> str:
+def format_relative_sigma(value: float, sigma: float, unit: str) -> str:
     """Format sigma in percent of the value; an en dash for angles, zero and NaN.
 
     Parameters
@@ -323,7 +325,7 @@ def shift_text(shift: float, unit: str) -> str:
     """Format a shift with two digits and its unit; an en dash if there is none."""
     if not math.isfinite(shift):
         return "–"
-    places = max(0, 1 - math.floor(math.log10(abs(shift)))) if abs(shift) > LEAST_SHIFT else 3
+    places = max(0, 1 - math.floor(math.log10(abs(shift)))) if abs(shift) > MIN_SHIFT else 3
     return f"{abs(shift):.{places}f} {UNIT_WORDS.get(unit, unit)}"
 
 
@@ -339,7 +341,7 @@ def utc(time_utc_s: float) -> str:
     return datetime.fromtimestamp(time_utc_s, tz=UTC).strftime("%Y-%m-%d %H:%M:%S.%f")[:-4]
 
 
-def place(result: Result) -> str:
+def describe_origin(result: Result) -> str:
     """Describe the origin of the world in one sentence."""
     world = result.world
     if world.origin is None and world.gauge == "world":
@@ -360,7 +362,7 @@ def place(result: Result) -> str:
     )
 
 
-def worst_first(measurements: MeasurementResults) -> Ints:
+def order_worst_first(measurements: MeasurementResults) -> Ints:
     """Order the measurements: without value, not unique, then the least certain.
 
     Uncertainty is compared relative to the value; for angles as the angle itself in radians; for
@@ -389,22 +391,22 @@ def worst_first(measurements: MeasurementResults) -> Ints:
     return np.lexsort((-badness, is_known & ~unsure, is_known)).astype(np.int64)
 
 
-def worst_fit_first(w: Floats) -> Ints:
+def order_worst_fit_first(w: Floats) -> Ints:
     """Return (N,) rows by absolute test statistic, the largest first; rows without one are last."""
     return np.argsort(-np.nan_to_num(np.abs(w), nan=-1.0), kind="stable").astype(np.int64)
 
 
-def computed_first(measurements: MeasurementResults) -> Ints:
-    """Return (M,) the order of `worst_first` with values not computed at the end: for pages."""
-    order = worst_first(measurements)
+def order_computed_first(measurements: MeasurementResults) -> Ints:
+    """Return (M,) the order of `order_worst_first`, values not computed at the end: for pages."""
+    order = order_worst_first(measurements)
     return order[np.argsort(np.isnan(measurements.value[order]), kind="stable")]
 
 
-def shapes_first(rows: MeasurementResults) -> tuple[int, ...]:
-    """Return the rows in the order of `computed_first`, but with coordinates last.
+def order_shapes_first(rows: MeasurementResults) -> tuple[int, ...]:
+    """Return the rows in the order of `order_computed_first`, but with coordinates last.
 
     A coordinate contains the error of the drone's receiver, metres, which no length contains: at
     the head of a table it would give a wrong impression of all other values.
     """
-    order = [int(i) for i in computed_first(rows)]
+    order = [int(i) for i in order_computed_first(rows)]
     return tuple(sorted(order, key=lambda i: rows.kind[i] == "coordinate"))

@@ -25,8 +25,8 @@ from jinja2.runtime import Context
 from uavgram.model.naming import METRIC
 from uavgram.model.result.result import Result
 from uavgram.views import formatting
-from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
-from uavgram.views.units import column, units_of
+from uavgram.views.sentence_units import convert_sentence, exact_lengths, list_names_like_lengths
+from uavgram.views.units import table_unit, units_of
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
@@ -57,7 +57,7 @@ class CompiledTemplates(jinja2.FileSystemBytecodeCache):
 
 
 # Longer tables are in the files beside the recording.
-MOST_ROWS = 200
+MAX_ROWS = 200
 
 
 def plain(text: str) -> str:
@@ -67,8 +67,8 @@ def plain(text: str) -> str:
 
 def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Format a Markdown table, with a note if rows are omitted."""
-    body = ["| " + " | ".join(cells) + " |" for cells in rows[:MOST_ROWS]]
-    more = len(rows) - MOST_ROWS
+    body = ["| " + " | ".join(cells) + " |" for cells in rows[:MAX_ROWS]]
+    more = len(rows) - MAX_ROWS
     note = [f"\n{more} more rows are in the report and in results.json."] if more > 0 else []
     rule = "|" + " --- |" * len(header)
     return "\n".join(["| " + " | ".join(header) + " |", rule, *body, *note])
@@ -92,13 +92,14 @@ def units_shown(result: Result) -> dict[str, object]:
     """Return the variables of a survey's template that define its units.
 
     Tables have the `length_unit` in their heads, and numbers by the filter `in_length_unit`. Texts
-    that contain their unit, such as ``1.40 m``, are converted when they are written: see `_told`.
+    that contain their unit, such as ``1.40 m``, are converted when they are written: see
+    `_convert_lengths`.
     """
     units = units_of(result)
     return {
         "units": units,
-        "length_unit": column(units).symbol,
-        "kept_names": names_like_lengths(result),
+        "length_unit": table_unit(units).symbol,
+        "kept_names": list_names_like_lengths(result),
         "exact_lengths": exact_lengths(result),
     }
 
@@ -106,21 +107,21 @@ def units_shown(result: Result) -> dict[str, object]:
 @pass_context
 def in_length_unit(context: Context, length_m: Any) -> Any:  # noqa: ANN401 (a number or an array)
     """Convert a length, or an array of lengths, to the unit of the table heads."""
-    return length_m * column(context.get("units", METRIC)).factor
+    return length_m * table_unit(context.get("units", METRIC)).factor
 
 
 _PICTURE = "data:image/"
 
 
 @pass_context
-def _told(context: Context, value: object) -> object:
+def _convert_lengths(context: Context, value: object) -> object:
     """Convert the lengths in a sentence of a template to the units of the survey."""
     if not isinstance(value, str) or _PICTURE in value:  # long; its texts are converted already
         return value
     if " " not in value and "\u00a0" not in value:  # most values: no unit in them
         return value
     kept, exact = context.get("kept_names", ()), context.get("exact_lengths", ())
-    text = in_units(value, context.get("units", METRIC), kept, exact)
+    text = convert_sentence(value, context.get("units", METRIC), kept, exact)
     return value if text is value else type(value)(text)
 
 
@@ -149,12 +150,12 @@ def page_environment() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_told,
+        finalize=_convert_lengths,
         # a cached template must not contain the result of a filter for a constant
         optimized=False,
         bytecode_cache=CompiledTemplates(),
     )
     environment.filters.update({word.__name__: word for word in WORDS})
     environment.filters["in_length_unit"] = in_length_unit
-    environment.globals.update(zip=zip, most_rows=MOST_ROWS)
+    environment.globals.update(zip=zip, most_rows=MAX_ROWS)
     return environment

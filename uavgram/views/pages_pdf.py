@@ -29,21 +29,21 @@ _LABEL = re.compile(r'aria-label="([^"]*)"')
 _SPACE = 'xmlns="http://www.w3.org/2000/svg"'
 
 
-class Part(NamedTuple):
+class PageFile(NamedTuple):
     """File of the page: its type and content."""
 
     kind: str
     content: bytes
 
 
-class TakenApart(NamedTuple):
+class SplitPage(NamedTuple):
     """Page without its drawings and photos, and these parts by their addresses."""
 
     html: str
-    parts: dict[str, Part]
+    parts: dict[str, PageFile]
 
 
-def take_apart(html: str) -> TakenApart:
+def split_page(html: str) -> SplitPage:
     """Move each drawing and photo to a file of its own; styles of drawings then apply to images.
 
     Parameters
@@ -51,7 +51,7 @@ def take_apart(html: str) -> TakenApart:
     html
         A page with inline drawings, and photos as data URLs.
     """
-    parts: dict[str, Part] = {}
+    parts: dict[str, PageFile] = {}
 
     def photo(found: re.Match[str]) -> str:
         return _add(parts, PHOTO, base64.b64decode(found[1]))
@@ -66,22 +66,22 @@ def take_apart(html: str) -> TakenApart:
 
     short = _DRAWING.sub(drawing, _PHOTO.sub(photo, html))
     styled = _STYLE.sub(lambda found: re.sub(r"\bsvg\b", "img", found[0]), short)
-    return TakenApart(styled, parts)
+    return SplitPage(styled, parts)
 
 
-def _add(parts: dict[str, Part], kind: str, content: bytes) -> str:
+def _add(parts: dict[str, PageFile], kind: str, content: bytes) -> str:
     address = f"{SCHEME}:{len(parts)}"
-    parts[address] = Part(kind, content)
+    parts[address] = PageFile(kind, content)
     return address
 
 
 MARK = "plain"
 """Class of the tables that become text: their cells hold plain words and numbers only."""
 
-MOST_ROWS = 5
+MAX_ROWS = 5
 """Rows of a block, which is not split over pages; the head is repeated on each page."""
 
-LARGEST_PT, LEAST_PT = 7.0, 4.6
+LARGEST_PT, MIN_PT = 7.0, 4.6
 """Font sizes: as large as the widest line allows; if below the least, the table is kept."""
 
 _ROOM_PT = 182 / 25.4 * 72
@@ -114,7 +114,7 @@ class _Cell(NamedTuple):
     """CSS classes of a highlighted cell; else empty."""
 
 
-def with_text_tables(html: str) -> str:
+def convert_tables_to_text(html: str) -> str:
     """Replace the marked tables of a page by text if all their cells are plain and fit."""
     return _TABLE.sub(lambda found: _as_text(found[1]) or found[0], html)
 
@@ -161,7 +161,7 @@ def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]
         for k in range(len(right))
     ]
     size_pt = min(LARGEST_PT, _ROOM_PT / (_LETTER * (sum(widths) + _GAP * (len(widths) - 1))))
-    if size_pt < LEAST_PT:
+    if size_pt < MIN_PT:
         return ""
     head = "\n".join(line for row in heads for line in _head(row, widths, right))
     lines = [_line(row, widths, right) for row in body]
@@ -169,7 +169,7 @@ def _blocks(heads: list[list[_Cell]], body: list[list[_Cell]], right: list[bool]
     named = f'<thead><tr><th><pre class="head" {style}>{head}</pre></th></tr></thead>'
     blocks = "".join(
         f"<tr><td><pre {style}>{chr(10).join(some)}</pre></td></tr>"
-        for some in (lines[k : k + MOST_ROWS] for k in range(0, len(lines), MOST_ROWS))
+        for some in (lines[k : k + MAX_ROWS] for k in range(0, len(lines), MAX_ROWS))
     )
     return f'<table class="columns">{named if head else ""}<tbody>{blocks}</tbody></table>'
 
@@ -232,9 +232,9 @@ def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
     weasyprint = weasyprint_for(name)
     # WeasyPrint reports every screen style that it ignores
     logging.getLogger("weasyprint").setLevel(logging.ERROR)
-    with warnings.catch_warnings(), _without_collector():
+    with warnings.catch_warnings(), _pause_garbage_collection():
         warnings.simplefilter("ignore", ResourceWarning)  # it leaves its colour profile open
-        short, parts = take_apart(with_text_tables(html))
+        short, parts = split_page(convert_tables_to_text(html))
         inside = _fetcher(weasyprint, parts)
         page: bytes = weasyprint.HTML(string=short, url_fetcher=inside).write_pdf(
             stylesheets=[weasyprint.CSS(string=SHEET + sheet)], **options
@@ -243,7 +243,7 @@ def page_pdf(html: str, sheet: str, name: str, **options: object) -> bytes:
 
 
 @contextmanager
-def _without_collector() -> Iterator[None]:
+def _pause_garbage_collection() -> Iterator[None]:
     """Disable the garbage collector during a layout, which keeps nearly all its objects.
 
     The collector would take a tenth of the time.
@@ -257,7 +257,7 @@ def _without_collector() -> Iterator[None]:
             gc.enable()
 
 
-def _fetcher(weasyprint: Any, parts: dict[str, Part]) -> Any:  # noqa: ANN401
+def _fetcher(weasyprint: Any, parts: dict[str, PageFile]) -> Any:  # noqa: ANN401
     """Make a fetcher that returns the page's own parts and loads nothing from elsewhere."""
 
     class Inside(weasyprint.urls.URLFetcher):  # type: ignore[misc]

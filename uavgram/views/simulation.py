@@ -14,8 +14,8 @@ from uavgram.model.result.verdict import VerdictLevel
 from uavgram.model.simulation import Accuracy, Repetitions, Simulation, Variant
 from uavgram.views.formatting import number
 from uavgram.views.pages import page
-from uavgram.views.terminal import aligned
-from uavgram.views.units import decimals, shown
+from uavgram.views.terminal import align_columns
+from uavgram.views.units import decimals, display_unit
 
 MUCH = 1.5
 """Errors over stated sigmas above which a survey is called wrong instead of optimistic."""
@@ -79,7 +79,7 @@ HEADER = (
 )
 
 
-def rows_of(found: Repetitions, accuracy: Accuracy) -> list[Cells]:
+def measurement_rows(found: Repetitions, accuracy: Accuracy) -> list[Cells]:
     """Return the rows of all measurements in the order of the scenario.
 
     Parameters
@@ -92,7 +92,7 @@ def rows_of(found: Repetitions, accuracy: Accuracy) -> list[Cells]:
 
 def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
     spread = float(accuracy.spread[i])
-    one = shown(found.unit[i], METRIC)
+    one = display_unit(found.unit[i], METRIC)
     sized = spread if math.isfinite(spread) else float(found.predicted[i])
     places = decimals(sized * one.factor, one)
 
@@ -124,7 +124,7 @@ def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
     )
 
 
-def level_of(simulation: Simulation) -> VerdictLevel:
+def rate_sigmas(simulation: Simulation) -> VerdictLevel:
     """Rate the sigmas: green if they hold; amber if errors are larger; red if much larger.
 
     It is also red if too many repetitions gave no result.
@@ -140,12 +140,16 @@ def level_of(simulation: Simulation) -> VerdictLevel:
     return "green"
 
 
-def headline(simulation: Simulation) -> str:
+def summarise_simulation(simulation: Simulation) -> str:
     """Describe the result in a sentence for everyone."""
     if not np.isfinite(simulation.accuracy.z).any():
         return "None of the repetitions gave a result."
-    level = level_of(simulation)
-    bad = [row.name for row in rows_of(simulation.repetitions, simulation.accuracy) if row.is_bad]
+    level = rate_sigmas(simulation)
+    bad = [
+        row.name
+        for row in measurement_rows(simulation.repetitions, simulation.accuracy)
+        if row.is_bad
+    ]
     if level == "green":
         return "The program's ± are reliable here: the errors were no larger than stated."
     if not bad:
@@ -161,7 +165,7 @@ def headline(simulation: Simulation) -> str:
     )
 
 
-def counts(found: Repetitions) -> str:
+def count_repetitions(found: Repetitions) -> str:
     """Count the repetitions that gave a result, by colour."""
     colours = Counter(level for level in found.level if level is not None)
     told = ", ".join(f"{colours[one]} {one}" for one in ("green", "amber", "red") if colours[one])
@@ -174,7 +178,7 @@ def counts(found: Repetitions) -> str:
     return "; ".join(parts) + "."
 
 
-def reasons(found: Repetitions, most: int = 5) -> list[tuple[int, str]]:
+def count_failures(found: Repetitions, most: int = 5) -> list[tuple[int, str]]:
     """Count the reasons of failed repetitions, in the words of the first of each kind."""
     told = [text for text in found.failure if text]
     kinds = Counter(_kind(text) for text in told)
@@ -187,12 +191,12 @@ def _kind(text: str) -> str:
     return "".join(letter for letter in text if not letter.isdigit())
 
 
-def warned(found: Repetitions, most: int = 8) -> list[tuple[str, int]]:
+def count_warnings(found: Repetitions, most: int = 8) -> list[tuple[str, int]]:
     """Return the most frequent warnings, and the number of repetitions with each."""
     return Counter(code for codes in found.codes for code in codes).most_common(most)
 
 
-def unlike(simulation: Simulation) -> str:
+def describe_changed_values(simulation: Simulation) -> str:
     """Describe the values drawn otherwise than stated, in a sentence; empty if there are none."""
     told = []
     for one in simulation.unlike:
@@ -207,7 +211,7 @@ def unlike(simulation: Simulation) -> str:
     )
 
 
-def amiss(simulation: Simulation) -> str:
+def describe_unstated_errors(simulation: Simulation) -> str:
     """Describe the errors of the scenario that its project does not state; empty if none."""
     named = [_named(key) for key in simulation.deviations]
     if not named:
@@ -224,7 +228,7 @@ def _named(key: str) -> str:
     return f"{words} ({key})" if words else key
 
 
-class Cost(NamedTuple):
+class ErrorEffect(NamedTuple):
     """Effect of one error of the scenario."""
 
     what: str
@@ -234,7 +238,7 @@ class Cost(NamedTuple):
     green: str
 
 
-def costs(simulation: Simulation) -> list[Cost]:
+def error_effects(simulation: Simulation) -> list[ErrorEffect]:
     """Return all variants of a simulation, and itself last; empty if none were requested."""
     if not simulation.variants:
         return []
@@ -244,16 +248,16 @@ def costs(simulation: Simulation) -> list[Cost]:
         repetitions=simulation.repetitions,
         accuracy=simulation.accuracy,
     )
-    return [_cost(one, clean) for one in (*simulation.variants, whole)]
+    return [_error_effect(one, clean) for one in (*simulation.variants, whole)]
 
 
-def _cost(one: Variant, clean: Variant) -> Cost:
+def _error_effect(one: Variant, clean: Variant) -> ErrorEffect:
     ratio = _rms_error(one) / _rms_error(clean)
     known = ratio[np.isfinite(ratio)]
     z = one.accuracy.z[np.isfinite(one.accuracy.z)]
     within = one.accuracy.coverage[:, 1]
     green = sum(level == "green" for level in one.repetitions.level)
-    return Cost(
+    return ErrorEffect(
         what=_named(one.name),
         error=f"{np.median(known):.2f}" if known.size else "–",
         z=f"{np.sqrt(np.mean(z**2)):.2f}" if z.size else "–",
@@ -318,7 +322,7 @@ def _across(ratio: float) -> float:
     return LEFT + (WIDTH - LEFT - RIGHT) * share
 
 
-def ranges_of(simulation: Simulation) -> Ranges:
+def draw_ranges(simulation: Simulation) -> Ranges:
     """Draw the error over stated sigma of each measurement, with its 95 % range.
 
     Parameters
@@ -345,7 +349,7 @@ def ranges_of(simulation: Simulation) -> Ranges:
     return Ranges(WIDTH, TOP + ROW * len(rows) + BOTTOM, ticks, rows)
 
 
-def curve_of(simulation: Simulation) -> Curve | None:
+def draw_convergence(simulation: Simulation) -> Curve | None:
     """Draw spread over prediction against the number of repetitions; return None if too few.
 
     Parameters
@@ -395,13 +399,17 @@ def simulation_lines(simulation: Simulation) -> list[str]:
     simulation
         The simulation.
     """
-    rows = rows_of(simulation.repetitions, simulation.accuracy)
-    table = aligned([HEADER, *(row[:-1] for row in rows)], right=tuple(range(2, len(HEADER))))
-    lines = [table, "", headline(simulation), counts(simulation.repetitions)]
-    lines += [text for text in (amiss(simulation), unlike(simulation)) if text]
-    lines += [f"  {count} times: {text}" for count, text in reasons(simulation.repetitions)]
-    if found := costs(simulation):
-        lines += ["", aligned([COST_HEADER, *found], right=(1, 2, 3, 4))]
+    rows = measurement_rows(simulation.repetitions, simulation.accuracy)
+    table = align_columns([HEADER, *(row[:-1] for row in rows)], right=tuple(range(2, len(HEADER))))
+    lines = [table, "", summarise_simulation(simulation), count_repetitions(simulation.repetitions)]
+    lines += [
+        text
+        for text in (describe_unstated_errors(simulation), describe_changed_values(simulation))
+        if text
+    ]
+    lines += [f"  {count} times: {text}" for count, text in count_failures(simulation.repetitions)]
+    if found := error_effects(simulation):
+        lines += ["", align_columns([COST_HEADER, *found], right=(1, 2, 3, 4))]
     return lines
 
 
@@ -411,15 +419,15 @@ def render_simulation_page(simulation: Simulation) -> str:
     return page(
         "simulation.html",
         simulation=simulation,
-        level=level_of(simulation),
-        headline=headline(simulation),
-        counts=counts(found),
-        rows=rows_of(found, simulation.accuracy),
-        ranges=ranges_of(simulation),
-        curve=curve_of(simulation),
-        reasons=reasons(found),
-        amiss=amiss(simulation),
-        unlike=unlike(simulation),
-        warned=warned(found),
-        costs=costs(simulation),
+        level=rate_sigmas(simulation),
+        headline=summarise_simulation(simulation),
+        counts=count_repetitions(found),
+        rows=measurement_rows(found, simulation.accuracy),
+        ranges=draw_ranges(simulation),
+        curve=draw_convergence(simulation),
+        reasons=count_failures(found),
+        amiss=describe_unstated_errors(simulation),
+        unlike=describe_changed_values(simulation),
+        warned=count_warnings(found),
+        costs=error_effects(simulation),
     )

@@ -26,13 +26,13 @@ SOURCE_WORDS = {
 LENGTHS = ("lengths", "tape")
 """Sources that are errors of the reference lengths."""
 
-MOST_NAMED = 6
+MAX_NAMED = 6
 
 MANY, TOO_FEW = 0.05, 0.9
 """Share of useless photos of a failing method, and least share of errors within 95 %."""
 
 
-def said(study: Study) -> list[str]:
+def describe_study(study: Study) -> list[str]:
     """Describe the results of a study, the most general first.
 
     Parameters
@@ -41,13 +41,13 @@ def said(study: Study) -> list[str]:
         The study.
     """
     if study.methods:
-        return list(_of_methods(study))
+        return list(_compare_methods(study))
     found = [*_thesis(study)] if study.name == "lengths" else []
-    found += [_course(name, cells) for name, cells in study.curves.items()]
-    return [*found, agreement((study,))]
+    found += [_describe_curve(name, cells) for name, cells in study.curves.items()]
+    return [*found, describe_agreement((study,))]
 
 
-def agreement(studies: tuple[Study, ...]) -> str:
+def describe_agreement(studies: tuple[Study, ...]) -> str:
     """Describe the agreement of prediction and simulation.
 
     Parameters
@@ -70,24 +70,24 @@ def agreement(studies: tuple[Study, ...]) -> str:
             "explains"
         )
     if apart:
-        named = (f"{c.curve}, {c.label} ({c.ratio:.2f})" for c in apart[:MOST_NAMED])
-        text += f": {'; '.join(named)}" + (" and others" if len(apart) > MOST_NAMED else "")
-    return f"{text}. {_lost(cells)}"
+        named = (f"{c.curve}, {c.label} ({c.ratio:.2f})" for c in apart[:MAX_NAMED])
+        text += f": {'; '.join(named)}" + (" and others" if len(apart) > MAX_NAMED else "")
+    return f"{text}. {_count_lost(cells)}"
 
 
-def _lost(cells: list[Cell]) -> str:
+def _count_lost(cells: list[Cell]) -> str:
     """Count the repetitions without a result, by cell."""
     losing = {cell: cell.lost for cell in cells if cell.lost}
     drawn = sum(cell.repetitions for cell in cells)
     text = f"{sum(losing.values())} of {drawn} repetitions gave no result"
-    return f"{text}: {_most(losing)}." if losing else f"{text}."
+    return f"{text}: {_list_largest(losing)}." if losing else f"{text}."
 
 
-def _most(number: dict[Cell, int]) -> str:
+def _list_largest(number: dict[Cell, int]) -> str:
     """List the cells with the largest numbers, and these numbers."""
-    by_size = sorted(number, key=lambda cell: -number[cell])[:MOST_NAMED]
+    by_size = sorted(number, key=lambda cell: -number[cell])[:MAX_NAMED]
     named = (f"{c.curve}, {c.label} ({number[c]} of {c.repetitions})" for c in by_size)
-    return "; ".join(named) + (" and others" if len(number) > MOST_NAMED else "")
+    return "; ".join(named) + (" and others" if len(number) > MAX_NAMED else "")
 
 
 def lengths_share(cell: Cell) -> float:
@@ -95,20 +95,20 @@ def lengths_share(cell: Cell) -> float:
     return sum(cell.share(source) for source in LENGTHS)
 
 
-def most(cell: Cell) -> str:
+def largest_source(cell: Cell) -> str:
     """Return the source of most of the variance; readings and tape count together."""
     shares = {source: cell.share(source) for source in SOURCES if source not in LENGTHS}
     shares["lengths"] = lengths_share(cell)
     return max(shares, key=lambda source: shares[source])
 
 
-def _course(name: str, cells: tuple[Cell, ...]) -> str:
+def _describe_curve(name: str, cells: tuple[Cell, ...]) -> str:
     """Describe the error along a curve, and its sources."""
     predicted_m = attrgetter("predicted_m")
     first, last = cells[0], cells[-1]
     least, worst = min(cells, key=predicted_m), max(cells, key=predicted_m)
     text = (
-        f"{capital(name)}: the error is {millimetres(first.predicted_m)} at {first.label} and "
+        f"{capitalise(name)}: the error is {millimetres(first.predicted_m)} at {first.label} and "
         f"{millimetres(last.predicted_m)} at {last.label}"
     )
     if _is_apart(worst, first) and _is_apart(worst, last):
@@ -116,7 +116,7 @@ def _course(name: str, cells: tuple[Cell, ...]) -> str:
     elif _is_apart(least, first) and _is_apart(least, last):
         text += f", and smallest at {least.label} ({millimetres(least.predicted_m)})"
     parts = []
-    for source, group in groupby(cells, most):
+    for source, group in groupby(cells, largest_source):
         some = list(group)
         share = [_share(cell, source) for cell in some]
         where = some[0].label if len(some) == 1 else f"{some[0].at:g} to {some[-1].label}"
@@ -133,7 +133,7 @@ def _is_apart(one: Cell, other: Cell) -> bool:
 def _thesis(study: Study) -> Iterator[str]:
     """Describe the conditions under which the length error is the most significant."""
     cells = study.cells
-    holding = [cell for cell in cells if most(cell) == "lengths"]
+    holding = [cell for cell in cells if largest_source(cell) == "lengths"]
     yield (
         f'"The error of the reference lengths is the most significant" holds in {len(holding)} of '
         f"the {len(cells)} conditions studied here, and not in the other "
@@ -142,13 +142,14 @@ def _thesis(study: Study) -> Iterator[str]:
     for name, along in study.curves.items():
         found = _crossing(along)
         if found is None:
-            always = most(along[0]) == "lengths"
+            always = largest_source(along[0]) == "lengths"
             where = "at every" if always else "at no"
-            yield f"{capital(name)}: the lengths matter most {where} precision studied."
+            yield f"{capitalise(name)}: the lengths matter most {where} precision studied."
         else:
+            source = largest_source(along[0])
             yield (
-                f"{capital(name)}: the lengths matter most from about {found:.0f} mm on; below "
-                f"that, {source_text(most(along[0]))} {verb(most(along[0]), 'do', 'does')}."
+                f"{capitalise(name)}: the lengths matter most from about {found:.0f} mm on; below "
+                f"that, {source_text(source)} {verb_form(source, 'do', 'does')}."
             )
 
 
@@ -166,7 +167,7 @@ def _crossing(cells: tuple[Cell, ...]) -> float | None:
     return None
 
 
-def _of_methods(study: Study) -> Iterator[str]:
+def _compare_methods(study: Study) -> Iterator[str]:
     usual, *limits = study.settings.values()
     rows = [row for row in usual if np.isfinite(row.rms_m)]
     best, worst = min(rows, key=lambda r: r.rms_m), max(rows, key=lambda r: r.rms_m)
@@ -192,7 +193,7 @@ def _of_methods(study: Study) -> Iterator[str]:
         # Poses from a log alone are no better in any of them.
         told = "; ".join(_endings([row for row in ending if row.method != "log"]))
         yield (
-            f"{capital(ending[0].setting)} ({ending[0].scenes} photos): "
+            f"{capitalise(ending[0].setting)} ({ending[0].scenes} photos): "
             f"{told or 'every method holds'}."
         )
 
@@ -203,20 +204,20 @@ def _endings(rows: list[MethodRow]) -> Iterator[str]:
     useless = [row for row in rows if row.failed > MANY and row not in none]
     bold = [row for row in rows if row.coverage < TOO_FEW and row not in none]
     if none:
-        yield f"no result by {', '.join(_quoted(row) for row in none)}"
+        yield f"no result by {', '.join(_quote(row) for row in none)}"
     if useless:
         parts = (
-            f"{_quoted(row)} ({_percent(row.failed)}, {_percent(row.failed_silently)} without a "
+            f"{_quote(row)} ({_percent(row.failed)}, {_percent(row.failed_silently)} without a "
             "warning)"
             for row in useless
         )
         yield f"useless distances by {', '.join(parts)}"
     if bold:
-        parts = (f"{_quoted(row)} {_percent(row.coverage)}" for row in bold)
+        parts = (f"{_quote(row)} {_percent(row.coverage)}" for row in bold)
         yield f"of the errors are within the 95 % intervals: {', '.join(parts)}"
 
 
-def _quoted(row: MethodRow) -> str:
+def _quote(row: MethodRow) -> str:
     return f'"{row.method}"'
 
 
@@ -229,7 +230,7 @@ def source_text(source: str) -> str:
     return "the reference lengths" if source == "lengths" else SOURCE_WORDS[source]
 
 
-def verb(source: str, plural: str, singular: str) -> str:
+def verb_form(source: str, plural: str, singular: str) -> str:
     """Return the form of a verb behind a source.
 
     Parameters
@@ -256,12 +257,12 @@ def _percents(shares: list[float]) -> str:
     return f"{low} %" if low == high else f"{low} to {high} %"
 
 
-def capital(text: str) -> str:
+def capitalise(text: str) -> str:
     """Capitalise the first letter."""
     return text[:1].upper() + text[1:]
 
 
-def overall(studies: tuple[Study, ...]) -> list[str]:
+def compare_studies(studies: tuple[Study, ...]) -> list[str]:
     """Describe over all studies where each error matters most, and where not.
 
     Parameters
@@ -274,12 +275,12 @@ def overall(studies: tuple[Study, ...]) -> list[str]:
         return []
     found = [f"{len(cells)} conditions of single photos were studied."]
     for source in ("picks", "lengths", "log", "camera", "ground"):
-        mine = [(study, cell) for study, cell in cells if most(cell) == source]
-        matter = verb(source, "matter", "matters")
+        mine = [(study, cell) for study, cell in cells if largest_source(cell) == source]
+        matter = verb_form(source, "matter", "matters")
         if not mine:
-            found.append(f"{capital(source_text(source))} {matter} most in none of them.")
+            found.append(f"{capitalise(source_text(source))} {matter} most in none of them.")
             continue
-        text = f"{capital(source_text(source))} {matter} most in {len(mine)} of them"
+        text = f"{capitalise(source_text(source))} {matter} most in {len(mine)} of them"
         if len(mine) < len(cells) / 2:
             grouped = groupby(mine, lambda pair: (pair[0].name, pair[1].curve))
             where = [
@@ -288,10 +289,10 @@ def overall(studies: tuple[Study, ...]) -> list[str]:
             ]
             text += f": {'; '.join(where)}"
         found.append(f"{text}.")
-    return [*found, agreement(studies)]
+    return [*found, describe_agreement(studies)]
 
 
-def ranking(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
+def rank_effects(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
     """Rank the effect of each varied quantity on the first curve of its study, greatest first.
 
     Parameters
@@ -318,7 +319,7 @@ def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) 
     parts = [
         {
             "study": study,
-            "said": said(study),
+            "said": describe_study(study),
             "picture": b64encode(figures[f"{study.name}.svg"]).decode(),
             "rows": [_row(cell) for cell in study.cells],
         }
@@ -327,8 +328,8 @@ def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) 
     return page(
         "study.html",
         parts=parts,
-        overall=overall(studies),
-        ranking=ranking(studies) if len(studies) > 1 else [],
+        overall=compare_studies(studies),
+        ranking=rank_effects(studies) if len(studies) > 1 else [],
         seconds=sum(study.seconds for study in studies),
     )
 

@@ -19,7 +19,7 @@ COLOURS = ("#2f6fb5", "#d9730d", "#2b8a3e", "#8e44ad", "#c92a2a")
 SOURCE_COLOURS = ("#6b7280", "#e0b000", "#17a2a2", "#e377c2", "#8a6d3b", "#a8c686")
 """Colours of curves, and of sources of errors: each colour has one meaning."""
 MARKERS = ("o", "s", "^", "D", "v")
-MOST_TICKS = 8
+MAX_TICKS = 8
 GRID, GREY = "#e3e5e8", "#8a8f98"
 _BELOW: dict[str, Any] = {
     "fontsize": 8.5,
@@ -84,7 +84,7 @@ def _plain_ticks(axis: Axes) -> None:
     low, high = axis.get_ylim()
     steps = [m * 10.0**k for k in range(-2, 6) for m in (1, 1.5, 2, 3, 4, 5, 7)]
     shown = [step for step in steps if low <= step <= high]
-    if len(shown) > MOST_TICKS:
+    if len(shown) > MAX_TICKS:
         shown = [step for step in shown if f"{step:e}"[0:3] in {"1.0", "2.0", "5.0"}]
     axis.set_yticks(shown, [f"{step:g}" for step in shown])
     axis.yaxis.set_minor_locator(NullLocator())

@@ -15,7 +15,7 @@ from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import World
 from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
 from uavgram.picking.protocol.geodetic import places_on_earth
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
 
 Surveyed = tuple[LiveSurvey, Adjusted, dict[str, int]]
 

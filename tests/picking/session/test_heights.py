@@ -12,7 +12,7 @@ from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.commands import SideView
 from uavgram.picking.protocol.encode_answers import side_json
 from uavgram.picking.protocol.encode_survey import Json, adjusted_json, linearised_json
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
 from uavgram.pipeline.pick.side_view import side_view
 
 FREE, ALONE = "R2", "alone"

@@ -13,7 +13,7 @@ from uavgram.errors import UavgramError
 from uavgram.model.arrays import Bools, Ints
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
 from uavgram.pipeline.pick.places import same_ground
 
 

@@ -22,7 +22,7 @@ from uavgram.picking.document.history import changed
 from uavgram.picking.document.state import State, observations_of, state_of
 from uavgram.picking.protocol.encode_verdict import Json, verdict_json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
-from uavgram.pipeline.pick.live import LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveSurvey, Observed
 
 POOR = Condition(labels=7, photos=3, picked_share=1.0, radius_m=10.0)
 ORDER: tuple[VerdictLevel, ...] = ("green", "amber", "red")

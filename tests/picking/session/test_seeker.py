@@ -24,8 +24,8 @@ from uavgram.picking.document.state import Pick, State
 from uavgram.picking.session import seeker as module
 from uavgram.picking.session.proposed import Proposed
 from uavgram.picking.session.seeker import Seeker, Wanted
-from uavgram.pipeline.match.looking import Photos, Task
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
+from uavgram.pipeline.match.patch_search import Photos, Task
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places
 from uavgram.stages.match import CONTRADICTED, RAISED_PX
 

@@ -15,7 +15,7 @@ from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session import workers as module
 from uavgram.picking.session.workers import Live, Task
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
 
 LONGEST_WAIT_S = 60.0
 

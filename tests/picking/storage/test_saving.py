@@ -27,7 +27,7 @@ from uavgram.picking.session.workers import Task
 from uavgram.picking.storage.journal import JOURNAL, Journal, left_in
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 PICKS = (
     b"\xef\xbb\xbfWho saw it,label,note,image,v_px,u_px\r\n"

@@ -15,8 +15,8 @@ import pytest
 
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.match.asked import may_be_raised
 from uavgram.pipeline.match.run import match_picks
+from uavgram.pipeline.match.selection import may_be_raised
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.match import Matches
 

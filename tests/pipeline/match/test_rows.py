@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.io.tables.picks import read_picks
 from uavgram.io.tables.updates import update_picks
-from uavgram.pipeline.match.asked import with_found
+from uavgram.pipeline.match.selection import with_found
 from uavgram.stages.match import Found
 
 TABLE = (

@@ -39,7 +39,7 @@ def test_a_recording_of_very_many_photos_carries_some_and_the_ground_is_of_all(
     assert tuple(written) == tuple(grounded) == names
     assert pictures.with_thinning_told(made) is made
 
-    monkeypatch.setattr(pictures, "MOST_RECORDED", len(names) // 2)
+    monkeypatch.setattr(pictures, "MAX_RECORDED", len(names) // 2)
     written.clear()
     grounded.clear()
     outputs.write_review(made, tmp_path / "r.rrd")

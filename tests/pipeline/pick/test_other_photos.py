@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import KnownPoints
-from uavgram.pipeline.pick.live import LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveSurvey, Observed
 from uavgram.pipeline.pick.places import KnownPlaces, known_places
 
 

@@ -16,7 +16,7 @@ from uavgram.errors import InputError
 from uavgram.io.results.plan_json import write_plan
 from uavgram.model.planned import FlightPlanned, PlannedSite
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.pick.places import known_places, planned_places
 
 HIGHER_M = 300.0

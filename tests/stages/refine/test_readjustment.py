@@ -15,7 +15,7 @@ from uavgram.estimation.measuring.transferred_pixels import (
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.observations import Picks
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
 from uavgram.stages.refine.readjustment import MorePicks, add_picks, readjust
 
 NEW = "P22"

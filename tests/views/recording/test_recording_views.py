@@ -34,7 +34,7 @@ from uavgram.views.recording.world.legend import (
     WIDTH_PX,
     draw_legend,
 )
-from uavgram.views.survey.drawing import round_length
+from uavgram.views.survey.outlines import round_length
 from uavgram.views.survey.verdict import verdict_words
 
 PHOTO = "/survey/current_camera/photo"
@@ -330,7 +330,7 @@ def test_photos_pass_through_a_few_at_a_time(tmp_path: Path) -> None:
 def test_more_points_than_ellipses_can_be_drawn_are_coloured_themselves(
     contents: Contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavgram.views.recording.world.points.MOST_OUTLINES", 29)
+    monkeypatch.setattr("uavgram.views.recording.world.points.MAX_OUTLINES", 29)
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(), (), no_ground, path)
     many = Contents(path).static

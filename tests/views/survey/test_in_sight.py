@@ -9,7 +9,7 @@ import pytest
 import synthetic_survey as survey
 
 from uavgram.geometry.ground.row_projection import row_poses
-from uavgram.views.survey.drawing import InSight, project_from, sampled
+from uavgram.views.survey.outlines import VisiblePolylines, project_from, sample_polyline
 
 
 @pytest.mark.parametrize("sweep", [0.0, 0.4])
@@ -22,8 +22,8 @@ def test_nothing_that_a_photo_shows_is_out_of_its_sight_and_most_of_the_rest_is(
     rng = np.random.default_rng(3)
     start = rng.uniform([-90.0, -90.0, -5.0], [90.0, 90.0, 15.0], (400, 3))
     end = start + rng.normal(0.0, 8.0, (400, 3))
-    strips = [sampled(strip) for strip in np.stack([start, end], axis=1)]
-    in_sight = InSight(result, strips)
+    strips = [sample_polyline(strip) for strip in np.stack([start, end], axis=1)]
+    in_sight = VisiblePolylines(result, strips)
     shown, told = (np.zeros((20, 400), np.bool_) for _ in range(2))
     for frame in range(20):
         pixel = project_from(result, row_poses(result, frame), np.stack(strips))

@@ -69,7 +69,7 @@ def camera(
         Print a JSON object instead of text: of the camera, or of the differences of the other one's
         projections.
     """
-    from uavgram.cli.as_json import camera_object
+    from uavgram.cli.json_objects import camera_object
     from uavgram.pipeline.cameras.read import camera_in, read_camera, write_camera
     from uavgram.views.terminal import message_lines
 
@@ -130,7 +130,7 @@ def _shown(read: CameraRead) -> list[str]:
 
 
 def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bool) -> None:
-    from uavgram.cli.as_json import difference_object
+    from uavgram.cli.json_objects import difference_object
     from uavgram.estimation.calibration.difference import compare_cameras
     from uavgram.pipeline.cameras.read import read_camera
     from uavgram.views.calibration.text import difference_lines

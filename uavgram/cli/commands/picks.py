@@ -115,8 +115,8 @@ def match(
     verbose
         Show the progress of the work.
     """
-    from uavgram.pipeline.match.asked import Asked
     from uavgram.pipeline.match.run import match_picks, undo_matches
+    from uavgram.pipeline.match.selection import Asked
     from uavgram.views.terminal import match_lines, written_line
 
     log_to_stderr(verbose=verbose)
@@ -156,7 +156,7 @@ def ties(project: Path = Path(), /, *, dry_run: Flag = False, undo: Flag = False
     undo
         Remove all tie points that the program found from the table.
     """
-    from uavgram.pipeline.picks_ties import take_ties_back, write_ties
+    from uavgram.pipeline.ties_table import take_ties_back, write_ties
     from uavgram.views.terminal import message_lines
 
     tell_as(project)

@@ -65,7 +65,7 @@ def plan(
     from uavgram.model.naming import SHORT_FORMS
     from uavgram.synthetic.plan.run import PlanOutputs, write_outputs
     from uavgram.synthetic.plan.run import plan as plan_flight
-    from uavgram.views.planned_text import next_line_lines, plan_lines
+    from uavgram.views.flight_plan_text import next_line_lines, plan_lines
 
     log_to_stderr(verbose=verbose)
     if from_ is not None and scenario is None:

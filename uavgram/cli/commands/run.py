@@ -94,15 +94,20 @@ def run(
     verbose
         Show the progress of the work.
     """
-    from uavgram.cli.as_json import run_object
     from uavgram.cli.commands.view import show
+    from uavgram.cli.json_objects import run_object
     from uavgram.config.project import load_project
     from uavgram.model.maps import PlanPaper
     from uavgram.pipeline.measure.compute import Sampling
     from uavgram.pipeline.measure.run import FROM_PROJECT
     from uavgram.pipeline.measure.run import run as run_project
     from uavgram.views.survey.verdict import verdict_sentence
-    from uavgram.views.terminal import light_line, measurement_table, message_lines, unshown_rows
+    from uavgram.views.terminal import (
+        hidden_rows_line,
+        light_line,
+        measurement_table,
+        message_lines,
+    )
 
     log_to_stderr(verbose=verbose)
     tell_as(project)
@@ -117,7 +122,7 @@ def run(
     if wanted.json:
         say_json(run_object(result, folder))
     else:
-        say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
+        say(measurement_table(result, rows), *hidden_rows_line(result, rows, folder))
         say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
         say("", verdict_sentence(result))  # last, so that it is visible without scrolling
     if view:

@@ -14,7 +14,7 @@ from uavgram.model.result.tables import COLUMNS
 from uavgram.model.survey.ties import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.protocol.encode_places import Json, number
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import ExpectedPlace, same_ground
 from uavgram.pipeline.pick.side_view import side_view
 

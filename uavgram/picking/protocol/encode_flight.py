@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
 from uavgram.picking.protocol.encode_places import Json, number
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 MOST_VERTICES = 300
 

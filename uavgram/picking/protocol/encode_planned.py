@@ -7,7 +7,7 @@ from uavgram.model.planned import FlightPlanned
 from uavgram.model.target_families import PLATE_CORNERS
 from uavgram.picking.protocol.encode_places import Json
 from uavgram.views.flight_plan import LineRow, PlateRow, line_rows, plate_rows, plate_side
-from uavgram.views.unit_words import in_units
+from uavgram.views.sentence_units import convert_sentence
 
 NOT_SOUGHT = (
     "The program does not look for them yet: the project file must say what is printed on them "
@@ -32,7 +32,7 @@ def planned_json(planned: FlightPlanned | None, units: Units, *, sought: bool) -
     """
     if planned is None:
         return {"lines": [], "plates": [], "why": ""}
-    side = in_units(plate_side(planned), units)
+    side = convert_sentence(plate_side(planned), units)
     plates = plate_rows(planned)
     return {
         "lines": [_line(row, units) for row in line_rows(planned)],
@@ -46,9 +46,9 @@ def _line(row: LineRow, units: Units) -> Json:
         "name": row.name,
         "start": row.start,
         "end": row.end,
-        "length": in_units(row.length, units),
-        "start_place": in_units(row.start_place, units),
-        "end_place": in_units(row.end_place, units),
+        "length": convert_sentence(row.length, units),
+        "start_place": convert_sentence(row.start_place, units),
+        "end_place": convert_sentence(row.end_place, units),
     }
 
 
@@ -56,6 +56,6 @@ def _plate(row: PlateRow, side: str, units: Units) -> Json:
     return {
         "name": row.name,
         "side": side,
-        "place": in_units(row.place, units),
+        "place": convert_sentence(row.place, units),
         "corners": [f"{row.name}-{corner + 1}" for corner in range(PLATE_CORNERS)],
     }

@@ -20,7 +20,7 @@ from uavgram.picking.protocol.parse import PhotoSize
 from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.stages.camera import UNKNOWN_CAMERA
 from uavgram.synthetic.accident_scene import PAINTED_LABELS, TAPE_FILE, is_sample
 from uavgram.views.calibration.text import fact_lines, parameter_cells, provenance_lines

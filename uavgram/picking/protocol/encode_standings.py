@@ -18,7 +18,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict
 from uavgram.views.formatting import UNIT_WORDS, number, size_text
-from uavgram.views.survey.verdict import STATUS_WORDS, named_picks
+from uavgram.views.survey.verdict import STATUS_WORDS, list_named_picks
 
 Json = dict[str, Any]
 
@@ -45,7 +45,7 @@ REJECTED_PHOTO = "It does not fit the others and was left out."
 
 def point_standings(result: Result) -> dict[str, Json]:
     """Return the status of each point, and its reason."""
-    picks, named = result.picks, named_picks(result.verdict)
+    picks, named = result.picks, list_named_picks(result.verdict)
     redundancy: dict[str, float] = {}
     states: dict[str, set[str]] = {}
     for image, label, status, share in zip(

@@ -21,10 +21,10 @@ from uavgram.picking.protocol.encode_standings import (
 )
 from uavgram.picking.protocol.encode_verdict import measurement_standings, verdict_json
 from uavgram.picking.protocol.geodetic import places_on_earth
-from uavgram.pipeline.pick.live import Adjusted, Linearised
+from uavgram.pipeline.pick.live_survey import Adjusted, Linearised
 from uavgram.stages.messages import order_messages
 from uavgram.views.formatting import KNOWN_STATUS_WORDS
-from uavgram.views.survey.verdict import named_picks
+from uavgram.views.survey.verdict import list_named_picks
 
 Json = dict[str, Any]
 
@@ -175,7 +175,7 @@ def _points(adjusted: Adjusted) -> Json:
 
 def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
     picks, survey = adjusted.result.picks, adjusted.adjustment.survey
-    named = named_picks(adjusted.result.verdict)
+    named = list_named_picks(adjusted.result.verdict)
     spread = {
         (survey.frame_id[f], survey.label[k]): ellipse_json(covariance)
         for f, k, covariance in zip(

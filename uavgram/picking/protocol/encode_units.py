@@ -11,7 +11,7 @@ from typing import Any
 
 from uavgram.model.naming import Units
 from uavgram.picking.document.state import State
-from uavgram.views.unit_words import in_units, like_lengths, rising
+from uavgram.views.sentence_units import convert_sentence, select_like_lengths, sorted_magnitudes
 
 SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "shows", "unseen"})
 """Keys of sentences for people."""
@@ -27,7 +27,7 @@ def names_to_keep(state: State) -> tuple[str, ...]:
         *(line.name for line in state.lines),
         *(request.name for request in state.requests),
     )
-    return like_lengths(dict.fromkeys(named))
+    return select_like_lengths(dict.fromkeys(named))
 
 
 def lengths_of(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401 (JSON)
@@ -45,7 +45,7 @@ def lengths_of(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401
         values += [line["adjusted_m"] for line in message["lines"].values()]
         measured = [one for one in message["measurements"].values() if one["unit"] == "m"]
         values += [one[key] for one in measured for key in ("value", "sigma")]
-    return rising(values)
+    return sorted_magnitudes(values)
 
 
 def in_project_units(
@@ -67,7 +67,7 @@ def in_project_units(
     exact
         Exact lengths [m], ascending, that the sentences give rounded.
     """
-    worded = partial(in_units, units=units, keep=keep, exact=exact)
+    worded = partial(convert_sentence, units=units, keep=keep, exact=exact)
     inner = partial(in_project_units, units=units, keep=keep)
 
     def value_of(key: str, value: Any) -> Any:  # noqa: ANN401 (JSON)
@@ -85,6 +85,6 @@ def in_project_units(
         return message
     if "changes" in message:  # a button's text gives the length that it would set
         made = [change.get("length_m") for change in message["changes"]]
-        exact = rising([*exact, *made])
-        worded = partial(in_units, units=units, keep=keep, exact=exact)
+        exact = sorted_magnitudes([*exact, *made])
+        worded = partial(convert_sentence, units=units, keep=keep, exact=exact)
     return {key: value_of(key, value) for key, value in message.items()}

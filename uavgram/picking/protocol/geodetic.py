@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.pick.live import Adjusted
+from uavgram.pipeline.pick.live_survey import Adjusted
 
 DEGREE_DIGITS = 9
 """Decimals of a degree: a tenth of a millimetre."""

@@ -23,7 +23,7 @@ from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
 from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.pipeline.new import PROJECT, Choices
-from uavgram.pipeline.set_up import CASE, FoundInFolder, Setup, Wanted, look_through, set_up
+from uavgram.pipeline.setup import CASE, FoundInFolder, Setup, Wanted, look_through, set_up
 
 LONGEST_REQUEST = 100_000
 NO_LOG: Literal["none"] = "none"

@@ -13,7 +13,7 @@ from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.targets.uncoded import UncodedTarget
 from uavgram.model.arrays import Floats
 from uavgram.picking.document import commands as c
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.targets import measured_row, picked_target, same_target
 from uavgram.stages.match import Pair
 

@@ -23,7 +23,7 @@ from uavgram.picking.storage.set_aside import Changes, SetAside, changes_of, old
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.cameras.calibrate import use_camera
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 log = logging.getLogger(__name__)
 

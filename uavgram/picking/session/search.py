@@ -10,7 +10,7 @@ from uavgram.picking.document.proposals import Outcome, Pair
 from uavgram.picking.session.plate_seeker import PlateSeeker
 from uavgram.picking.session.proposed import Proposed, Tell
 from uavgram.picking.session.seeker import Seeker, Wanted
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 
 class Search:

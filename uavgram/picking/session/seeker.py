@@ -23,8 +23,8 @@ from uavgram.picking.document.state import State, observations_of
 from uavgram.picking.session.newest import Newest
 from uavgram.picking.session.picked_targets import PickedTargets
 from uavgram.picking.session.proposed import Proposed
-from uavgram.pipeline.match.looking import look, reason, tasks
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
+from uavgram.pipeline.match.patch_search import look, reason, tasks
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey
 from uavgram.pipeline.pick.places import Places, places_in_other_photos
 from uavgram.stages.match import CONTRADICTED, NARROWED_SHARE, pick_sigmas
 

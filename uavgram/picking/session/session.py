@@ -52,7 +52,7 @@ from uavgram.picking.session.search import Search
 from uavgram.picking.session.seeker import Wanted
 from uavgram.picking.session.workers import Live, Task
 from uavgram.picking.storage.tables import Tables
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.pipeline.pick.places import expected_place, known_places
 
 log = logging.getLogger(__name__)

@@ -22,7 +22,7 @@ from uavgram.picking.protocol.encode_survey import (
     unadjusted_json,
 )
 from uavgram.picking.session.newest import Newest
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
 
 log = logging.getLogger(__name__)
 

@@ -24,7 +24,7 @@ from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web import running
 from uavgram.picking.web.routes import page_routes
 from uavgram.picking.web.server import PickServer
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 log = logging.getLogger(__name__)
 

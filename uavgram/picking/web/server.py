@@ -22,7 +22,7 @@ from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web.guard import Pace
 from uavgram.picking.web.routes import file_routes
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 log = logging.getLogger(__name__)
 

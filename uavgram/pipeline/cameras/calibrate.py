@@ -57,7 +57,7 @@ from uavgram.stages.calibrate.assessment import (
 from uavgram.stages.calibrate.calibrate import calibrate as estimate
 from uavgram.stages.camera import assume_camera
 from uavgram.stages.messages import order_messages
-from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
+from uavgram.views.calibration.drawing_rules import residual_factor, rows_by_photo
 from uavgram.views.calibration.report import render_calibration_report
 
 FOLDER = "calibration"

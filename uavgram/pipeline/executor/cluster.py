@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from uavgram.errors import UavgramError
-from uavgram.pipeline.executor.processes import MOST_TRIES, Ended, overdue
+from uavgram.pipeline.executor.processes import MAX_TRIES, Ended, overdue
 from uavgram.pipeline.threads import use_one_core
 
 Item = TypeVar("Item")
@@ -113,7 +113,7 @@ def _ended(
 
     client.subscribe_topic(topic, hear)
     waiting = {
-        client.submit(_alone, work, one, seconds, (topic, k), pure=False, retries=MOST_TRIES - 1): k
+        client.submit(_alone, work, one, seconds, (topic, k), pure=False, retries=MAX_TRIES - 1): k
         for k, one in enumerate(items)
     }
     manned = time.monotonic()

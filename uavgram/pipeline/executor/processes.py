@@ -23,7 +23,7 @@ from multiprocessing.context import BaseContext
 from typing import Any, Generic, TypeVar, cast
 
 from uavgram.errors import UavgramError
-from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
+from uavgram.pipeline.process_settings import load_little, seldom_look_for_cycles
 from uavgram.pipeline.threads import use_one_core
 
 if sys.platform != "win32":
@@ -32,7 +32,7 @@ if sys.platform != "win32":
 Item = TypeVar("Item")
 Made = TypeVar("Made")
 
-MOST_TRIES = 3
+MAX_TRIES = 3
 """Number of tries of an item whose process dies; after these the item is the likelier reason."""
 
 _ONE_THREAD = dict.fromkeys(
@@ -124,7 +124,7 @@ class _Worker:
             return Ended(self.number, value, tries, why, fault), leaves
         if self._seconds is not None and time.monotonic() - self.since >= self._seconds:
             return Ended(self.number, None, tries, overdue(self._seconds)), True
-        if tries < MOST_TRIES:
+        if tries < MAX_TRIES:
             return None, True
         self.pool.shutdown()
         return Ended(self.number, None, tries, _why(tries, self.process.exitcode)), True

@@ -12,8 +12,10 @@ from uavgram.errors import GeometryError, UavgramError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.motion.telemetry_pose import BORESIGHT
 from uavgram.model.arrays import Bools
-from uavgram.pipeline.match.adjusting import Base, begun
-from uavgram.pipeline.match.asked import (
+from uavgram.pipeline.match.adjustment import Base, begun
+from uavgram.pipeline.match.patch_search import grey_photos
+from uavgram.pipeline.match.search import searched
+from uavgram.pipeline.match.selection import (
     Asked,
     check_asked,
     check_undone,
@@ -22,12 +24,10 @@ from uavgram.pipeline.match.asked import (
     still_founded,
     with_found,
 )
-from uavgram.pipeline.match.looking import grey_photos
-from uavgram.pipeline.match.search import searched
 from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.picks_table import save_picks, sole_writer
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import Matches, Pair, measure_rotation_rad
 

@@ -16,10 +16,10 @@ from uavgram.estimation.measuring.transferred_pixels import (
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason, SoughtPoints
 from uavgram.model.arrays import Floats, Ints
-from uavgram.pipeline.match.adjusting import Base
-from uavgram.pipeline.match.asked import EVEN_ODDS, may_be_raised, without_height
-from uavgram.pipeline.match.looking import Photos, look, reason, tasks
-from uavgram.pipeline.match.raised import look_up
+from uavgram.pipeline.match.adjustment import Base
+from uavgram.pipeline.match.patch_search import Photos, look, reason, tasks
+from uavgram.pipeline.match.selection import EVEN_ODDS, may_be_raised, without_height
+from uavgram.pipeline.match.sightline_search import look_up
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match import (
     CONTRADICTED,
@@ -36,13 +36,13 @@ from uavgram.stages.match import (
     pick_sigmas,
 )
 
-MOST_ROUNDS = 11
+MAX_ROUNDS = 11
 """Largest number of rounds of search and adjustment."""
 
 LINES_BEFORE = 1
 """Rounds from the end at which lines of sight are searched, even if ground places remain."""
 
-LEAST_PX = 0.5
+MIN_PX = 0.5
 """Sigma that is added to every prediction [px], for errors outside the model, such as a remaining
 distortion."""
 
@@ -77,7 +77,7 @@ def searched(
         Odds that a label without a height is on the ground.
     """
     adjustment, record = _agreeing(base, Record())
-    for left in reversed(range(MOST_ROUNDS)):
+    for left in reversed(range(MAX_ROUNDS)):
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
         rows, lines = (
@@ -128,7 +128,7 @@ def _silent(candidates: Candidates, record: Record) -> set[Pair]:
             if missed.pixel_px is not None and missed.pick == candidates.pick[row]:
                 across = np.array([-1.0, 1.0]) * places.rise[row, ::-1]
                 off = across @ (np.array(missed.pixel_px) - places.pixel_px[row])
-                spread = places.covariance_px2[row] + LEAST_PX**2 * np.eye(2)
+                spread = places.covariance_px2[row] + MIN_PX**2 * np.eye(2)
                 if off**2 > REGION_SQUARED * (across @ spread @ across):
                     silent.add(pair)
     return silent
@@ -183,7 +183,7 @@ def _agreeing_in_photos(
         some = np.array(list(own), dtype=np.int64)
         joint = candidates.places.joint_covariance(adjustment, some)
         off = np.array([one.pixel_px for one in own.values()]) - candidates.places.pixel_px[some]
-        sigma = np.hypot([one.sigma_px for one in own.values()], LEAST_PX)
+        sigma = np.hypot([one.sigma_px for one in own.values()], MIN_PX)
         for row in some[find_contradicted(off, joint, sigma)].tolist():
             results[candidates.pair[row]] = own[row].missed(CONTRADICTED)
     return results
@@ -236,7 +236,7 @@ def sought_at(places: TransferredPixels, rows: Ints, source_px: Floats) -> Sough
     return SoughtPoints(
         source_px=source_px,
         target_px=places.pixel_px[rows],
-        covariance_px2=places.covariance_px2[rows] + LEAST_PX**2 * np.eye(2),
+        covariance_px2=places.covariance_px2[rows] + MIN_PX**2 * np.eye(2),
         affine=places.affine[rows],
         rise=places.rise[rows],
     )

@@ -28,7 +28,7 @@ from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
 from uavgram.views.style import REFINED, hex_colour
 from uavgram.views.survey.sheet import INK
-from uavgram.views.units import column, quantity, units_of
+from uavgram.views.units import quantity, table_unit, units_of
 
 Writers = dict[str, Callable[[Path], None]]
 
@@ -145,7 +145,7 @@ def on_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
 
 def drawing_words(units: Units) -> NumberFormat:
     """Return the wording of numbers in a drawing: in the project's units, while it is in metres."""
-    one = column(units)
+    one = table_unit(units)
     return NumberFormat(
         value=partial(quantity, units=units),
         length_m=1.0 if one.symbol == "m" else 1.0 / one.factor,

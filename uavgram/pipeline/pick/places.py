@@ -25,11 +25,11 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.pose import Poses
 from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import World
-from uavgram.pipeline.match.adjusting import UNEVEN_M
-from uavgram.pipeline.match.search import LEAST_PX, sought_at
+from uavgram.pipeline.match.adjustment import UNEVEN_M
+from uavgram.pipeline.match.search import MIN_PX, sought_at
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import known_in_world
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
+from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import REGION_SQUARED, compute_radii, compute_stretches, find_contradicted
 from uavgram.stages.products.map_layers import shown_poses
@@ -239,7 +239,7 @@ class Places:
         """Return whether a pixel is within the region of a place."""
         at = self.row[row]
         off = np.array(pixel_px) - self.predicted.pixel_px[at]
-        covariance = self.predicted.covariance_px2[at] + LEAST_PX**2 * np.eye(2)
+        covariance = self.predicted.covariance_px2[at] + MIN_PX**2 * np.eye(2)
         return bool(off @ np.linalg.solve(covariance, off) <= REGION_SQUARED)
 
     def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
@@ -255,7 +255,7 @@ class Places:
         at = self.row[rows]
         joint = self.predicted.joint_covariance(self.adjustment, at)
         off = pixel_px - self.predicted.pixel_px[at]
-        return find_contradicted(off, joint, np.hypot(sigma_px, LEAST_PX))
+        return find_contradicted(off, joint, np.hypot(sigma_px, MIN_PX))
 
     def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
         """Convert places to the input of the matching."""

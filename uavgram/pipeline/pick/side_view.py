@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.model.result.tables import ProfileResults
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.pipeline.pick.live import Adjusted
+from uavgram.pipeline.pick.live_survey import Adjusted
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.measure import compute_profiles
 

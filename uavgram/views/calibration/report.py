@@ -16,7 +16,7 @@ from uavgram.model.camera.calibration_result import (
     LensEffect,
     ModelScore,
 )
-from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
+from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration.maps import (
     coverage_map,
     length_map,

@@ -11,10 +11,10 @@ from uavgram.geometry.camera.properties import CameraProperties
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration, CameraProvenance
 from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
-from uavgram.views.calibration.drawing import SQRT2, pixels_text
+from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
 from uavgram.views.formatting import number
-from uavgram.views.terminal import aligned, message_lines
+from uavgram.views.terminal import align_columns, message_lines
 
 _PIXELS = {"fx", "fy", "cx", "cy"}
 _MAP_COLUMNS, _MAP_ROWS = 7, 5
@@ -43,10 +43,12 @@ def camera_lines(
         f"{calibration.name}: {calibration.model} lens, {size}",
         *([] if provenance is None else provenance_lines(provenance)),
         "",
-        aligned(parameter_cells(calibration), right=(1, 2, 3)),
+        align_columns(parameter_cells(calibration), right=(1, 2, 3)),
         "",
         "correlations",
-        aligned(_correlation_cells(calibration, facts.correlation), right=tuple(range(1, 13))),
+        align_columns(
+            _correlation_cells(calibration, facts.correlation), right=tuple(range(1, 13))
+        ),
         "",
         *fact_lines(facts, focal_mm),
     ]
@@ -151,7 +153,7 @@ def difference_lines(
         *_significance(difference),
         "",
         "size of the difference [px] over the image",
-        aligned(_map_cells(first, difference), right=tuple(range(_MAP_COLUMNS + 1))),
+        align_columns(_map_cells(first, difference), right=tuple(range(_MAP_COLUMNS + 1))),
     ]
     return lines
 
@@ -187,7 +189,7 @@ def _map_cells(first: Calibration, difference: CameraDifference) -> list[tuple[s
     return [("v \\ u", *(f"{across:.0f}" for across in u)), *rows]
 
 
-MOST_PHOTOS = 8
+MAX_PHOTOS = 8
 
 
 def calibration_lines(account: CalibrationAccount) -> list[str]:
@@ -199,7 +201,7 @@ def calibration_lines(account: CalibrationAccount) -> list[str]:
     return [
         f"{camera.name}: {camera.model} lens, {camera.width_px} x {camera.height_px} px",
         "",
-        aligned(parameter_cells(camera), right=(1, 2, 3)),
+        align_columns(parameter_cells(camera), right=(1, 2, 3)),
         "",
         verdict.sentence,
         verdict.counts,
@@ -226,8 +228,8 @@ def _photo_lines(result: CalibrationResult) -> list[str]:
             f"{photos.tilt_deg[k]:.0f}°",
             photos.status[k],
         )
-        for k in order[:MOST_PHOTOS].tolist()
+        for k in order[:MAX_PHOTOS].tolist()
     ]
-    more = len(order) - MOST_PHOTOS
+    more = len(order) - MAX_PHOTOS
     note = [f"and {more} photos that fit better"] if more > 0 else []
-    return [*aligned(cells, right=(1, 2, 3, 4)).splitlines(), *note]
+    return [*align_columns(cells, right=(1, 2, 3, 4)).splitlines(), *note]

@@ -15,10 +15,10 @@ from uavgram.views.formatting import FRAME_STATE_WORDS
 from uavgram.views.recording.photo import FramePicks
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, FRAME_COLOURS, MEASURED, OBSERVED, REFINED, SEED, Rgb
-from uavgram.views.survey.drawing import largest_known, largest_sigmas
 from uavgram.views.survey.key_facts import frame_states
+from uavgram.views.survey.outlines import largest_known, largest_sigmas
 from uavgram.views.survey.reliability import pick_limit
-from uavgram.views.units import column, units_of
+from uavgram.views.units import table_unit, units_of
 
 MISS_REFINED = "plots/miss"
 MISS_SEED = "plots/miss_of_flight_log/flight_log"
@@ -30,7 +30,7 @@ STATUS = "frame_status"
 
 
 @dataclass(frozen=True, eq=False)
-class Curves:
+class FrameCurves:
     """Curves over the F frames.
 
     Attributes
@@ -61,14 +61,14 @@ class Curves:
     refined_height_m: Floats
 
 
-def frame_curves(result: Result, picks: FramePicks) -> Curves:
+def frame_curves(result: Result, picks: FramePicks) -> FrameCurves:
     """Summarise the picks of each frame."""
     seed, own = picks.seed_px - result.picks.pixel_px, result.picks.sigma_px[:, None]
     sigma = np.array([_rms(own[rows]) for rows in picks.rows])
     w = np.abs(result.picks.w)
     pixel_m = _pixel_sizes(result, picks)[:, None]
     sigma_m = np.array([_rms((own * pixel_m)[rows]) for rows in picks.rows])
-    return Curves(
+    return FrameCurves(
         seed_rms_px=np.array([_rms(seed[rows]) for rows in picks.rows]),
         refined_rms_px=np.array([_rms(result.picks.residual_px[rows]) for rows in picks.rows]),
         sigma_px=np.where(np.isfinite(sigma), sigma, _rms(own)),
@@ -107,7 +107,7 @@ def _height(result: Result, poses: PoseTable) -> Floats:
     return np.asarray(center[:, 2] - result.plane.height_at(center[:, :2]), dtype=np.float64)
 
 
-def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
+def log_plots(recorder: Recorder, result: Result, curves: FrameCurves) -> None:
     """Log every curve.
 
     Parameters
@@ -120,7 +120,7 @@ def log_plots(recorder: Recorder, result: Result, curves: Curves) -> None:
         Curves of this result.
     """
     limit = np.full(len(curves.worst_w), curves.limit_w)
-    one = column(units_of(result))
+    one = table_unit(units_of(result))
     misses = [one.factor * curve for curve in (curves.refined_rms_m, curves.sigma_m)]
     seeded = one.factor * curves.seed_rms_m
     for path, values, name, colour in (
@@ -227,7 +227,7 @@ def log_pose_plots(recorder: Recorder, curves: PoseCurves, units: Units = METRIC
     units
         Units in which lengths are shown.
     """
-    one = column(units)
+    one = table_unit(units)
     for path, values, name, colour in (
         (f"{CORRECTION}/tilt", curves.tilt_deg, "optical axis tilted [°]", REFINED),
         (f"{CORRECTION}/turn", curves.turn_deg, "photo turned [°]", MEASURED),

@@ -20,12 +20,12 @@ from uavgram.views.formatting import (
     NOT_UNIQUE,
     WHY_TO_NEIGHBOURS,
     WHY_TWO_ELLIPSES,
-    computed_first,
-    place,
-    worst_fit_first,
+    describe_origin,
+    order_computed_first,
+    order_worst_fit_first,
 )
 from uavgram.views.pages import page_environment, units_shown
-from uavgram.views.recording.curves import Curves, PoseCurves
+from uavgram.views.recording.curves import FrameCurves, PoseCurves
 from uavgram.views.recording.photo import FramePicks
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
@@ -42,17 +42,17 @@ from uavgram.views.survey.reliability import (
     weakest_links,
 )
 from uavgram.views.survey.sources import (
-    frames_made,
-    has_found,
-    measured_alone,
+    frame_origins,
+    has_automatic_picks,
+    note_automatic_values,
     picks_text,
     ties_text,
 )
 from uavgram.views.survey.verdict import (
     THREE_SIGMA,
     VerdictWords,
-    headline,
     status_text,
+    summarise_result,
     verdict_words,
 )
 
@@ -76,8 +76,8 @@ def _page(name: str, result: Result, **shown: object) -> str:
         not_unique=NOT_UNIQUE,
         why_to_neighbours=WHY_TO_NEIGHBOURS,
         why_two_ellipses=WHY_TWO_ELLIPSES,
-        measured=computed_first(result.measurements),
-        measured_alone=measured_alone(result),
+        measured=order_computed_first(result.measurements),
+        measured_alone=note_automatic_values(result),
         **shown,
     )
     return re.sub(r"\n{3,}", "\n\n", text).strip("\n")
@@ -99,14 +99,14 @@ def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
         "summary",
         result,
         verdict=verdict,
-        headline=headline(result),
+        headline=summarise_result(result),
         mark=LEVEL_MARKS[verdict.level],
         scene=scene,
         facts=key_facts(result),
         has_outlines=has_outlines(result),
-        place=place(result),
+        place=describe_origin(result),
         quoted=repr,
-        found_any=has_found(result),
+        found_any=has_automatic_picks(result),
         picks_made=picks_text(result),
         ties=ties_text(result),
     )
@@ -120,7 +120,7 @@ def measured_page(result: Result) -> str:
 
 def lengths_page(result: Result) -> str:
     """Render the known lengths, the worst fit first, with the errors that the tests can detect."""
-    return _page("lengths", result, lengths=worst_fit_first(result.lines.w))
+    return _page("lengths", result, lengths=order_worst_fit_first(result.lines.w))
 
 
 def checks_page(result: Result) -> str:
@@ -185,7 +185,7 @@ def messages_title(result: Result) -> str:
 
 
 def frame_sheets(
-    result: Result, picks: FramePicks, curves: Curves, poses: PoseCurves
+    result: Result, picks: FramePicks, curves: FrameCurves, poses: PoseCurves
 ) -> Iterator[str]:
     """Yield the text sheet of each frame, in their order.
 
@@ -203,7 +203,7 @@ def frame_sheets(
     sigma = np.sqrt(np.diagonal(frames.refined.covariance, axis1=1, axis2=2))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     w = np.nan_to_num(np.abs(result.picks.w))
-    made, shown = frames_made(result), units_shown(result)
+    made, shown = frame_origins(result), units_shown(result)
     for i, rows in enumerate(picks.rows):
         sheet = template.render(
             **shown,
@@ -237,7 +237,7 @@ def log_documents(
     result: Result,
     scene: Scene,
     picks: FramePicks,
-    curves: Curves,
+    curves: FrameCurves,
     poses: PoseCurves,
 ) -> None:
     """Log all pages.

@@ -18,7 +18,7 @@ from uavgram.views.recording.photo_marks import CENTRE_PX, log_camera_poses
 from uavgram.views.recording.scene import CURRENT_FRUSTUM, Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import OBSERVED
-from uavgram.views.survey.drawing import project_from
+from uavgram.views.survey.outlines import project_from
 
 
 @dataclass(frozen=True, eq=False)

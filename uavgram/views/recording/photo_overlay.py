@@ -14,18 +14,19 @@ from uavgram.model.result.tables import TieCloud
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
 from uavgram.stages.products.text_places import Placed
-from uavgram.views.formatting import BRIGHTENED, FRAME_STATE_WORDS, number, worst_first
+from uavgram.views.formatting import BRIGHTENED, FRAME_STATE_WORDS, number, order_worst_first
 from uavgram.views.recording.photo import FramePicks
 from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_texts
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.view_texts import hanging, place_texts
+from uavgram.views.recording.view_texts import place_texts, places_below
 from uavgram.views.recording.world.labels import (
     line_width,
     measured_text,
     reference_text,
 )
 from uavgram.views.recording.world.survey import NEIGHBOURS
+from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.style import (
     BAD,
     FOUND,
@@ -38,11 +39,16 @@ from uavgram.views.style import (
     TIE,
     Rgb,
 )
-from uavgram.views.survey.drawing import InSight, in_photo, project_from, sampled, visible_runs
 from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.off_ground import OffGround
-from uavgram.views.survey.verdict import named_picks
-from uavgram.views.unit_words import in_units
+from uavgram.views.survey.outlines import (
+    VisiblePolylines,
+    is_in_photo,
+    project_from,
+    sample_polyline,
+    visible_runs,
+)
+from uavgram.views.survey.verdict import list_named_picks
 from uavgram.views.units import units_of
 
 MARKS: dict[Source, tuple[Floats, ...]] = {
@@ -61,7 +67,7 @@ FOUND_PICKS = "picked_by_program"
 SIGHTINGS = "tie_points"
 
 
-def log_found(
+def log_automatic_picks(
     recorder: Recorder, result: Result, picks: FramePicks, shown: Bools, photo: str
 ) -> None:
     """Log the marks of matches and targets.
@@ -111,10 +117,10 @@ def log_sightings(recorder: Recorder, result: Result, ties: TieCloud, photo: str
     log_dots(recorder, f"{photo}/{SIGHTINGS}", dots, TIE, 1.2)
 
 
-Word = tuple[Floats, str]
+PhotoText = tuple[Floats, str]
 """Pixel and text of a label."""
 
-MOST_LINE_WORDS, MOST_WORDS = 10, 22
+MAX_LINE_TEXTS, MAX_TEXTS = 10, 22
 """Largest numbers of labels: of lines, and of lines and points; more would hide the photo."""
 
 HALF_LETTER, LINE_HEIGHT, HALF_DOT = 0.0062, 0.062, 0.004
@@ -132,7 +138,7 @@ LEADERS, LEADER_WIDTH = "labels/lines", 1.0
 
 
 def log_names(
-    recorder: Recorder, result: Result, picks: FramePicks, words: list[list[Word]], photo: str
+    recorder: Recorder, result: Result, picks: FramePicks, words: list[list[PhotoText]], photo: str
 ) -> None:
     """Log texts of the lines, then names of the points, with lines to those apart from them.
 
@@ -156,10 +162,10 @@ def log_names(
         at = result.picks.pixel_px[rows]
         labels = [result.picks.label[p] for p in rows]
         names = [(spot, named.get(label, label)) for spot, label in zip(at, labels, strict=True)]
-        wanted = [*lines[:MOST_LINE_WORDS], *names]
+        wanted = [*lines[:MAX_LINE_TEXTS], *names]
         placed = place_on_photo(result, wanted, at)
         kept = np.flatnonzero(np.isfinite(placed.boxes[:, 0])).tolist()
-        hung = hanging(placed)
+        hung = places_below(placed)
         places.append(hung[kept])
         texts.append([wanted[k][1] for k in kept])
         far = [k for k in kept if np.isfinite(placed.leaders[k, 0, 0])]
@@ -168,7 +174,7 @@ def log_names(
     log_texts(recorder, f"{photo}/labels", places, texts)
 
 
-def place_on_photo(result: Result, words: Sequence[Word], picked_px: Floats) -> Placed:
+def place_on_photo(result: Result, words: Sequence[PhotoText], picked_px: Floats) -> Placed:
     """Place texts on a photo, at most MOST_WORDS, the first ones first.
 
     Parameters
@@ -189,7 +195,7 @@ def place_on_photo(result: Result, words: Sequence[Word], picked_px: Floats) -> 
         letter,
         (np.zeros(2), size),
         np.column_stack([picked_px, dot]),
-        most=MOST_WORDS,
+        most=MAX_TEXTS,
     )
 
 
@@ -199,7 +205,9 @@ def _with_heights(result: Result) -> dict[str, str]:
     rows = np.flatnonzero(points.is_off_ground).tolist()
     heights = [number(points.height_above_ground_m[row], 2, signed=True) for row in rows]
     return {
-        points.label[row]: f"{points.label[row]} {in_units(f'{height} m', units_of(result))}"
+        points.label[
+            row
+        ]: f"{points.label[row]} {convert_sentence(f'{height} m', units_of(result))}"
         for row, height in zip(rows, heights, strict=True)
     }
 
@@ -280,7 +288,7 @@ def _residuals(
     recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
 ) -> None:
     pixel = result.picks.pixel_px
-    named, picked = named_picks(result.verdict), result.picks
+    named, picked = list_named_picks(result.verdict), result.picks
     bad = np.isin(np.array(picked.status, dtype=str), ("suspect", "removed"))
     bad |= np.array([p in named for p in zip(picked.image, picked.label, strict=True)], dtype=bool)
     fitted = np.isfinite(result.picks.residual_px[:, 0])
@@ -296,10 +304,16 @@ def _residuals(
     ):
         log_polylines(recorder, f"{photo}/{name}", [list(arrows[r]) for r in rows], colour, 2.5)
     by_hand = result.picks.by_hand
-    log_found(recorder, result, picks, ~bad, photo)
+    log_automatic_picks(recorder, result, picks, ~bad, photo)
     for name, at, rows, colour, size in (
-        ("from_flight_log", picks.seed_px, where(in_photo(result, picks.seed_px)), SEED, 3.0),
-        ("from_refined", picks.refined_px, where(in_photo(result, picks.refined_px)), REFINED, 2.5),
+        ("from_flight_log", picks.seed_px, where(is_in_photo(result, picks.seed_px)), SEED, 3.0),
+        (
+            "from_refined",
+            picks.refined_px,
+            where(is_in_photo(result, picks.refined_px)),
+            REFINED,
+            2.5,
+        ),
         ("picked", pixel, where(by_hand & ~bad), OBSERVED, 3.5),
         ("picked_suspect", pixel, where(bad), BAD, 6.0),
     ):
@@ -330,12 +344,12 @@ def _shapes(result: Result) -> list[_Shape]:
         status = result.lines.status[row]
         text = reference_text(result, row)
         entity = f"known_lengths/{status}"
-        shapes.append(_Shape(entity, LINE_COLOURS[status], text, sampled(known[row])))
+        shapes.append(_Shape(entity, LINE_COLOURS[status], text, sample_polyline(known[row])))
     lines = result.control_lines
     for name, status, strip in zip(lines.name, lines.status, position_strips(result), strict=True):
         entity = f"lines_of_known_position/{status}"
-        shapes.append(_Shape(entity, LINE_COLOURS[status], name, sampled(strip)))
-    for row in map(int, worst_first(result.measurements)):
+        shapes.append(_Shape(entity, LINE_COLOURS[status], name, sample_polyline(strip)))
+    for row in map(int, order_worst_first(result.measurements)):
         text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
         standing = result.measurements.status[row]
         entity = f"measured/{standing}" if standing in ("doubtful", "contradicted") else "measured"
@@ -344,7 +358,7 @@ def _shapes(result: Result) -> list[_Shape]:
                 entity,
                 MEASURED_COLOURS[standing],
                 text,
-                sampled(strip),
+                sample_polyline(strip),
                 ends,
                 is_dashed=standing == "contradicted",
             )
@@ -358,7 +372,9 @@ def _dashed(pixel: Floats) -> Floats:
     return np.where(np.arange(len(pixel))[:, None] % 4 == 3, np.nan, pixel)
 
 
-def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) -> list[list[Word]]:
+def _lines(
+    recorder: Recorder, result: Result, picks: FramePicks, photo: str
+) -> list[list[PhotoText]]:
     """Log visible known lengths, and the measurements whose points were all picked in the frame.
 
     Returns
@@ -366,8 +382,8 @@ def _lines(recorder: Recorder, result: Result, picks: FramePicks, photo: str) ->
     The texts of the lines of each frame.
     """
     frames, shapes = range(len(result.frames.frame_id)), _shapes(result)
-    in_sight = InSight(result, [shape.samples_m for shape in shapes])
-    words: list[list[Word]] = [[] for _ in frames]
+    in_sight = VisiblePolylines(result, [shape.samples_m for shape in shapes])
+    words: list[list[PhotoText]] = [[] for _ in frames]
     kinds = {shape.entity: shape for shape in shapes}
     runs: dict[str, list[list[Floats]]] = {entity: [[] for _ in frames] for entity in kinds}
     for frame in np.flatnonzero(result.has_refined):
@@ -409,7 +425,7 @@ def _rulers(
         here = [place[label] for label in labels if label in place]
         if not here:
             continue
-        strips = np.stack([sampled(ends[k], RULER_SAMPLES) for k in here])
+        strips = np.stack([sample_polyline(ends[k], RULER_SAMPLES) for k in here])
         pixel = project_from(result, row_poses(result, int(frame)), strips)
         for k, seen in zip(here, pixel, strict=True):
             lines[standing.source[k]][frame] += visible_runs(seen)

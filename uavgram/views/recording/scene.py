@@ -9,14 +9,28 @@ import numpy as np
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.views.survey.drawing import frusta, nice_factor, track
 from uavgram.views.survey.key_facts import largest_ellipse
-from uavgram.views.survey.off_ground import Departures, OffGround, departures, off_ground
+from uavgram.views.survey.off_ground import (
+    Departures,
+    OffGround,
+    collect_departures,
+    collect_off_ground,
+)
+from uavgram.views.survey.outlines import frusta, nice_factor, track
 
 # Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
 HALF_WIDTH, HALF_HEIGHT = 0.70, 0.47
 
-WINDS = ("north", "north-east", "east", "south-east", "south", "south-west", "west", "north-west")
+COMPASS_POINTS = (
+    "north",
+    "north-east",
+    "east",
+    "south-east",
+    "south",
+    "south-west",
+    "west",
+    "north-west",
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +80,7 @@ class Eye:
     def heading(self) -> str:
         """Direction of view, one of eight compass points."""
         azimuth = np.arctan2(-self.towards[0], -self.towards[1])
-        return WINDS[round(float(azimuth) / (np.pi / 4)) % 8]
+        return COMPASS_POINTS[round(float(azimuth) / (np.pi / 4)) % 8]
 
     def on_screen(self, points_m: Floats) -> Floats:
         """Project (N, 3) points to (N, 2) tangents of angles, right and up."""
@@ -127,7 +141,7 @@ LEVEL = 0.07
 # Share of the typical height off the ground that the median exaggerated ellipsoid may fill.
 ELLIPSOID_SHARE = 0.5
 # Smaller exaggerations do not need a second drawing.
-LEAST_EXAGGERATION = 5
+MIN_EXAGGERATION = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,8 +225,8 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
     ]
     least = GROUND_DROP_SHARE * size
     below = float(np.max(result.plane.height_at(points[:, :2]) - points[:, 2], initial=0.0))
-    uneven = departures(result)
-    standing = off_ground(result)
+    uneven = collect_departures(result)
+    standing = collect_off_ground(result)
     return Scene(
         middle_m=middle,
         size_m=size,
@@ -278,7 +292,7 @@ def _ellipsoid_factor(result: Result, standing: OffGround | None) -> int:
     height = np.abs(result.points.height_above_ground_m[standing.rows])
     typical = float(np.median(standing.half_axes_m[:, 0]))
     factor = nice_factor(typical, ELLIPSOID_SHARE * float(np.median(height)))
-    return factor if factor >= LEAST_EXAGGERATION else 1
+    return factor if factor >= MIN_EXAGGERATION else 1
 
 
 def _from_the_side(result: Result, standing: OffGround | None) -> Eye | None:

@@ -88,7 +88,7 @@ def place_in_space(
         most=most,
     )
     rows = np.flatnonzero(np.isfinite(placed.boxes[:, 0])).astype(np.int64)
-    places = eye.in_space(anchor_m[rows], hanging(placed)[rows] * [1.0, -1.0])
+    places = eye.in_space(anchor_m[rows], places_below(placed)[rows] * [1.0, -1.0])
     leaders = [
         np.stack([anchor_m[row], place])
         for row, place in zip(rows, places, strict=True)
@@ -145,7 +145,7 @@ def place_texts(
     return place_labels(labels, taken, bounds, least=1.0, reach=REACH, most=most)
 
 
-def hanging(placed: Placed) -> Floats:
+def places_below(placed: Placed) -> Floats:
     """Return the (N, 2) places below which texts are written, where y goes down."""
     return np.asarray(placed.boxes[:, :2] - placed.boxes[:, 3:4] * [0.0, 1.0])
 
@@ -163,12 +163,14 @@ def log_in_space(recorder: Recorder, path: str, placed: ViewTexts) -> None:
         The placed texts.
     """
     if placed.words:
-        recorder.static(path, texts(placed.place_m, placed.words))
+        recorder.static(path, make_texts(placed.place_m, placed.words))
     if placed.leaders_m:
-        recorder.static(f"{path}/lines", polylines(placed.leaders_m, QUIET, 1.2))
+        recorder.static(f"{path}/lines", make_polylines(placed.leaders_m, QUIET, 1.2))
 
 
-def polylines(lines: Floats | list[Floats], colour: Rgb | Pixels, width: float) -> rr.LineStrips3D:
+def make_polylines(
+    lines: Floats | list[Floats], colour: Rgb | Pixels, width: float
+) -> rr.LineStrips3D:
     """Make polylines.
 
     Parameters
@@ -184,7 +186,7 @@ def polylines(lines: Floats | list[Floats], colour: Rgb | Pixels, width: float) 
     return rr.LineStrips3D(single, colors=colour, radii=rr.Radius.ui_points(width / 2))
 
 
-def texts(position: Floats, words: tuple[str, ...]) -> rr.Points3D:
+def make_texts(position: Floats, words: tuple[str, ...]) -> rr.Points3D:
     """Make white texts without a dot: coloured text is hard to read over photos."""
     return rr.Points3D(
         position, radii=rr.Radius.ui_points(0.0), colors=OBSERVED, labels=words, show_labels=True

@@ -26,7 +26,7 @@ from uavgram.views.recording.photo import PHOTO, log_camera, log_photos, project
 from uavgram.views.recording.photo_overlay import log_overlay, log_sightings
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.recording.world.geography import log_map, log_origin
+from uavgram.views.recording.world.earth_map import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
 from uavgram.views.recording.world.points import log_close_up, log_tie_points
 from uavgram.views.recording.world.profiles import log_profiles

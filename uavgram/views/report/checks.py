@@ -11,20 +11,20 @@ from uavgram.model.result.result import Result
 from uavgram.views.formatting import (
     KNOWN_STATUS_WORDS,
     KNOWN_WORDS,
+    format_with_sigma,
     number,
-    with_sigma,
-    worst_fit_first,
+    order_worst_fit_first,
 )
 from uavgram.views.survey.reliability import overall_words
 from uavgram.views.survey.verdict import THREE_SIGMA
 from uavgram.views.units import spread_text, units_of, value_text
 
-REACH = 6.0
+GAUGE_SIGMAS = 6.0
 """Sigmas from the middle of a gauge to its ends; larger values are drawn at the end."""
 
 
 class Gauge(NamedTuple):
-    """Number of sigmas as a mark on a scale from minus to plus `REACH`.
+    """Number of sigmas as a mark on a scale from minus to plus `GAUGE_SIGMAS`.
 
     Attributes
     ----------
@@ -40,11 +40,11 @@ class Gauge(NamedTuple):
     outside: bool
 
 
-def gauge(sigmas: float, limit: float) -> Gauge | None:
+def draw_gauge(sigmas: float, limit: float) -> Gauge | None:
     """Draw a number of sigmas against a limit; return None if it is not finite."""
     if not np.isfinite(sigmas):
         return None
-    at = float(np.clip(sigmas, -REACH, REACH))
+    at = float(np.clip(sigmas, -GAUGE_SIGMAS, GAUGE_SIGMAS))
     return Gauge(
         at=_percent(at),
         low=_percent(-limit),
@@ -54,7 +54,7 @@ def gauge(sigmas: float, limit: float) -> Gauge | None:
 
 
 def _percent(sigmas: float) -> float:
-    return round(50.0 + 50.0 * sigmas / REACH, 1)
+    return round(50.0 + 50.0 * sigmas / GAUGE_SIGMAS, 1)
 
 
 class KnownRow(NamedTuple):
@@ -75,7 +75,7 @@ class KnownRow(NamedTuple):
 
 def known_table(result: Result) -> tuple[KnownRow, ...]:
     """Return the rows of all known observations, the worst fit first."""
-    return tuple(_row(result, int(i)) for i in worst_fit_first(result.known.w))
+    return tuple(_row(result, int(i)) for i in order_worst_fit_first(result.known.w))
 
 
 def _row(result: Result, i: int) -> KnownRow:
@@ -84,14 +84,16 @@ def _row(result: Result, i: int) -> KnownRow:
     is_condition = bool(np.isnan(known.value[i]))
     found = value_text(float(known.adjusted[i]), sigma, unit, units)
     if known.adjusted_sigma[i] > 0 and not is_condition:
-        found = with_sigma(float(known.adjusted[i]), float(known.adjusted_sigma[i]), unit, units)
+        found = format_with_sigma(
+            float(known.adjusted[i]), float(known.adjusted_sigma[i]), unit, units
+        )
     return KnownRow(
         name=known.name[i],
         what=KNOWN_WORDS.get(known.kind[i], known.kind[i]),
         points=known.points[i],
         given=f"± {spread_text(sigma, unit, units)}"
         if is_condition
-        else with_sigma(float(known.value[i]), sigma, unit, units),
+        else format_with_sigma(float(known.value[i]), sigma, unit, units),
         found="–" if is_condition else found,
         difference="–"
         if np.isnan(known.residual[i])
@@ -148,7 +150,10 @@ def checks_summary(result: Result) -> ChecksSummary | None:
         inside += f", {bad} OUTSIDE"
     elif off:
         inside += ", but TOGETHER they are further off than their uncertainties allow"
-    overall, look = overall_words(result, in_statistics=False), _look(result, fits=not (bad or off))
+    overall, look = (
+        overall_words(result, in_statistics=False),
+        _colour_class(result, fits=not (bad or off)),
+    )
     if look == "none":
         overall = f"{overall} But the verdict on the whole is red: see the first page.".lstrip()
     return ChecksSummary(
@@ -160,7 +165,7 @@ def checks_summary(result: Result) -> ChecksSummary | None:
     )
 
 
-def _look(result: Result, *, fits: bool) -> Literal["good", "bad", "none"]:
+def _colour_class(result: Result, *, fits: bool) -> Literal["good", "bad", "none"]:
     if not fits:
         return "bad"
     return "none" if result.verdict.level == "red" else "good"

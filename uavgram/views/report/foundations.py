@@ -15,16 +15,16 @@ from uavgram.geometry.ground.ellipse import ELLIPSE_95
 from uavgram.model.naming import counted
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.result import Result
-from uavgram.views.formatting import number, place
+from uavgram.views.formatting import describe_origin, number
 from uavgram.views.report.budget import WORDS
 from uavgram.views.survey.reliability import significance_of
 from uavgram.views.survey.sources import picks_text
 
-MOST_FILES = 40
+MAX_FILES = 40
 """Number of files whose checksums are in the report; the annex has all."""
 
 
-def foundations(result: Result) -> tuple[tuple[str, str], ...]:
+def list_foundations(result: Result) -> tuple[tuple[str, str], ...]:
     """List photos, camera, lengths, flight log, points, place and largest uncertainty.
 
     Returns
@@ -40,17 +40,17 @@ def foundations(result: Result) -> tuple[tuple[str, str], ...]:
         ("Known lengths", _lengths(result)),
         ("Flight log", sources if result.has_seed.any() else "none"),
         ("Points", picks_text(result) or "all picked by people"),
-        ("Place", place(result)),
+        ("Place", describe_origin(result)),
         ("Largest uncertainty", _largest_source(result)),
     )
     return tuple((question, answer) for question, answer in facts if answer)
 
 
-def files_shown(result: Result) -> tuple[InputDigest, ...]:
+def select_files(result: Result) -> tuple[InputDigest, ...]:
     """Choose the files whose checksums the report has: photos after all others."""
     photos = {Path(path).name for path in result.frames.path}
     files = sorted(result.provenance.inputs, key=lambda one: Path(one.path).name in photos)
-    return tuple(files[:MOST_FILES])
+    return tuple(files[:MAX_FILES])
 
 
 def _photos(result: Result) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.result.pictures import Region
 from uavgram.model.result.result import Result
-from uavgram.views.survey.drawing import project_from
+from uavgram.views.survey.outlines import project_from
 from uavgram.views.units import round_bar, units_of
 
 
@@ -25,7 +25,7 @@ class Mark(NamedTuple):
     middle: str
 
 
-def mark(
+def draw_mark(
     place: tuple[float, float], kind: str, colour: str, half_widths: tuple[float, float]
 ) -> Mark:
     """Draw a pick.
@@ -45,7 +45,7 @@ def mark(
     return Mark(*place, colour, _SHAPES[kind](*place, outer), _cross(*place, inner))
 
 
-def rings(places: Iterable[tuple[float, float]], r: float) -> str:
+def draw_rings(places: Iterable[tuple[float, float]], r: float) -> str:
     """Draw one ring about each place, as one path."""
     return "".join(_ring(x, y, r) for x, y in places)
 
@@ -124,7 +124,7 @@ def scale_bars(result: Result, regions: Sequence[Region]) -> dict[Region, Bar]:
     }
 
 
-def placed(bar: Bar | None, region: Region, marks: Sequence[Mark], unit: float) -> Bar | None:
+def place_bar(bar: Bar | None, region: Region, marks: Sequence[Mark], unit: float) -> Bar | None:
     """Place the bar at the left end of the lower edge, or at the right one if it hides less there.
 
     Parameters

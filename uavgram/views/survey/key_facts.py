@@ -14,13 +14,13 @@ from uavgram.views.formatting import (
     SIGNED_KINDS,
     alternatives_text,
     axes_text,
+    format_relative_sigma,
+    format_with_sigma,
     number,
-    relative,
+    order_worst_first,
     size_text,
-    with_sigma,
-    worst_first,
 )
-from uavgram.views.survey.verdict import named_picks
+from uavgram.views.survey.verdict import list_named_picks
 from uavgram.views.units import spread_text, units_of
 
 FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
@@ -37,7 +37,7 @@ def frame_states(result: Result) -> tuple[FrameState, ...]:
         for image, status in zip(result.picks.image, result.picks.status, strict=True)
         if status in ("suspect", "removed")
     }
-    odd |= {image for image, _ in named_picks(result.verdict)}
+    odd |= {image for image, _ in list_named_picks(result.verdict)}
     odd |= {name for m in result.messages if m.code == "telemetry-strained" for name in m.frames}
     return tuple(
         "check" if status == "refined" and name in odd else status
@@ -103,7 +103,7 @@ def key_facts(result: Result) -> tuple[Fact, ...]:
 def least_certain_length(result: Result) -> int | None:
     """Return the row of the measured length with the largest relative sigma."""
     rows = result.measurements
-    for i in worst_first(rows):
+    for i in order_worst_first(rows):
         is_length = rows.unit[i] == "m" and rows.kind[i] not in SIGNED_KINDS
         if is_length and np.isfinite(rows.value[i]):
             return int(i)
@@ -122,8 +122,8 @@ def _least_certain(result: Result) -> str:
         return ""
     value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
     units = units_of(result)
-    why = alternatives_text(rows, row, units) or f"({relative(value, sigma, unit)})"
-    return f"{rows.name[row]}: {with_sigma(value, sigma, unit, units)} {why}"
+    why = alternatives_text(rows, row, units) or f"({format_relative_sigma(value, sigma, unit)})"
+    return f"{rows.name[row]}: {format_with_sigma(value, sigma, unit, units)} {why}"
 
 
 def _worst_fit(result: Result) -> str:

@@ -12,7 +12,7 @@ from uavgram.model.naming import counted, listed
 from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import ChecksOverall, Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
-from uavgram.views.formatting import UNIT_WORDS, chance, computed_first, number
+from uavgram.views.formatting import UNIT_WORDS, chance, number, order_computed_first
 from uavgram.views.units import spread_text, units_of
 
 
@@ -50,13 +50,13 @@ def _limit(result: Result, tests: int) -> float:
     return compute_critical_value(compute_level(significance_of(result), tests))
 
 
-MOST_PRIORS = 20
+MAX_PRIORS = 20
 """Number of priors shown: those with the largest test statistics."""
 
-MOST_UNCHECKED = 6
+MAX_UNCHECKED = 6
 """Number of unchecked observations named for a measurement."""
 
-MOST_MOVED = 5
+MAX_MOVED = 5
 """Number of measurements named as moved by a removal."""
 
 LARGE = 1000.0
@@ -72,7 +72,7 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
         return []
     rows, links = result.measurements, result.evidence.weakest
     table = []
-    for i in computed_first(rows):
+    for i in order_computed_first(rows):
         name = rows.name[i]
         if not np.isfinite(rows.value[i]):
             continue
@@ -83,7 +83,7 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
                 f"an undetected error of {_amount(links.bias[i], links.unit[i])} in the "
                 f"{links.what[i]} would move it by {number(abs(links.change[i]))} {unit}"
             )
-        unchecked = listed(links.unchecked[i], MOST_UNCHECKED)
+        unchecked = listed(links.unchecked[i], MAX_UNCHECKED)
         table.append({"name": name, "weakest": weakest, "unchecked": unchecked})
     return table
 
@@ -113,7 +113,7 @@ def prior_rows(result: Result) -> list[dict[str, str | bool]]:
         return []
     priors: PriorResults = result.evidence.priors
     limit = prior_limits(result)
-    order = np.argsort(-np.abs(priors.w), kind="stable")[:MOST_PRIORS]
+    order = np.argsort(-np.abs(priors.w), kind="stable")[:MAX_PRIORS]
     return [
         {
             "name": priors.name[i],
@@ -145,12 +145,12 @@ def removal_rows(result: Result) -> list[str]:
             text += f" No test can distinguish it from: {', '.join(one.group)}."
         if one.rivals:
             text += f" It could also have been: {', '.join(one.rivals)}."
-        moved = _moved(result, one)
+        moved = _list_moved(result, one)
         sentences.append(f"{text} That moved {moved}." if moved else text)
     return sentences
 
 
-def _moved(result: Result, one: RemovalRecord) -> str:
+def _list_moved(result: Result, one: RemovalRecord) -> str:
     """List the measurements that a removal moved by most of their sigmas; count the others."""
     rows, change = result.measurements, np.array(one.change, dtype=np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -160,7 +160,7 @@ def _moved(result: Result, one: RemovalRecord) -> str:
     named = [
         f"{rows.name[i]!r} by {number(change[i], signed=True)} "
         f"{UNIT_WORDS.get(rows.unit[i], rows.unit[i])}"
-        for i in order[:MOST_MOVED]
+        for i in order[:MAX_MOVED]
     ]
     more = len(order) - len(named)
     return ", ".join(named) + (f" and {more} more by fewer of their sigmas" if more else "")

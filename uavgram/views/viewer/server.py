@@ -14,7 +14,7 @@ from urllib.parse import quote
 from uavgram.errors import InputError, UavgramError
 from uavgram.input_files import opened
 from uavgram.views.viewer import process as viewer_process
-from uavgram.views.viewer.proxy import LOOPBACK, ViewerGate
+from uavgram.views.viewer.proxy import LOOPBACK, ViewerProxy
 
 MAGIC = (b"RRF2", b"RRIO", b"RRF0", b"RRF1")
 START_S = 30.0
@@ -81,7 +81,7 @@ class RecordingServer:
     def __init__(self, recording: Path) -> None:
         _check(recording)
         page, data = _free_ports(2)
-        self._gate: ViewerGate | None = None
+        self._gate: ViewerProxy | None = None
         where = ("--web-viewer-port", str(page), "--port", str(data))
         self._process = _start(["--serve-web", "--bind", LOOPBACK, *where], RUST_LOG="error")
         try:
@@ -89,7 +89,7 @@ class RecordingServer:
         except BaseException:
             self.stop()
             raise
-        self._gate = ViewerGate(page, recording)
+        self._gate = ViewerProxy(page, recording)
         home = f"http://{LOOPBACK}:{self._gate.server_port}"
         self.address = f"{home}?url={quote(home + self._gate.way, safe='')}&theme=dark"
 

@@ -17,7 +17,7 @@ from uavgram.model.result.reliability import (
 )
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import AreaPlane
-from uavgram.views.pages import MOST_ROWS, plain, table
+from uavgram.views.pages import MAX_ROWS, plain, table
 from uavgram.views.recording.curves import frame_curves, pose_curves
 from uavgram.views.recording.pages import (
     checks_page,
@@ -170,7 +170,7 @@ def test_what_people_wrote_cannot_become_markdown() -> None:
 
 
 def test_a_table_says_what_it_leaves_out() -> None:
-    shown = table(("a", "b"), [("1", "2")] * (MOST_ROWS + 5))
+    shown = table(("a", "b"), [("1", "2")] * (MAX_ROWS + 5))
 
-    assert shown.count("| 1 | 2 |") == MOST_ROWS
+    assert shown.count("| 1 | 2 |") == MAX_ROWS
     assert shown.endswith("5 more rows are in the report and in results.json.")

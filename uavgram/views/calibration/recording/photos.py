@@ -10,8 +10,8 @@ import rerun as rr
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Bools
 from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.views.calibration.drawing import SQRT2, residual_factor, rows_by_photo
-from uavgram.views.calibration.recording.space import CAMERA, DEPTH_OF_CURRENT, Room
+from uavgram.views.calibration.drawing_rules import SQRT2, residual_factor, rows_by_photo
+from uavgram.views.calibration.recording.space import CAMERA, DEPTH_OF_CURRENT, SceneExtent
 from uavgram.views.recording.photo_marks import (
     CENTRE_PX,
     log_camera_poses,
@@ -44,7 +44,10 @@ OVERLAYS = ("residual_exaggerated", "residual_exaggerated_odd", "corners", "corn
 
 
 def log_board_photos(
-    recorder: Recorder, result: CalibrationResult, room: Room, previews: Mapping[str, Preview]
+    recorder: Recorder,
+    result: CalibrationResult,
+    room: SceneExtent,
+    previews: Mapping[str, Preview],
 ) -> None:
     """Log the moving camera, its photo and all drawings on it.
 

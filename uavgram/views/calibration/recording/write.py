@@ -12,7 +12,7 @@ from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
-from uavgram.views.calibration.drawing import SQRT2, mean_residual_factor, residual_factor
+from uavgram.views.calibration.drawing_rules import SQRT2, mean_residual_factor, residual_factor
 from uavgram.views.calibration.recording.documents import (
     CAMERA_PAGE,
     SHEET,
@@ -34,7 +34,13 @@ from uavgram.views.calibration.recording.photos import (
     log_board_photos,
     log_photo_plots,
 )
-from uavgram.views.calibration.recording.space import AROUND, BEFORE, Room, log_space, measure_room
+from uavgram.views.calibration.recording.space import (
+    AROUND,
+    BEFORE,
+    SceneExtent,
+    log_space,
+    measure_extent,
+)
 from uavgram.views.recording.blueprint import BACKGROUND, layout, plot, space_view
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
 from uavgram.views.recording.stream import open_recording
@@ -44,7 +50,7 @@ MARGIN = 0.02
 _NOT_IN_SPACE = [f"- /{PHOTO}/{name}/**" for name in OVERLAYS]
 
 
-def calibration_blueprint(account: CalibrationAccount, room: Room) -> rrb.Blueprint:
+def calibration_blueprint(account: CalibrationAccount, room: SceneExtent) -> rrb.Blueprint:
     """Lay out the views: cameras and photo above, maps and pages below."""
     result = account.result
     left = rrb.Vertical(
@@ -82,7 +88,7 @@ def _states(account: CalibrationAccount) -> str:
     return f"{total} photos: {', '.join(words)}, {len(account.left_out)} without use"
 
 
-def _around(room: Room) -> rrb.Spatial3DView:
+def _around(room: SceneExtent) -> rrb.Spatial3DView:
     name = "Cameras around the board (blue: used; white: this photo)"
     contents = [f"+ /{AROUND}/**", *_NOT_IN_SPACE]
     up = np.array([0.0, 0.0, -1.0])
@@ -90,7 +96,7 @@ def _around(room: Room) -> rrb.Spatial3DView:
     return space_view(name, contents, *eye, up=up, origin=f"/{AROUND}")
 
 
-def _before(room: Room) -> rrb.Spatial3DView:
+def _before(room: SceneExtent) -> rrb.Spatial3DView:
     up = np.array([0.0, -1.0, 0.0])
     eye = _eye(room.before_m, np.array([0.8, -0.4, -0.6]), up)
     contents = [f"+ /{BEFORE}/**"]
@@ -162,7 +168,7 @@ def write_calibration_recording(
         If the file cannot be written.
     """
     result = account.result
-    room = measure_room(result)
+    room = measure_extent(result)
     made = account.provenance
     options = sorted(made.options.items())
     identity = (made.program, made.version, made.inputs, made.board, options)

@@ -15,16 +15,21 @@ from uavgram.model.result.tables import HeightSource, TieCloud
 from uavgram.stages.products.map_layers import ellipse_outlines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.view_texts import log_in_space, place_in_space, polylines, texts
+from uavgram.views.recording.view_texts import (
+    log_in_space,
+    make_polylines,
+    make_texts,
+    place_in_space,
+)
 from uavgram.views.recording.world.labels import height_labels
 from uavgram.views.style import HEIGHT_COLOURS, OBSERVED, TIE_FAINT, scale_colours
 from uavgram.views.survey.off_ground import Departures, OffGround, height_of
 from uavgram.views.units import round_bar, units_of
 
 # Outlines slow the viewer down.
-MOST_OUTLINES = 5_000
+MAX_OUTLINES = 5_000
 # Rerun hides the labels of larger batches itself; from this number on it is done explicitly.
-MOST_POINT_LABELS = 30
+MAX_POINT_LABELS = 30
 # Flat ellipsoids: half a millimetre of height keeps them from flickering with the ground.
 FLAT_M = 1e-3
 # Close-up of the least certain point: a bar to compare with its ellipse, at true scale, south of
@@ -37,7 +42,7 @@ BAR_WIDTH = 4.0
 
 def has_outlines(result: Result) -> bool:
     """Return whether enlarged ellipses are drawn; with more points, the points are coloured."""
-    return len(result.points.label) <= MOST_OUTLINES
+    return len(result.points.label) <= MAX_OUTLINES
 
 
 def sigma_shares(result: Result) -> tuple[Floats, float, float]:
@@ -68,7 +73,7 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
     """
     points, position, within = result.points, result.points.position_world_m, result.points.relative
     colours = scale_colours(sigma_shares(result)[0])
-    few = len(points.label) <= MOST_POINT_LABELS
+    few = len(points.label) <= MAX_POINT_LABELS
     log_heights(recorder, result, scene, colours)
     recorder.static(
         "survey/points/picked",
@@ -81,10 +86,10 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
         ),
     )
     grounded = np.flatnonzero(~points.is_off_ground)
-    for start in range(0, len(grounded), MOST_ELLIPSOIDS):
-        part = grounded[start : start + MOST_ELLIPSOIDS]
+    for start in range(0, len(grounded), MAX_ELLIPSOIDS):
+        part = grounded[start : start + MAX_ELLIPSOIDS]
         recorder.static(
-            f"survey/points/ellipse_95_true_size/{start // MOST_ELLIPSOIDS}",
+            f"survey/points/ellipse_95_true_size/{start // MAX_ELLIPSOIDS}",
             _flat_ellipses(result, part, colours),
         )
     if has_outlines(result):
@@ -96,7 +101,7 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
         )
         recorder.static(
             "survey/points/ellipse_95_exaggerated",
-            polylines(np.concatenate([outlines, height], axis=-1), colours, 1.3),
+            make_polylines(np.concatenate([outlines, height], axis=-1), colours, 1.3),
         )
     if few:
         names = place_in_space(scene.top_eye, position, points.label, dots_m=position)
@@ -132,7 +137,7 @@ def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Dep
     height = scene.departure_factor * np.abs(uneven.value_m)
     top = position + height[:, None] * [0.0, 0.0, 1.0]
     bars = np.stack([position, top], axis=1)
-    recorder.static("survey/points/off_plane", polylines(bars, uneven.colours, BAR_WIDTH))
+    recorder.static("survey/points/off_plane", make_polylines(bars, uneven.colours, BAR_WIDTH))
 
 
 def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
@@ -166,7 +171,7 @@ def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
         ),
     )
     spot = result.points.position_world_m[[scene.worst_point]]
-    recorder.static(f"{CLOSE_UP}/name", texts(spot, (result.points.label[scene.worst_point],)))
+    recorder.static(f"{CLOSE_UP}/name", make_texts(spot, (result.points.label[scene.worst_point],)))
     if result.points.is_off_ground[scene.worst_point]:
         colours = scale_colours(sigma_shares(result)[0])
         worst = np.array([scene.worst_point])
@@ -194,7 +199,7 @@ def _yaw_quaternions(azimuth_rad: Floats) -> Floats:
 
 
 # Rerun draws at most 60 000 ellipsoids of one entity.
-MOST_ELLIPSOIDS = 50_000
+MAX_ELLIPSOIDS = 50_000
 RULERS = "survey/points/heights"
 ELLIPSOIDS = "survey/points/ellipsoid_95"
 SIDE_TEXTS = "from_the_side/heights"
@@ -254,11 +259,11 @@ def _ellipsoids(
     colours: Pixels,
 ) -> None:
     known = np.flatnonzero(standing.half_axes_m[:, 0] > 0)
-    for start in range(0, len(known), MOST_ELLIPSOIDS):
-        part = known[start : start + MOST_ELLIPSOIDS]
+    for start in range(0, len(known), MAX_ELLIPSOIDS):
+        part = known[start : start + MAX_ELLIPSOIDS]
         rows = standing.rows[part]
         recorder.static(
-            f"{ELLIPSOIDS}_{size}/{start // MOST_ELLIPSOIDS}",
+            f"{ELLIPSOIDS}_{size}/{start // MAX_ELLIPSOIDS}",
             rr.Ellipsoids3D(
                 centers=result.points.position_world_m[rows],
                 half_sizes=factor * standing.half_axes_m[part],

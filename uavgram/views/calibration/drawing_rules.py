@@ -7,7 +7,7 @@ import numpy as np
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.style import scale_colours
-from uavgram.views.survey.drawing import nice_factor
+from uavgram.views.survey.outlines import nice_factor
 
 RESIDUAL_SHARE = 0.04
 """Share of the photo's width that the larger exaggerated residuals fill."""

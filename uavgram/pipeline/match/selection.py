@@ -113,19 +113,19 @@ def check_undone(inputs: Inputs, asked: Asked) -> None:
     _check_names(inputs, asked, tuple(dict.fromkeys(inputs.picks.label)))
 
 
-_MOST_NAMED = 8
+_MAX_NAMED = 8
 
 
 def _check_names(inputs: Inputs, asked: Asked, labels: tuple[str, ...]) -> None:
     """Refuse labels not among these, and photos that the project does not have."""
     for label in asked.labels:
         if label not in labels:
-            hint = near_miss(label, labels) or f"picked are {listed(labels, _MOST_NAMED)}"
+            hint = near_miss(label, labels) or f"picked are {listed(labels, _MAX_NAMED)}"
             raise InputError(inputs.project.picks, f"no label {label!r} is picked: {hint}")
     for photo in asked.photos:
         if photo not in inputs.photos.frame_id:
             names = inputs.photos.frame_id
-            hint = near_miss(photo, names) or f"it has {listed(names, _MOST_NAMED)}"
+            hint = near_miss(photo, names) or f"it has {listed(names, _MAX_NAMED)}"
             raise InputError(inputs.project_path, f"the project has no photo {photo!r}: {hint}")
 
 

@@ -1,8 +1,8 @@
 """Conversion of the lengths and speeds in sentences to the units of the project.
 
-Messages and tables are made in metres, in the form ``1.40 m``: number, blank, unit. `in_units`
-converts them for display, from the exact numbers where these are known: 3.20 m may be the rounded
-value of the 10.5 ft that a user typed.
+Messages and tables are made in metres, in the form ``1.40 m``: number, blank, unit.
+`convert_sentence` converts them for display, from the exact numbers where these are known: 3.20 m
+may be the rounded value of the 10.5 ft that a user typed.
 """
 
 from __future__ import annotations
@@ -16,7 +16,15 @@ from typing import NamedTuple
 from uavgram.model.naming import FOOT_M, Units
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
-from uavgram.views.units import INCH_M, INCHES, feet_inches, fixed, quantity, shown, step_in_of
+from uavgram.views.units import (
+    INCH_M,
+    INCHES,
+    display_unit,
+    feet_inches,
+    format_fixed,
+    quantity,
+    step_in_of,
+)
 
 _NUMBER = r"[+\-−]?\d+(?:\.\d+)?(?:e[+\-]?\d+)?"
 _SURE = r"\s?(?:±|\+-|×|–)\s?| x | to "
@@ -33,7 +41,9 @@ _SPEEDS = {"m/s", "km/h"}
 _MILE_M = 5280 * FOOT_M
 
 
-def in_units(text: str, units: Units, keep: Iterable[str] = (), exact: Sequence[float] = ()) -> str:
+def convert_sentence(
+    text: str, units: Units, keep: Iterable[str] = (), exact: Sequence[float] = ()
+) -> str:
     """Convert the lengths and speeds in a sentence; quoted text is not changed.
 
     Parameters
@@ -61,13 +71,13 @@ def in_units(text: str, units: Units, keep: Iterable[str] = (), exact: Sequence[
             return match[0]
         if match["unit"] == "mm" and is_optical:
             return match[0]
-        return _converted(match["numbers"], match["unit"], units, exact) or match[0]
+        return _convert(match["numbers"], match["unit"], units, exact) or match[0]
 
     return _PATTERN.sub(replaced, text)
 
 
-def names_like_lengths(result: Result) -> tuple[str, ...]:
-    """Return the names of a survey that `in_units` would take for lengths, such as ``wall 4 m``."""
+def list_names_like_lengths(result: Result) -> tuple[str, ...]:
+    """Return the names that `convert_sentence` would take for lengths, such as ``wall 4 m``."""
     named = (
         *result.points.label,
         *result.lines.name,
@@ -77,7 +87,7 @@ def names_like_lengths(result: Result) -> tuple[str, ...]:
         result.name,
         *(text for row in case_from_options(result.provenance.options) for text in row),
     )
-    return like_lengths(named)
+    return select_like_lengths(named)
 
 
 def exact_lengths(result: Result) -> tuple[float, ...]:
@@ -86,39 +96,39 @@ def exact_lengths(result: Result) -> tuple[float, ...]:
     values = [*lines.length_m, *lines.adjusted_m, *lines.residual_m, *lines.mdb_m]
     for unit, value, sigma in zip(measured.unit, measured.value, measured.sigma, strict=True):
         values += [value, sigma] if unit == "m" else []
-    return rising(values)
+    return sorted_magnitudes(values)
 
 
-def rising(values: Iterable[float | None]) -> tuple[float, ...]:
+def sorted_magnitudes(values: Iterable[float | None]) -> tuple[float, ...]:
     """Return the absolute values of the finite numbers, each once, ascending."""
     sizes = {abs(float(one)) for one in values if one is not None}
     return tuple(sorted(one for one in sizes if math.isfinite(one)))
 
 
-def like_lengths(names: Iterable[str]) -> tuple[str, ...]:
-    """Return the names that `in_units` would take for lengths."""
+def select_like_lengths(names: Iterable[str]) -> tuple[str, ...]:
+    """Return the names that `convert_sentence` would take for lengths."""
     return tuple(name for name in names if _PATTERN.search(name))
 
 
-class _Told(NamedTuple):
+class _ExactNumber(NamedTuple):
     """Number of a sentence: its text, and its exact value in its unit."""
 
     text: str
     value: float
 
 
-def _told(text: str, metres: float, exact: Sequence[float]) -> _Told:
+def _find_exact(text: str, metres: float, exact: Sequence[float]) -> _ExactNumber:
     """Find the exact value of a number: the nearest that rounds to it; `metres` is its unit."""
     value = float(_plain(text))
     size, half = abs(value) * metres, 0.5 * _resolution(text) * metres
     at = bisect_left(exact, size)
     near = min(exact[max(at - 1, 0) : at + 1], key=lambda one: abs(one - size), default=math.inf)
     if abs(near - size) > half * (1 + 1e-6):
-        return _Told(text, value)
-    return _Told(text, math.copysign(near / metres, value))
+        return _ExactNumber(text, value)
+    return _ExactNumber(text, math.copysign(near / metres, value))
 
 
-def _converted(numbers: str, unit: str, units: Units, exact: Sequence[float]) -> str:
+def _convert(numbers: str, unit: str, units: Units, exact: Sequence[float]) -> str:
     """Convert numbers to other units; return an empty text if they are not changed."""
     is_speed = unit in _SPEEDS
     if (is_speed and unit == units.speed) or (not is_speed and units.length == "m"):
@@ -128,9 +138,9 @@ def _converted(numbers: str, unit: str, units: Units, exact: Sequence[float]) ->
     if any(b in (", ", " and ", " or ") for b in between) and not _alike(told):
         # "in photos 3 and 5.2 m": only the last number belongs to the unit
         lead = numbers[: len(numbers) - len(told[-1])]
-        return lead + _converted(told[-1], unit, units, exact)
+        return lead + _convert(told[-1], unit, units, exact)
     known = exact if unit in _METRES else ()
-    read = [_told(text, _SCALES.get(unit, 1.0), known) for text in told]
+    read = [_find_exact(text, _SCALES.get(unit, 1.0), known) for text in told]
     if (
         len(told) == 2
         and between[0].strip() in ("±", "+-")
@@ -152,33 +162,33 @@ def _plain(text: str) -> str:
     return text.replace("−", "-")
 
 
-def _one_by_one(told: list[_Told], between: list[str], unit: str, units: Units) -> str:
+def _one_by_one(told: list[_ExactNumber], between: list[str], unit: str, units: Units) -> str:
     if units.length == "ft-in" and unit in ("m", "cm", "mm"):
         words = [_sentence_in(one, _SCALES[unit] / INCH_M) for one in told]
         return "".join(w + b for w, b in zip(words, [*between, ""], strict=True))
     if unit in _POWERS:
-        one = shown(_POWERS[unit], units, max(abs(each.value) for each in told))
+        one = display_unit(_POWERS[unit], units, max(abs(each.value) for each in told))
         factor, symbol = one.factor, one.symbol
     elif unit == "km":
         factor, symbol = 1000.0 / _MILE_M, "mi"
     else:
-        one = shown("m/s" if unit in ("m/s", "km/h") else "m", units)
+        one = display_unit("m/s" if unit in ("m/s", "km/h") else "m", units)
         factor, symbol = one.factor * _SCALES[unit], one.symbol
     places = max(_places(one, factor) for one in told)
     words = [_rescaled(one, factor, places) for one in told]
     return "".join(w + b for w, b in zip(words, [*between, ""], strict=True)) + f" {symbol}"
 
 
-def _places(told: _Told, factor: float) -> int:
+def _places(told: _ExactNumber, factor: float) -> int:
     """Return the decimals of a converted number: as exact as the text, at least two digits."""
     value = told.value * factor
     places = max(0, math.ceil(-math.log10(_resolution(told.text) * factor) - 1e-9))
     return min(max(places, 1 - math.floor(math.log10(abs(value)))), 6) if value else places
 
 
-def _rescaled(told: _Told, factor: float, places: int) -> str:
+def _rescaled(told: _ExactNumber, factor: float, places: int) -> str:
     value = told.value * factor
-    return ("+" if told.text.startswith("+") and value else "") + fixed(value, places)
+    return ("+" if told.text.startswith("+") and value else "") + format_fixed(value, places)
 
 
 def _resolution(text: str) -> float:
@@ -186,7 +196,7 @@ def _resolution(text: str) -> float:
     return 10.0 ** (int(power or 0) - len(mantissa.partition(".")[2]))
 
 
-def _sentence_in(told: _Told, inches: float) -> str:
+def _sentence_in(told: _ExactNumber, inches: float) -> str:
     value, exact = told.value * inches, _resolution(told.text) * inches
     if abs(value) < INCHES:
         return f"{_rescaled(told, inches, _places(told, inches))} in"

@@ -10,14 +10,14 @@ from matplotlib.patches import Polygon, Rectangle
 from uavgram.model.maps import Plan
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
-from uavgram.views.plan.sheet import INK as BLACK
-from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, plain, width_mm
-from uavgram.views.plan.surveyed import DASHES, DIAMOND_MM, DOUBT, LINE_PT, is_doubtful
+from uavgram.views.sentence_units import convert_sentence, list_names_like_lengths
+from uavgram.views.site_plan.drawing import DASHES, DIAMOND_MM, DOUBT_MARK, LINE_PT, is_doubtful
+from uavgram.views.site_plan.sheet import INK as BLACK
+from uavgram.views.site_plan.sheet import PAPER, QUIET, THIN_PT, Sheet, plain, width_mm
 from uavgram.views.survey.key_facts import accuracy_words
 from uavgram.views.survey.sheet import INK
-from uavgram.views.survey.verdict import headline
-from uavgram.views.unit_words import in_units, names_like_lengths
-from uavgram.views.units import column, round_bar, units_of
+from uavgram.views.survey.verdict import summarise_result
+from uavgram.views.units import round_bar, table_unit, units_of
 
 NOTE_PT, MIN_NOTE_PT = 7.0, 4.5
 """Limits of the font size of the notes, which is as large as the room allows."""
@@ -65,10 +65,14 @@ def plan_notes(result: Result, sheet: Sheet) -> tuple[str, ...]:
     case = "; ".join(
         f"{word}: {text}" for word, text in case_from_options(result.provenance.options)
     )
-    verdict = in_units(headline(result), units_of(result), names_like_lengths(result))
+    verdict = convert_sentence(
+        summarise_result(result), units_of(result), list_names_like_lengths(result)
+    )
     told = [case, verdict, accuracy_words(result), LEANS, _grid_note(result)]
     if is_doubtful(result).any():
-        told.append(f"{DOUBT.strip()} after a value: it is doubtful. The report gives the reason.")
+        told.append(
+            f"{DOUBT_MARK.strip()} after a value: it is doubtful. The report gives the reason."
+        )
     told.append(ACTUAL_SIZE)
     if len(sheet.plan.sheets) > 1:
         told.append(JOIN)
@@ -79,14 +83,14 @@ def _grid_note(result: Result) -> str:
     origin = result.world.origin
     if origin is None:
         return ""
-    unit = "metres" if column(units_of(result)).symbol == "m" else "feet"
+    unit = "metres" if table_unit(units_of(result)).symbol == "m" else "feet"
     return (
         f"Grid: {unit} east (E) and north (N) of latitude {origin.latitude_deg:.7f}°, "
         f"longitude {origin.longitude_deg:.7f}°."
     )
 
 
-def fitted(told: tuple[str, ...], size_mm: tuple[float, float]) -> Note:
+def fit_notes(told: tuple[str, ...], size_mm: tuple[float, float]) -> Note:
     """Break sentences into lines, with the largest font size that fits.
 
     Parameters
@@ -263,7 +267,7 @@ def _paragraphs(
     sheet: Sheet, told: tuple[str, ...], corner: tuple[float, float], size: tuple[float, float]
 ) -> None:
     """Write paragraphs below each other from an upper left corner on, in a width and height."""
-    note = fitted(told, size)
+    note = fit_notes(told, size)
     x, y = corner
     for lines in note.paragraphs:
         for line in lines:

@@ -14,10 +14,10 @@ from uavgram.stages.products.map_layers import (
     position_strips,
     reference_strips,
 )
-from uavgram.views.formatting import measurement_text, number, worst_first
-from uavgram.views.plan.sheet import PAPER, QUIET, THIN_PT, Sheet, half_text
+from uavgram.views.formatting import measurement_text, number, order_worst_first
+from uavgram.views.site_plan.sheet import PAPER, QUIET, THIN_PT, Sheet, half_text
 from uavgram.views.survey.sheet import INK
-from uavgram.views.units import column, round_bar, units_of, value_text
+from uavgram.views.units import round_bar, table_unit, units_of, value_text
 
 MEASURED_PT, KNOWN_PT, NAME_PT, GRID_PT = 7.0, 6.0, 6.0, 5.0
 """Font sizes."""
@@ -36,7 +36,7 @@ CROSS_MM = 2.0
 MANY = 25
 """Number of measurements above which they are thin, and named only if there is room."""
 
-DOUBT = " ?"
+DOUBT_MARK = " ?"
 """Mark after a value that is contradicted, or differs in another solution that fits as well."""
 
 DIAMOND_MM = 1.4
@@ -44,7 +44,7 @@ IN_MIDDLE_MM = 0.01
 """Half length of the short line in the middle of an area that carries its name."""
 
 
-def draw_surveyed(sheet: Sheet, result: Result) -> None:
+def draw_survey(sheet: Sheet, result: Result) -> None:
     """Draw a survey and write all names; measured values have priority.
 
     Parameters
@@ -57,20 +57,22 @@ def draw_surveyed(sheet: Sheet, result: Result) -> None:
     measured, known = measured_strips(result), reference_strips(result)
     _areas(sheet, result, measured)
     for i, strip in known.items():
-        _cased(sheet, strip, INK[result.lines.status[i]], DASHES)
+        _draw_cased(sheet, strip, INK[result.lines.status[i]], DASHES)
     positions = list(zip(result.control_lines.name, position_strips(result), strict=True))
     for (_, strip), status in zip(positions, result.control_lines.status, strict=True):
-        _cased(sheet, strip, INK["position" if status == "used" else status], DASHES, share=0.5)
+        _draw_cased(
+            sheet, strip, INK["position" if status == "used" else status], DASHES, share=0.5
+        )
     are_few = len(measured) <= MANY
     for strips in measured.values():
         for strip in strips:
-            _cased(sheet, strip, INK["measured"], share=1.0 if are_few else 0.5)
+            _draw_cased(sheet, strip, INK["measured"], share=1.0 if are_few else 0.5)
     _points(sheet, result)
     units, rows, doubt = units_of(result), result.measurements, is_doubtful(result)
-    for k in worst_first(rows):
+    for k in order_worst_first(rows):
         if strips := measured.get(int(k), []):
             row = measurement_text(rows, int(k), units)
-            text = f"{row.name}: {row.value}{DOUBT if doubt[k] else ''}"
+            text = f"{row.name}: {row.value}{DOUBT_MARK if doubt[k] else ''}"
             if rows.kind[k] in ENCLOSED:
                 _name_area(sheet, strips, text, is_needed=are_few)
             else:
@@ -101,7 +103,7 @@ def draw_grid(sheet: Sheet, result: Result) -> float:
     """Draw the grid in local metres or feet, with numbers outside the frame; return its step."""
     plan, units = sheet.plan, units_of(result)
     step, _ = round_bar(GRID_MM * plan.scale / 1000.0, units)
-    one = column(units)
+    one = table_unit(units)
     places = max(0, -math.floor(math.log10(step * one.factor) + 1e-9))
     ground, (left, bottom, _, up) = sheet.sheet, plan.frame_mm
     for axis, (low, high) in enumerate(
@@ -131,7 +133,7 @@ def _crosses(sheet: Sheet, step: float) -> None:
                 sheet.line(spot + arm, colour, width)
 
 
-def _cased(
+def _draw_cased(
     sheet: Sheet, strip: Floats, colour: str, dashes: tuple[float, ...] = (), share: float = 1.0
 ) -> None:
     """Draw a line on a wider white one, to be visible on any ground."""
@@ -199,7 +201,7 @@ def _name_strip(
         part
         for strip in strips
         for a, b in zip(sheet.on_paper(strip)[:-1], sheet.on_paper(strip)[1:], strict=True)
-        if (part := clipped(a, b, sheet.plan.frame_mm)) is not None
+        if (part := clip_line(a, b, sheet.plan.frame_mm)) is not None
     ]
     if not parts:
         return
@@ -212,7 +214,7 @@ def _name_strip(
         sheet.name(text, INK[ink], size_pt, spots.mean(axis=0)[None], is_needed=is_needed)
 
 
-def clipped(
+def clip_line(
     start: Floats, end: Floats, frame: tuple[float, float, float, float]
 ) -> tuple[Floats, Floats] | None:
     """Clip a line to a rectangle (Liang and Barsky 1984); return None if it is outside.

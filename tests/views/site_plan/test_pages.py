@@ -26,11 +26,11 @@ from uavgram.model.maps import GroundRaster, Paper
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
-from uavgram.views.plan.legend import draw_legend
-from uavgram.views.plan.pages import GroundPicture, PlanContent, PlanFiles, plan_pages
-from uavgram.views.plan.sheet import INK as BLACK
-from uavgram.views.plan.sheet import MM_OF_POINT, Sheet
-from uavgram.views.plan.surveyed import clipped, draw_grid, draw_surveyed
+from uavgram.views.site_plan.drawing import clip_line, draw_grid, draw_survey
+from uavgram.views.site_plan.legend import draw_legend
+from uavgram.views.site_plan.pages import GroundPicture, PlanContent, PlanFiles, plan_pages
+from uavgram.views.site_plan.sheet import INK as BLACK
+from uavgram.views.site_plan.sheet import MM_OF_POINT, Sheet
 from uavgram.views.survey.sheet import INK
 
 TINY_MM = 0.1
@@ -262,7 +262,7 @@ def texts_of(result: Result) -> list[str]:
     """All that stands on a plan of one sheet."""
     wanted = content(result)
     sheet = Sheet(wanted.plan, wanted.plan.sheets[0])
-    draw_surveyed(sheet, result)
+    draw_survey(sheet, result)
     draw_grid(sheet, result)
     draw_legend(sheet, result, "one sheet", (), "")
     return [one.get_text() for one in sheet.axes.texts]
@@ -306,8 +306,8 @@ def test_a_plan_in_feet_says_nothing_in_metres(result: Result) -> None:
 
 def test_a_line_is_cut_at_the_frame() -> None:
     frame = (0.0, 0.0, 10.0, 5.0)
-    part = clipped(np.array([-5.0, 2.0]), np.array([15.0, 2.0]), frame)
+    part = clip_line(np.array([-5.0, 2.0]), np.array([15.0, 2.0]), frame)
 
     assert part is not None
     assert np.array(part) == pytest.approx(np.array([[0.0, 2.0], [10.0, 2.0]]))
-    assert clipped(np.array([-5.0, 6.0]), np.array([15.0, 6.0]), frame) is None
+    assert clip_line(np.array([-5.0, 6.0]), np.array([15.0, 6.0]), frame) is None

@@ -20,9 +20,9 @@ from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster, Plan, PlanSheet
 from uavgram.model.result.result import Result
-from uavgram.views.plan.legend import draw_legend, outline_sheets
-from uavgram.views.plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet
-from uavgram.views.plan.surveyed import draw_grid, draw_surveyed
+from uavgram.views.site_plan.drawing import draw_grid, draw_survey
+from uavgram.views.site_plan.legend import draw_legend, outline_sheets
+from uavgram.views.site_plan.sheet import INK, PAPER, QUIET, THIN_PT, Sheet
 
 QUALITY = 88
 """Quality for libjpeg at which no difference is visible on paper."""
@@ -174,20 +174,20 @@ def _sheets(content: PlanContent) -> Iterator[Sheet]:
     """Yield the overview, then each sheet of a plan that has several."""
     plan, overview = content.plan, content.overview
     is_tiled = len(plan.sheets) > 1
-    first = _drawn(content, overview, overview.sheets[0])
+    first = _draw(content, overview, overview.sheets[0])
     title = "one sheet"
     if is_tiled:
         outline_sheets(first, plan)
         title = f"overview of {len(plan.sheets)} sheets 1:{plan.scale}"
-    yield _finished(content, first, title)
+    yield _finish(content, first, title)
     if is_tiled:
         for one in plan.sheets:
-            sheet = _drawn(content, plan, one)
+            sheet = _draw(content, plan, one)
             _seams(sheet)
-            yield _finished(content, sheet, f"sheet {one.number} of {len(plan.sheets)}")
+            yield _finish(content, sheet, f"sheet {one.number} of {len(plan.sheets)}")
 
 
-def _drawn(content: PlanContent, plan: Plan, one: PlanSheet) -> Sheet:
+def _draw(content: PlanContent, plan: Plan, one: PlanSheet) -> Sheet:
     sheet = Sheet(plan, one)
     picture = content.pictures(plan, one)
     if picture is not None:
@@ -195,9 +195,9 @@ def _drawn(content: PlanContent, plan: Plan, one: PlanSheet) -> Sheet:
     return sheet
 
 
-def _finished(content: PlanContent, sheet: Sheet, title: str) -> Sheet:
+def _finish(content: PlanContent, sheet: Sheet, title: str) -> Sheet:
     result = content.result
-    draw_surveyed(sheet, result)
+    draw_survey(sheet, result)
     draw_grid(sheet, result)
     left, bottom, across, up = sheet.plan.frame_mm
     edge = Rectangle((left, bottom), across, up, fill=False, edgecolor=INK, linewidth=0.8, zorder=9)

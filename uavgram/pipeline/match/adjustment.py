@@ -19,7 +19,7 @@ from uavgram.estimation.survey.departures import compute_heights_at
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.survey import Survey
-from uavgram.pipeline.match.asked import with_found
+from uavgram.pipeline.match.selection import with_found
 from uavgram.pipeline.measure.compute import assembled_survey, refined_survey
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.measure.pose import Posed
@@ -35,7 +35,7 @@ RAISED_M = 0.8, 1.0
 """Height of a point without any information, and its sigma [m], while only one photo shows it: from
 the ground to the roof of a van."""
 
-LEAST_HEIGHT_M = 0.25
+MIN_HEIGHT_M = 0.25
 """Least height of a point off the ground [m]: below, the find is taken for the ground behind its
 edge."""
 
@@ -57,7 +57,7 @@ WRONG_RAISED = 9.2
 """Squared sigmas for points off the ground, whose sigma is wide: exceeded with a probability of 1
 in a hundred."""
 
-MOST_ROUNDS = 8
+MAX_ROUNDS = 8
 """Largest number of rounds in which such matches are left out."""
 
 SPREAD = 2.0
@@ -166,7 +166,7 @@ class Base:
         height = compute_heights_at(tried.adjustment, tried.adjustment.state)
         photos = _photos_of_labels(survey)
         alone = {name for name, count in zip(survey.label, photos, strict=True) if count < ENOUGH}
-        low = {survey.label[k] for k in np.flatnonzero(np.abs(height) < LEAST_HEIGHT_M)}
+        low = {survey.label[k] for k in np.flatnonzero(np.abs(height) < MIN_HEIGHT_M)}
         return {
             pair: ALONE if pair[1] in alone else BESIDE
             for pair in sorted(tried.kept)
@@ -180,7 +180,7 @@ class Base:
         sound = remove_wrong_ties(self._prepared(survey))
         out = set(sound.matches_left_out)
         survey, adjustment = sound.survey, self._best(sound.survey)
-        for _ in range(MOST_ROUNDS):  # now the ground and known heights take part
+        for _ in range(MAX_ROUNDS):  # now the ground and known heights take part
             wrong = _standing_out(adjustment, picks)
             if not wrong:
                 break

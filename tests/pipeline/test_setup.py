@@ -16,7 +16,7 @@ from uavgram.errors import UavgramError
 from uavgram.model.naming import IMPERIAL
 from uavgram.model.provenance import Case
 from uavgram.pipeline.new import Choices
-from uavgram.pipeline.set_up import Setup, Wanted, look_through, set_up
+from uavgram.pipeline.setup import Setup, Wanted, look_through, set_up
 
 GCP = """EPSG:32632
 350000.0 5650000.0 100.0 120.5 130.5 P1.jpg A

@@ -31,9 +31,9 @@ from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
 from uavgram.pipeline.import_picks import ControlFiles, import_picks
 from uavgram.pipeline.new import PROJECT, Choices, absolute, new_project, own_pattern, passed_over
 
-MOST_LOG_BYTES = 50_000_000
+MAX_LOG_BYTES = 50_000_000
 """A log that is read to see whether it has a gimbal: half a second at most."""
-MOST_NAMES = 30
+MAX_NAMES = 30
 """Largest number of files of a kind that are offered to a person."""
 
 
@@ -175,7 +175,7 @@ def look_through(folder: Path) -> FoundInFolder:
     tables = (path for several in holdings.tables.values() for path in several)
     return FoundInFolder(
         has_project=(folder / PROJECT).exists(),
-        photos=tuple(_photos(folder, group, holdings) for group in holdings.photos[:MOST_NAMES]),
+        photos=tuple(_photos(folder, group, holdings) for group in holdings.photos[:MAX_NAMES]),
         cameras=tuple(_cameras(folder, holdings)),
         logs=_names(folder, holdings.logs),
         poses=_names(folder, holdings.poses),
@@ -191,7 +191,7 @@ def look_through(folder: Path) -> FoundInFolder:
 
 
 def _names(folder: Path, paths: tuple[Path, ...]) -> tuple[str, ...]:
-    return tuple(path.relative_to(folder).as_posix() for path in paths[:MOST_NAMES])
+    return tuple(path.relative_to(folder).as_posix() for path in paths[:MAX_NAMES])
 
 
 def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents) -> FoundPhotos:
@@ -229,7 +229,7 @@ def _looks_deg(photos: Photos) -> float | None:
 
 def _cameras(folder: Path, holdings: FolderContents) -> list[FoundCamera]:
     found = []
-    for path in holdings.cameras[:MOST_NAMES]:
+    for path in holdings.cameras[:MAX_NAMES]:
         try:
             camera = read_camera(path).calibration
         except UavgramError:
@@ -242,7 +242,7 @@ def _cameras(folder: Path, holdings: FolderContents) -> list[FoundCamera]:
 
 def _has_gimbal(logs: tuple[Path, ...]) -> bool | None:
     try:
-        if len(logs) != 1 or logs[0].stat().st_size > MOST_LOG_BYTES:
+        if len(logs) != 1 or logs[0].stat().st_size > MAX_LOG_BYTES:
             return None
         log = read_flight_log(logs[0], positions_needed=False)
     except (UavgramError, OSError):  # told of when it is used

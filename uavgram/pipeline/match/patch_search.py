@@ -17,7 +17,7 @@ from uavgram.model.arrays import Floats, Ints, rows_of
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 
-MOST_BYTES = 1_000_000_000
+MAX_BYTES = 1_000_000_000
 """Memory for decoded photos [bytes]: fifty of 20 megapixels."""
 
 Photos = LruCache[str, Image]
@@ -35,7 +35,7 @@ class Task(NamedTuple):
 
 def grey_photos(paths: Mapping[str, str]) -> Photos:
     """Return photos by name that are decoded on demand, in the stored orientation."""
-    return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MOST_BYTES)
+    return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MAX_BYTES)
 
 
 def tasks(source: Sequence[str], target: Sequence[str], sought: SoughtPoints) -> list[Task]:

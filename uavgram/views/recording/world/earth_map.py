@@ -16,9 +16,9 @@ from uavgram.stages.products.map_layers import (
 )
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.labels import line_width
-from uavgram.views.recording.world.survey import closed
+from uavgram.views.recording.world.survey import close_border
 from uavgram.views.style import LINE_COLOURS, MEASURED, OBSERVED, QUIET, REFINED, SEED, Rgb
-from uavgram.views.survey.drawing import track
+from uavgram.views.survey.outlines import track
 
 MAP = "map"
 
@@ -41,7 +41,7 @@ def log_map(recorder: Recorder, result: Result) -> None:
             lines = rr.GeoLineStrings(lat_lon=lat_lon, radii=radii, colors=colours)
             recorder.static(f"{MAP}/{name}", lines)
 
-    borders = [closed(ring) for ring in footprints(result).values()]
+    borders = [close_border(ring) for ring in footprints(result).values()]
     log_lines("footprints", borders, [QUIET] * len(borders), 1.0)
     for name, poses, colour in (
         ("flight_log", result.frames.seed, SEED),

@@ -8,7 +8,7 @@ import numpy as np
 from planned_sample import bare_plan, sample_plan
 
 from uavgram.model.planned import ChosenBy, Gain
-from uavgram.views.planned_text import plan_lines
+from uavgram.views.flight_plan_text import plan_lines
 
 PLAN = sample_plan()
 

@@ -10,7 +10,7 @@ from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.stages.products import map_layers as features
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH, measure_scene
-from uavgram.views.survey import drawing
+from uavgram.views.survey import outlines
 
 
 def test_an_outline_is_the_95_percent_contour_of_its_covariance() -> None:
@@ -41,10 +41,10 @@ def test_lines_are_bent_as_opencv_bends_them() -> None:
     frame = 7
     poses = result.frames.refined
     center, rotation = poses.center_world_m[frame], poses.world_from_camera[frame]
-    strip = drawing.sampled(result.points.position_world_m[[8, 9]])
-    ours = drawing.project_from(result, row_poses(result, frame), strip)
+    strip = outlines.sample_polyline(result.points.position_world_m[[8, 9]])
+    ours = outlines.project_from(result, row_poses(result, frame), strip)
     theirs = survey.project(center, rotation, strip)
-    seen = drawing.in_photo(result, theirs)
+    seen = outlines.is_in_photo(result, theirs)
 
     assert seen.any()
     np.testing.assert_allclose(ours[seen], theirs[seen], atol=1e-9)
@@ -53,7 +53,7 @@ def test_lines_are_bent_as_opencv_bends_them() -> None:
 
 def test_a_frustum_points_where_the_camera_looks() -> None:
     result = survey.build(frame_count=3)
-    strips = drawing.frusta(result, result.frames.refined, 5.0)
+    strips = outlines.frusta(result, result.frames.refined, 5.0)
     apex = strips[:, 5]
     middle = strips[:, :4].mean(axis=1)
     axis = result.frames.refined.world_from_camera[:, :, 2]
@@ -66,9 +66,9 @@ def test_a_frustum_points_where_the_camera_looks() -> None:
 def test_frames_without_a_pose_have_no_frustum_and_break_no_track() -> None:
     result = survey.build()
 
-    assert len(drawing.frusta(result, result.frames.refined, 5.0)) == 17
-    assert np.isfinite(drawing.track(result, result.frames.refined)).all()
-    assert len(drawing.track(result, result.frames.seed)) == 19
+    assert len(outlines.frusta(result, result.frames.refined, 5.0)) == 17
+    assert np.isfinite(outlines.track(result, result.frames.refined)).all()
+    assert len(outlines.track(result, result.frames.seed)) == 19
 
 
 def test_the_track_follows_time_not_names() -> None:
@@ -78,13 +78,13 @@ def test_the_track_follows_time_not_names() -> None:
     turned = type(result)(**{**vars(result), "frames": frames})
 
     np.testing.assert_array_equal(
-        drawing.track(turned, turned.frames.refined), result.frames.refined.center_world_m[::-1]
+        outlines.track(turned, turned.frames.refined), result.frames.refined.center_world_m[::-1]
     )
 
 
 def test_a_polyline_that_leaves_the_photo_and_returns_is_two_pieces() -> None:
     pixel = np.array([[0, 0], [1, 0], [np.nan, np.nan], [3, 0], [4, 0], [5, 0], [np.nan, 1]], float)
-    runs = drawing.visible_runs(pixel)
+    runs = outlines.visible_runs(pixel)
 
     assert [run[:, 0].tolist() for run in runs] == [[0, 1], [3, 4, 5]]
 
@@ -115,7 +115,7 @@ def test_an_area_is_closed_and_what_was_not_computed_is_not_drawn() -> None:
 def test_exaggerations_are_round_numbers_that_stay_within_the_limit(
     size: float, factor: int
 ) -> None:
-    assert drawing.nice_factor(size, 2.0) == factor
+    assert outlines.nice_factor(size, 2.0) == factor
 
 
 def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare() -> None:
@@ -123,7 +123,7 @@ def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(
     covered = np.ones((64, 96), dtype=bool)
     texture = GroundTexture(np.zeros((64, 96, 3), np.uint8), covered, -60.0, 40.0, 1.25)
     scene = measure_scene(result, texture)
-    pyramids = drawing.frusta(result, result.frames.refined, 2 * scene.frustum_m)
+    pyramids = outlines.frusta(result, result.frames.refined, 2 * scene.frustum_m)
     ground = np.array([[-60, 40, 0], [40, 40, 0], [-60, -20, 0], [40, -20, 0]], dtype=float)
     everything = np.concatenate([result.points.position_world_m, pyramids.reshape(-1, 3), ground])
     right, up = scene.eye.on_screen(everything).T
@@ -144,8 +144,8 @@ def test_frusta_are_small_beside_the_flying_height() -> None:
 def test_a_thinned_line_is_as_exact_as_was_asked_and_keeps_its_ends() -> None:
     along = np.linspace(0.0, 1.0, 49)
     bent = np.column_stack([400 * along, 30 * along**2])
-    kept = drawing.thinned(bent, 0.5)
-    straight = drawing.thinned(np.column_stack([400 * along, 20 * along]), 0.5)
+    kept = outlines.thin_polyline(bent, 0.5)
+    straight = outlines.thin_polyline(np.column_stack([400 * along, 20 * along]), 0.5)
     off = np.interp(bent[:, 0], kept[:, 0], kept[:, 1]) - bent[:, 1]
 
     assert len(kept) < 16

@@ -11,12 +11,12 @@ from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason
 from uavgram.imaging.matching.shared_corner import SightLine
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.survey.observations import Picks
-from uavgram.pipeline.match.adjusting import LEAST_HEIGHT_M
-from uavgram.pipeline.match.looking import Photos
+from uavgram.pipeline.match.adjustment import MIN_HEIGHT_M
+from uavgram.pipeline.match.patch_search import Photos
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match import Candidates, Found, Missed, Pair, compute_radii, pick_sigmas
 
-HEIGHTS_M = -0.5, LEAST_HEIGHT_M, 10.0
+HEIGHTS_M = -0.5, MIN_HEIGHT_M, 10.0
 """Heights above the ground [m]: lower limit of the search, upper limit of finds that count as the
 ground beside an edge, and upper limit of the search, the ridge of a house."""
 
@@ -26,7 +26,7 @@ BELOW_CAMERA = 0.5
 STEP_PX = 1.0
 """Distance of places on a line [px], in the photo in which it is largest."""
 
-MOST_PLACES = 1500
+MAX_PLACES = 1500
 """Largest number of places on one line: for distant photos, and a high object."""
 
 ASIDE_PX = 1.0
@@ -134,7 +134,7 @@ def line_of_sight(
     ends = _pixels(adjustment, others, _at_heights(adjustment, label, (center, ray), [0.0, to_m]))
     long = np.linalg.norm(ends[1] - ends[0], axis=1)
     long_px = float(np.nan_to_num(long).max()) * (to_m - from_m) / to_m
-    height = np.linspace(from_m, to_m, min(int(long_px / STEP_PX) + 8, MOST_PLACES))
+    height = np.linspace(from_m, to_m, min(int(long_px / STEP_PX) + 8, MAX_PLACES))
     place = _at_heights(adjustment, label, (center, ray), height)
     # Affine map by differences: the line of sight of a neighbouring pixel at the same height.
     columns = []

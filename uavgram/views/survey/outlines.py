@@ -136,7 +136,7 @@ def longest_middle(strips: list[Floats]) -> Floats:
     return np.asarray(longest_part(strips).mean(axis=0), dtype=np.float64)
 
 
-def in_photo(result: Result, pixel: Floats) -> Bools:
+def is_in_photo(result: Result, pixel: Floats) -> Bools:
     """Mark (...) the (..., 2) pixels within the photo; NaN is outside."""
     size = np.array([result.camera.width_px, result.camera.height_px])
     return np.asarray(((pixel >= -0.5) & (pixel <= size - 0.5)).all(axis=-1), dtype=np.bool_)
@@ -164,10 +164,10 @@ def project_from(
     """
     lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
     pixel = project_rows(result.camera, lens, poses, points_m)
-    return np.where(in_photo(result, pixel)[..., None], pixel, np.nan)
+    return np.where(is_in_photo(result, pixel)[..., None], pixel, np.nan)
 
 
-def sampled(strip: Floats, samples: int = LINE_SAMPLES) -> Floats:
+def sample_polyline(strip: Floats, samples: int = LINE_SAMPLES) -> Floats:
     """Sample a polyline to (m, 3) with so many points on each segment."""
     share = np.linspace(0.0, 1.0, samples)[:, None]
     start, step = strip[:-1, None], np.diff(strip, axis=0)[:, None]
@@ -183,7 +183,7 @@ def visible_runs(pixel: Floats) -> list[Floats]:
     return [run for run in runs if len(run) >= 2]
 
 
-def thinned(run: Floats, off_px: float) -> Floats:
+def thin_polyline(run: Floats, off_px: float) -> Floats:
     """Thin a (m, 2) polyline to the fewest (k, 2) evenly chosen points within a tolerance.
 
     Parameters
@@ -209,7 +209,7 @@ SIDE_SAMPLES = 9
 """Samples on each side of a photo, whose directions give its angle of view."""
 
 
-class InSight:
+class VisiblePolylines:
     """Bounding spheres of polylines, and the cone of view of a photo.
 
     Objects outside the cone are in no pixel of the photo; those that touch it may be.

@@ -9,21 +9,21 @@ import numpy as np
 from uavgram.model.result.reliability import Noise
 from uavgram.model.result.result import Alternative, Result
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
-from uavgram.views.formatting import computed_first, number, relief_text, shift_text
+from uavgram.views.formatting import number, order_computed_first, relief_text, shift_text
 from uavgram.views.survey.reliability import second_order_rows
 from uavgram.views.units import units_of
 
-MOST_RELIEF = 10
+MAX_RELIEF = 10
 """Largest number of single-photo measurements with a sentence of their own, the least certain."""
 
-MOST_DIFFERENT = 10
+MAX_DIFFERENT = 10
 """Number of measurements shown for another solution: those that it changes most."""
 
 LITTLE = 0.05
 """Relative change of a sigma, or of an error's size, that is not mentioned."""
 
 
-def sampled_words(result: Result) -> str:
+def describe_sampling(result: Result) -> str:
     """Explain the sampled columns; empty if nothing was sampled."""
     sampled = result.monte_carlo
     if sampled is None:
@@ -50,7 +50,7 @@ def relief_notes(result: Result) -> ReliefNotes:
     photos = dict(zip(points.label, points.frames, strict=True))
     alone = [
         i
-        for i in computed_first(rows)
+        for i in order_computed_first(rows)
         if np.isfinite(rows.shift_relief_10cm[i])
         and all(len(photos.get(label, ())) == 1 for label in rows.points[i])
     ]
@@ -59,12 +59,12 @@ def relief_notes(result: Result) -> ReliefNotes:
         f"{rows.name[i]}: each of its points is seen in one photo only, so no observation "
         f"checks the height of the ground there. If that is {relief} higher or lower than assumed, "
         f"this value shifts by up to {shift_text(rows.shift_relief_10cm[i], rows.unit[i])}."
-        for i in alone[:MOST_RELIEF]
+        for i in alone[:MAX_RELIEF]
     )
     return ReliefNotes(sentences, len(alone) - len(sentences))
 
 
-def learnt_words(result: Result) -> str:
+def describe_learnt_noise(result: Result) -> str:
     """Compare the uncertainties with those for errors as stated; empty if they are alike."""
     rows, noise = result.measurements, result.noise
     known = np.isfinite(rows.sigma) & (rows.sigma_stated > 0)
@@ -163,7 +163,7 @@ def _alternative(result: Result, other: Alternative) -> AlternativeTable:
     sigmas = np.abs(difference) / np.where(rows.sigma > 0, rows.sigma, np.nan)[:count]
     order = np.argsort(-np.nan_to_num(sigmas, nan=-1.0), kind="stable")
     order = order[np.isfinite(sigmas[order])]
-    shown, rest = order[:MOST_DIFFERENT], order[MOST_DIFFERENT:]
+    shown, rest = order[:MAX_DIFFERENT], order[MAX_DIFFERENT:]
     most = number(float(sigmas[rest].max(initial=0.0)), 1)
     others = f"All others ({len(rest)}) differ by at most {most} sigmas." if len(rest) else ""
     return AlternativeTable(other, [(int(i), values[i], sigmas[i]) for i in shown], others)

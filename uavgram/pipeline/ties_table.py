@@ -15,8 +15,8 @@ from uavgram.model.options import TIES_FILE, Project
 from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.measure.inputs import check_ties, read_inputs, ties_path
 from uavgram.pipeline.measure.tie_points import pose_before_ties, tied
+from uavgram.pipeline.picks_table import sole_writer
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.saved_picks import sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 

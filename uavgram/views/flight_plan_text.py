@@ -10,15 +10,15 @@ import numpy as np
 from uavgram.model.planned import FlightPlanned, Gain, NextLines
 from uavgram.views.flight_plan import (
     centimetres,
-    chosen,
-    headline,
+    describe_accuracy,
+    describe_criterion,
     metres,
     of_lengths,
-    outcome,
     plate_rows,
+    summarise_work,
 )
 from uavgram.views.formatting import number
-from uavgram.views.terminal import aligned, message_lines
+from uavgram.views.terminal import align_columns, message_lines
 
 LINES = ("line", "length", "photos", "a mistake that passes", "expect without it")
 PLATES = ("plate", "middle", "photos", "expect without it")
@@ -34,7 +34,7 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
         The plan.
     """
     flight = planned.flight
-    shown = [headline(planned), *outcome(planned), ""]
+    shown = [summarise_work(planned), *describe_accuracy(planned), ""]
     shown += [
         f"Flight: {flight.pattern}, {metres(flight.height_m)} above the ground, gimbal at "
         f"{flight.gimbal_pitch_deg:g} degrees, {flight.duration_s / 60:.1f} of "
@@ -42,16 +42,16 @@ def plan_lines(planned: FlightPlanned) -> list[str]:
         "",
     ]
     if planned.lines.name:
-        shown += [aligned([LINES, *_line_rows(planned)], right=(1, 2, 3, 4)), ""]
+        shown += [align_columns([LINES, *_line_rows(planned)], right=(1, 2, 3, 4)), ""]
     if planned.plates.name:
-        shown += [aligned([PLATES, *_plate_rows(planned)], right=(2, 3)), ""]
+        shown += [align_columns([PLATES, *_plate_rows(planned)], right=(2, 3)), ""]
     if planned.measurements.name:
-        shown += [aligned([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
+        shown += [align_columns([VALUES, *_value_rows(planned)], right=(1, 2, 3)), ""]
     mean = _sigma(planned, planned.mean_sigma)
     shown.append(f"On average{of_lengths(planned)} expect ± {mean}. Other choices:")
     shown += [f"  {_gain(planned, gain)}" for gain in planned.gains]
     messages = message_lines(planned.messages)
-    shown += ["", text] if (text := chosen(planned)) else []
+    shown += ["", text] if (text := describe_criterion(planned)) else []
     return [*shown, *(["", *messages] if messages else [])]
 
 

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 _ASKED = """
-from uavgram.pipeline.own_process import LATE, load_little
+from uavgram.pipeline.process_settings import LATE, load_little
 load_little()
 import sys
 import numpy, PIL.Image

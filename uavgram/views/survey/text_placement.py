@@ -56,14 +56,14 @@ GAP = 4.0
 REACH = 10.0
 """Largest distance of a text from its object, in its heights: a line leads to it."""
 
-MOST_NEEDED = 300
+MAX_NEEDED = 300
 """Number of texts above which only the first are placed, and only beside their objects."""
 
-LEAST_SIZE = 0.5
+MIN_SIZE = 0.5
 """Least font size, as a share of the usual; if texts need less, some are omitted."""
 
 
-class Wanted(NamedTuple):
+class TextRequest(NamedTuple):
     """Text, its kind, and (1, 2) the point or (2, 2) the ends of the line that it names.
 
     A text that is not needed is omitted if there is no room beside its object, at `gap`.
@@ -78,7 +78,7 @@ class Wanted(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Text:
+class PlacedText:
     """Text with the middle of its box at x, and its baseline at y.
 
     Attributes
@@ -107,14 +107,14 @@ class Text:
     side: int = 0
 
 
-def placed_texts(
-    wanted: Sequence[Wanted],
+def place_texts(
+    wanted: Sequence[TextRequest],
     bounds: tuple[Floats, Floats],
     taken: Sequence[Floats] | Floats,
     unit: float = 1.0,
     letters: dict[str, Letters] = LETTERS,
     reach: float = REACH,
-) -> tuple[tuple[Text, ...], int]:
+) -> tuple[tuple[PlacedText, ...], int]:
     """Place texts in a drawing; those for which no place is found are omitted.
 
     Parameters
@@ -140,7 +140,7 @@ def placed_texts(
         Number of needed texts that are not among them.
     """
     needed = np.array([one.is_needed for one in wanted], np.bool_)
-    are_few = needed.sum() <= MOST_NEEDED
+    are_few = needed.sum() <= MAX_NEEDED
     labels = [
         Label(
             one.spots[0],
@@ -150,10 +150,10 @@ def placed_texts(
             is_needed=one.is_needed and bool(are_few),
             rank=one.rank,
         )
-        for one in (wanted if are_few else wanted[:MOST_NEEDED])
+        for one in (wanted if are_few else wanted[:MAX_NEEDED])
     ]
     free = np.reshape(taken, (-1, 5))
-    boxes, leaders, sides, size = place_labels(labels, free, bounds, LEAST_SIZE, reach)
+    boxes, leaders, sides, size = place_labels(labels, free, bounds, MIN_SIZE, reach)
     rows = np.flatnonzero(np.isfinite(boxes[:, 0])).tolist()
     texts = []
     for k in rows:
@@ -163,7 +163,7 @@ def placed_texts(
         if sides[k] == 0:  # shorten the line to end at the letters
             line[1, 1] -= np.sign(line[1, 1] - y) * (half_height - HALF_CAPITAL * height)
         texts.append(
-            Text(
+            PlacedText(
                 *(x, y + BASELINE * height, wanted[k].text, wanted[k].kind, size),
                 *(half_width, half_height),
                 leader="" if np.isnan(line[0, 0]) else svg_points(line),
