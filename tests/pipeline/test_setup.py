@@ -16,7 +16,7 @@ from uavgram.errors import UavgramError
 from uavgram.model.naming import IMPERIAL
 from uavgram.model.provenance import Case
 from uavgram.pipeline.new import Choices
-from uavgram.pipeline.setup import Setup, Wanted, look_through, set_up
+from uavgram.pipeline.setup import Setup, SetupChoices, inspect_folder, set_up
 
 GCP = """EPSG:32632
 350000.0 5650000.0 100.0 120.5 130.5 P1.jpg A
@@ -35,12 +35,12 @@ def folder(tmp_path: Path) -> Path:
 def test_a_gcp_list_is_taken_with_its_sigma(folder: Path) -> None:
     (folder / "gcp_list.txt").write_text(GCP)
     (folder / "notes.odt").write_bytes(b"x")
-    found = look_through(folder)
+    found = inspect_folder(folder)
     assert found.gcp_lists == ("gcp_list.txt",)
     assert "odt" in found.passed_over
     path = set_up(
         folder,
-        Wanted(choices=Choices(), setup=Setup(), gcp_list="gcp_list.txt", gcp_sigma_m=0.03),
+        SetupChoices(choices=Choices(), setup=Setup(), gcp_list="gcp_list.txt", gcp_sigma_m=0.03),
     )
     assert load_project(path).control == str(folder / "control.csv")
     assert "0.03" in (folder / "control.csv").read_text()
@@ -50,7 +50,7 @@ def test_a_gcp_list_is_taken_with_its_sigma(folder: Path) -> None:
 def test_what_cannot_be_taken_leaves_the_folder_as_it_was(folder: Path) -> None:
     (folder / "gcp_list.txt").write_text("EPSG:32632\nnonsense\n")
     before = sorted(folder.rglob("*"))
-    wanted = Wanted(choices=Choices(), setup=Setup(), gcp_list="gcp_list.txt")
+    wanted = SetupChoices(choices=Choices(), setup=Setup(), gcp_list="gcp_list.txt")
     with pytest.raises(UavgramError):
         set_up(folder, wanted)
     assert sorted(folder.rglob("*")) == before
@@ -60,21 +60,21 @@ def test_a_project_that_is_there_is_changed_only_in_what_differs(folder: Path) -
     wanted = Setup(
         pitch_deg=-30.0, reading_sigma_m=0.004, units=IMPERIAL, case=Case(number="no", place="a: #")
     )
-    path = set_up(folder, Wanted(choices=Choices(camera=Path("unknown")), setup=wanted))
+    path = set_up(folder, SetupChoices(choices=Choices(camera=Path("unknown")), setup=wanted))
     text = path.read_text()
-    found = look_through(folder)
+    found = inspect_folder(folder)
     assert (found.setup, found.camera, found.fault) == (wanted, "unknown", "")
-    set_up(folder, Wanted(choices=Choices(camera=Path("unknown")), setup=wanted))
+    set_up(folder, SetupChoices(choices=Choices(camera=Path("unknown")), setup=wanted))
     assert path.read_text() == text
-    set_up(folder, Wanted(choices=Choices(camera=Path("camera.yaml")), setup=wanted))
+    set_up(folder, SetupChoices(choices=Choices(camera=Path("camera.yaml")), setup=wanted))
     assert path.read_text() == text.replace("camera: unknown", "camera: camera.yaml")
 
 
 def test_a_log_is_left_out_taken_and_taken_back(folder: Path, data_dir: Path) -> None:
     shutil.copy(data_dir / "street_oblique" / "flight.tlog", folder)
-    found = look_through(folder)
+    found = inspect_folder(folder)
     assert (found.logs, found.log, found.has_gimbal) == (("flight.tlog",), None, False)
-    path = set_up(folder, Wanted(choices=Choices(log="none"), setup=Setup()))
+    path = set_up(folder, SetupChoices(choices=Choices(log="none"), setup=Setup()))
     assert load_project(path).log is None
     chosen: tuple[tuple[Path | Literal["none"] | None, str | None], ...] = (
         (Path("flight.tlog"), "flight.tlog"),
@@ -82,8 +82,8 @@ def test_a_log_is_left_out_taken_and_taken_back(folder: Path, data_dir: Path) ->
         ("none", None),
     )
     for choice, named in chosen:
-        set_up(folder, Wanted(choices=Choices(log=choice), setup=Setup()))
-        assert look_through(folder).log == named
+        set_up(folder, SetupChoices(choices=Choices(log=choice), setup=Setup()))
+        assert inspect_folder(folder).log == named
     assert load_project(path).log is None
 
 

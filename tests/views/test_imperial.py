@@ -19,7 +19,7 @@ from recording_contents import Contents
 from uavgram.io.results.results_json import load_results, write_results
 from uavgram.model.naming import IMPERIAL
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.exports import exports
+from uavgram.pipeline.measure.exports import make_writers
 from uavgram.views.recording import write_recording
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.sentence_units import convert_sentence
@@ -97,7 +97,7 @@ def texts_of(value: Any) -> Iterator[str]:  # noqa: ANN401 (whatever a recording
 
 def test_a_drawing_has_texts_in_feet_and_lies_in_metres(result: Result, tmp_path: Path) -> None:
     path = tmp_path / "survey.dxf"
-    exports(result)["survey_local.dxf"](path)
+    make_writers(result)["survey_local.dxf"](path)
     document = ezdxf.readfile(path)  # type: ignore[attr-defined]  # not exported by its module
     space = document.modelspace()
     texts = [text.dxf.text for text in space.query("TEXT DIMENSION")]

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from uavgram.model.message import Message
     from uavgram.model.result.result import Result
     from uavgram.pipeline.cameras.read import CameraRead
-    from uavgram.pipeline.check import Checked
+    from uavgram.pipeline.check import CheckedProject
 
 SCHEMA = 1
 _OF_A_RUN = ("schema", "name", "verdict", "measurements", "checks", "messages")
@@ -42,7 +42,7 @@ def run_object(result: Result, folder: Path) -> dict[str, Any]:
     return {key: whole[key] for key in _OF_A_RUN} | files
 
 
-def check_object(checked: Checked, project: Path) -> dict[str, Any]:
+def check_object(checked: CheckedProject, project: Path) -> dict[str, Any]:
     """Make an object of a checked project: its photos and messages."""
     photos, frames, pairing = checked.inputs.photos, checked.posed.frames, checked.posed.pairing
     rows = []

@@ -18,7 +18,7 @@ from uavgram.pipeline.measure.inputs import Inputs
 
 
 @contextmanager
-def sole_writer(project: Project, project_path: str) -> Iterator[None]:
+def lock_tables(project: Project, project_path: str) -> Iterator[None]:
     """Lock a project's tables against picking pages and other searches.
 
     Parameters

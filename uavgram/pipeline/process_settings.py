@@ -11,11 +11,11 @@ from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import LazyLoader
 from types import ModuleType
 
-NEVER = frozenset({"pandas"})
+UNUSED_MODULES = frozenset({"pandas"})
 """Modules that no command needs, but that Arrow, in which recordings are written, loads if
 installed: a third of a second. Where the search for a module fails, it counts as not installed."""
 
-LATE = frozenset(
+LATE_MODULES = frozenset(
     {
         "ezdxf.fonts.lff",
         "ezdxf.fonts.shapefile",
@@ -39,7 +39,7 @@ Modules that threads may use simultaneously are excluded: while the first thread
 module, the others find half of it. So numpy.ma, which each median uses, is loaded."""
 
 
-def seldom_look_for_cycles() -> None:
+def collect_garbage_rarely() -> None:
     """Collect garbage rarely, and not at the end.
 
     The half thousand modules of a run are a million permanent objects. Repeated searches for cycles
@@ -49,19 +49,19 @@ def seldom_look_for_cycles() -> None:
     atexit.register(gc.freeze)
 
 
-def load_little() -> None:
-    """Avoid unnecessary modules from now on: see `NEVER` and `LATE`."""
-    sys.meta_path.insert(0, _Little())
+def avoid_modules() -> None:
+    """Avoid unnecessary modules from now on: see `UNUSED_MODULES` and `LATE_MODULES`."""
+    sys.meta_path.insert(0, _ModuleFilter())
 
 
-class _Little(MetaPathFinder):
+class _ModuleFilter(MetaPathFinder):
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """Return None for all other modules, so that the search continues."""
-        if fullname.partition(".")[0] in NEVER:
+        if fullname.partition(".")[0] in UNUSED_MODULES:
             raise ModuleNotFoundError(fullname, name=fullname)
-        spec = PathFinder.find_spec(fullname, path, target) if fullname in LATE else None
+        spec = PathFinder.find_spec(fullname, path, target) if fullname in LATE_MODULES else None
         if spec is not None and isinstance(spec.loader, Loader):
             spec.loader = LazyLoader(spec.loader)
         return spec

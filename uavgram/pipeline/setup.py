@@ -27,9 +27,16 @@ from uavgram.model.flight.frames import Photos
 from uavgram.model.naming import METRIC, SHORT_FORMS, Units
 from uavgram.model.options import Auto, Project, TimeOptions
 from uavgram.model.provenance import Case
-from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
+from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
 from uavgram.pipeline.import_picks import ControlFiles, import_picks
-from uavgram.pipeline.new import PROJECT, Choices, absolute, new_project, own_pattern, passed_over
+from uavgram.pipeline.new import (
+    PROJECT,
+    Choices,
+    describe_unused,
+    make_absolute,
+    new_project,
+    own_pattern,
+)
 
 MAX_LOG_BYTES = 50_000_000
 """A log that is read to see whether it has a gimbal: half a second at most."""
@@ -95,7 +102,7 @@ class FoundCamera:
 
 
 @dataclass(frozen=True, kw_only=True)
-class FoundInFolder:
+class FolderSummary:
     """Content of a folder for a project; names are relative to it.
 
     Attributes
@@ -133,7 +140,7 @@ class FoundInFolder:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wanted:
+class SetupChoices:
     """Choices of a person for a folder.
 
     Attributes
@@ -154,7 +161,7 @@ class Wanted:
     gcp_sigma_m: float = 0.02
 
 
-def look_through(folder: Path) -> FoundInFolder:
+def inspect_folder(folder: Path) -> FolderSummary:
     """Search a folder and its subfolders; nothing is written.
 
     Raises
@@ -173,7 +180,7 @@ def look_through(folder: Path) -> FoundInFolder:
     own = {folder / PROJECT}
     others = tuple(path for path in holdings.others if path not in own)
     tables = (path for several in holdings.tables.values() for path in several)
-    return FoundInFolder(
+    return FolderSummary(
         has_project=(folder / PROJECT).exists(),
         photos=tuple(_photos(folder, group, holdings) for group in holdings.photos[:MAX_NAMES]),
         cameras=tuple(_cameras(folder, holdings)),
@@ -181,8 +188,8 @@ def look_through(folder: Path) -> FoundInFolder:
         poses=_names(folder, holdings.poses),
         gcp_lists=_names(folder, holdings.gcp_lists),
         tables=_names(folder, tuple(sorted(tables))),
-        passed_over=passed_over(replace(holdings, others=others)),
-        setup=Setup() if project is None else setup_of(project),
+        passed_over=describe_unused(replace(holdings, others=others)),
+        setup=Setup() if project is None else read_setup(project),
         camera=None if project is None else _camera_of(folder, project),
         log=None if project is None or project.log is None else _inside(folder, project.log),
         has_gimbal=_has_gimbal(holdings.logs),
@@ -198,9 +205,11 @@ def _photos(folder: Path, group: PhotoGroup, holdings: FolderContents) -> FoundP
     first = group.files[0]
     camera, looks_deg = "", None
     try:
-        photos, _ = read_photos((absolute(folder, _pattern_of_one(folder, first)),), TimeOptions())
+        photos, _ = read_photos(
+            (make_absolute(folder, _pattern_of_one(folder, first)),), TimeOptions()
+        )
         looks_deg = _looks_deg(photos)
-        camera = camera_of_photos(photos)[0].name
+        camera = assume_photo_camera(photos)[0].name
     except UavgramError:  # not stated, or reported when the project is made
         pass
     return FoundPhotos(
@@ -260,7 +269,7 @@ def _inside(folder: Path, file: str) -> str:
     return path.relative_to(folder).as_posix() if path.is_relative_to(folder) else file
 
 
-def setup_of(project: Project) -> Setup:
+def read_setup(project: Project) -> Setup:
     """Return the setup by a project."""
     mount = project.mount
     fixed: float | Auto = mount.pitch_deg
@@ -274,7 +283,7 @@ def setup_of(project: Project) -> Setup:
     )
 
 
-def set_up(folder: Path, wanted: Wanted) -> Path:
+def set_up(folder: Path, wanted: SetupChoices) -> Path:
     """Write a project file for a folder, or change the existing one; return it.
 
     Raises
@@ -297,7 +306,7 @@ def set_up(folder: Path, wanted: Wanted) -> Path:
         if not is_new:
             _change_files(folder, path, wanted.choices)
         if wanted.gcp_list is not None:
-            _take_points(folder, path, wanted)
+            _import_points(folder, path, wanted)
     except BaseException:
         for one in made:
             one.unlink(missing_ok=True)
@@ -313,7 +322,7 @@ def change_setup(path: Path, setup: Setup) -> None:
     UavgramError
         The file cannot be changed in those places; the message names the settings.
     """
-    _write(path, _changes(setup_of(load_project(path, unfinished=True)), setup))
+    _write(path, _changes(read_setup(load_project(path, unfinished=True)), setup))
 
 
 def _changes(before: Setup, after: Setup) -> Settings:
@@ -374,7 +383,7 @@ def _write(path: Path, changes: Settings) -> None:
         raise
 
 
-def _take_points(folder: Path, path: Path, wanted: Wanted) -> None:
+def _import_points(folder: Path, path: Path, wanted: SetupChoices) -> None:
     """Import picks and coordinates of a gcp_list.txt."""
     project = load_project(path, unfinished=True)
     control = Path(project.control or folder / "control.csv")

@@ -14,8 +14,8 @@ from uavgram.model.message import Message
 from uavgram.model.options import TIES_FILE, Project
 from uavgram.model.survey.ties import NO_TIES, TiePicks
 from uavgram.pipeline.measure.inputs import check_ties, read_inputs, ties_path
-from uavgram.pipeline.measure.tie_points import pose_before_ties, tied
-from uavgram.pipeline.picks_table import sole_writer
+from uavgram.pipeline.measure.tie_points import find_project_ties, pose_before_ties
+from uavgram.pipeline.picks_table import lock_tables
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
@@ -70,10 +70,10 @@ def write_ties(
     """
     inputs = read_inputs(Path(project), unfinished=True)
     path = _table(inputs.project, inputs.folder)
-    with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
+    with nullcontext() if dry_run else lock_tables(inputs.project, inputs.project_path):
         earlier = count_made(path)
         posed = pose_before_ties(inputs)
-        found = tied(inputs, posed, progress)
+        found = find_project_ties(inputs, posed, progress)
         content = update_ties(path, found.ties)
         check_ties(str(path), found.ties, inputs.photos)
         if not dry_run:
@@ -94,7 +94,7 @@ def write_ties(
     )
 
 
-def take_ties_back(project: str | os.PathLike[str], *, dry_run: bool = False) -> TiesWritten:
+def remove_ties(project: str | os.PathLike[str], *, dry_run: bool = False) -> TiesWritten:
     """Remove all tie points that the program found from a project's table.
 
     Parameters
@@ -112,7 +112,7 @@ def take_ties_back(project: str | os.PathLike[str], *, dry_run: bool = False) ->
     file = project_file(Path(project))
     settings = load_project(file, unfinished=True)
     path = _table(settings, file.absolute().parent)
-    with nullcontext() if dry_run else sole_writer(settings, str(file)):
+    with nullcontext() if dry_run else lock_tables(settings, str(file)):
         count = count_made(path)
         if count and not dry_run:
             _replace(path, update_ties(path, NO_TIES) or EMPTY_TIES)

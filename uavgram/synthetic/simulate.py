@@ -23,7 +23,7 @@ from uavgram.model.simulation import (
     Variant,
 )
 from uavgram.pipeline.measure.compute import compute
-from uavgram.pipeline.parallel import in_processes
+from uavgram.pipeline.parallel import run_in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.errors import FixedErrors
@@ -159,7 +159,7 @@ def repeat_survey(
     """
     name, unit, sigma = predict_sigmas(world)
     rows: list[Repetition] = []
-    made = in_processes(partial(run_repetition, world), range(count))
+    made = run_in_processes(partial(run_repetition, world), range(count))
     for row in progress(made, what, count):
         rows.append(row)
         if heard is not None and len(rows) in _milestones(count):

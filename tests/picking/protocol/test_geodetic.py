@@ -15,9 +15,9 @@ from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import World
 from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
 from uavgram.picking.protocol.geodetic import places_on_earth
-from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
-Surveyed = tuple[LiveSurvey, Adjusted, dict[str, int]]
+Surveyed = tuple[LiveSurvey, LiveAdjustment, dict[str, int]]
 
 
 @pytest.fixture(scope="module")
@@ -26,7 +26,7 @@ def surveyed(data_dir: Path) -> Surveyed:
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     inputs = live.inputs
     asked = MeasurementRequest(name="C1", kind="coordinate", points=("R1",))
-    observed = Observed(picks=inputs.picks, lines=inputs.lines, requests=(asked,))
+    observed = Observations(picks=inputs.picks, lines=inputs.lines, requests=(asked,))
     index = {name: k for k, name in enumerate(dict.fromkeys(inputs.picks.image))}
     return live, live.adjust(observed), index
 
@@ -66,4 +66,4 @@ def test_a_survey_that_nothing_ties_to_the_earth_has_no_places() -> None:
     stand_in = SimpleNamespace(  # all that is asked for
         result=SimpleNamespace(world=nowhere), observed=SimpleNamespace(requests=(asked,))
     )
-    assert places_on_earth(cast("Adjusted", stand_in), ["A"], np.zeros((1, 3))) == {}
+    assert places_on_earth(cast("LiveAdjustment", stand_in), ["A"], np.zeros((1, 3))) == {}

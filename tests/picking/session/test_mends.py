@@ -22,7 +22,7 @@ from uavgram.picking.document.history import changed
 from uavgram.picking.document.state import State, observations_of, state_of
 from uavgram.picking.protocol.encode_verdict import Json, verdict_json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
-from uavgram.pipeline.pick.live_survey import LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveSurvey, Observations
 
 POOR = Condition(labels=7, photos=3, picked_share=1.0, radius_m=10.0)
 ORDER: tuple[VerdictLevel, ...] = ("green", "amber", "red")
@@ -43,7 +43,7 @@ class Project(NamedTuple):
         """What the page is told of a state."""
         picks, lines = observations_of(state)
         requests = self.live.inputs.requests
-        found = self.live.adjust(Observed(picks=picks, lines=lines, requests=requests))
+        found = self.live.adjust(Observations(picks=picks, lines=lines, requests=requests))
         index = {photo.name: k for k, photo in enumerate(self.photos)}
         return verdict_json(found.result, lines, index)
 

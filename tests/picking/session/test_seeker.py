@@ -25,11 +25,11 @@ from uavgram.picking.session import seeker as module
 from uavgram.picking.session.proposed import Proposed
 from uavgram.picking.session.seeker import Seeker, Wanted
 from uavgram.pipeline.match.patch_search import Photos, Task
-from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey
-from uavgram.pipeline.pick.places import Places
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
+from uavgram.pipeline.pick.places import PredictedPlaces
 from uavgram.stages.match import CONTRADICTED, RAISED_PX
 
-LAST = cast("Adjusted", SimpleNamespace())
+LAST = cast("LiveAdjustment", SimpleNamespace())
 LONGEST_WAIT_S = 20.0
 TARGETS = ("2.jpg", "3.jpg")
 
@@ -38,7 +38,7 @@ def state(*labels: str, u: float = 10.0) -> State:
     return State(picks=tuple(Pick(image="1.jpg", label=one, u_px=u, v_px=5.0) for one in labels))
 
 
-class Agreeing(Places):
+class Agreeing(PredictedPlaces):
     """Places of which some are contradicted: of these photo and label."""
 
     wrong: ClassVar[Collection[tuple[str, str]]] = ()
@@ -64,7 +64,7 @@ class World:
         self.radius_px = 20.0
         self.refused: dict[str, RefusalReason] = {}
         self.looked: list[tuple[str, str]] = []
-        self.places: Places | None = None
+        self.places: PredictedPlaces | None = None
         self.wrong: list[tuple[str, str]] = []
         self.raised: tuple[str, ...] = ()
         self.adjustment = cast("Adjustment", SimpleNamespace())
@@ -72,8 +72,8 @@ class World:
         self.go_on.set()
 
     def expected(
-        self, _: LiveSurvey, __: Adjusted, picks: Picks, labels: Collection[str] | None
-    ) -> Places:
+        self, _: LiveSurvey, __: LiveAdjustment, picks: Picks, labels: Collection[str] | None
+    ) -> PredictedPlaces:
         rows = [
             (i, image)
             for i, label in enumerate(picks.label)
@@ -130,8 +130,8 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     running: list[tuple[Seeker, GreyPhotos]] = []
 
     def begin(world: World) -> tuple[Seeker, Told]:
-        monkeypatch.setattr(module, "places_in_other_photos", world.expected)
-        monkeypatch.setattr(module, "look", world.look)
+        monkeypatch.setattr(module, "predict_places", world.expected)
+        monkeypatch.setattr(module, "search_places", world.look)
         told: Told = []
         photos = GreyPhotos(dict.fromkeys(("1.jpg", *TARGETS), 16), decoded)
         survey = cast("LiveSurvey", SimpleNamespace())

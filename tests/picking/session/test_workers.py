@@ -15,7 +15,7 @@ from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session import workers as module
 from uavgram.picking.session.workers import Live, Task
-from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 LONGEST_WAIT_S = 60.0
 
@@ -38,7 +38,7 @@ class Survey:
         self.go_on, self.begun = threading.Event(), threading.Event()
         self.go_on.set()
 
-    def adjust(self, observed: Observed) -> SimpleNamespace:
+    def adjust(self, observed: Observations) -> SimpleNamespace:
         self.begun.set()
         self.go_on.wait(LONGEST_WAIT_S)
         count = len(observed.picks.image)
@@ -47,7 +47,7 @@ class Survey:
             raise UavgramError("Nothing is picked yet.")
         return SimpleNamespace(seconds=self.seconds, count=count)
 
-    def linearised(self, base: Adjusted, observed: Observed) -> SimpleNamespace:
+    def linearised(self, base: LiveAdjustment, observed: Observations) -> SimpleNamespace:
         self.linearised_.append(len(observed.picks.image))
         return SimpleNamespace(base=base)
 
@@ -164,7 +164,7 @@ def test_a_fault_of_the_program_is_told_and_the_next_state_is_adjusted(
     survey = Survey(seconds=0.0)
     adjust = survey.adjust
 
-    def faulty(observed: Observed) -> SimpleNamespace:
+    def faulty(observed: Observations) -> SimpleNamespace:
         if len(observed.picks.image) == 1:
             raise ZeroDivisionError("planted")
         return adjust(observed)
@@ -186,7 +186,7 @@ def test_a_fault_of_the_first_order_answer_leaves_it_to_the_full_adjustment(
 ) -> None:
     survey = Survey(seconds=1.0)
 
-    def faulty(*_: Adjusted | Observed) -> SimpleNamespace:
+    def faulty(*_: LiveAdjustment | Observations) -> SimpleNamespace:
         raise KeyError("planted")
 
     monkeypatch.setattr(survey, "linearised", faulty)

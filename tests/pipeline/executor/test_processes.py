@@ -52,7 +52,7 @@ def test_an_item_that_kills_every_worker_is_given_up_and_the_others_are_not() ->
 def test_an_item_that_never_ends_is_given_up_and_the_others_are_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(processes, "_PATIENCE_S", 0.2)
+    monkeypatch.setattr(processes, "_TIMEOUT_S", 0.2)
     items: list[int | str] = [str(tmp_path / "sleeper"), 2, 3]
 
     ended = {one.number: one for one in in_workers(stop_or_square, items, 1, Bounds(seconds=6.0))}

@@ -10,7 +10,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight_lines
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.match.sightline_search import HEIGHTS_M, line_of_sight
+from uavgram.pipeline.match.sightline_search import HEIGHTS_M, project_sightline
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.seed.headings import find_headings
 
@@ -41,7 +41,7 @@ def test_a_line_leads_from_below_the_ground_up_in_steps_of_a_pixel(adjustment: A
     pixel = survey.pixel_px[4] + np.array([0.7, -0.4])  # not where the label was adjusted to
     others = np.array([f for f in range(len(survey.frame_id)) if f != frame])
 
-    line = line_of_sight(adjustment, (frame, label), others, pixel)
+    line = project_sightline(adjustment, (frame, label), others, pixel)
 
     height = np.linspace(HEIGHTS_M[0], HEIGHTS_M[2], len(line.pixel_px))
     assert height[line.lowest - 1] < HEIGHTS_M[1] <= height[line.lowest]
@@ -57,7 +57,7 @@ def test_photos_are_compared_by_what_lies_level(adjustment: Adjustment) -> None:
     survey = adjustment.survey
     frame, label, pixel = int(survey.pick_frame[4]), int(survey.pick_label[4]), survey.pixel_px[4]
     other = (frame + 1) % len(survey.frame_id)
-    line = line_of_sight(adjustment, (frame, label), np.array([other]), pixel)
+    line = project_sightline(adjustment, (frame, label), np.array([other]), pixel)
     k = len(line.pixel_px) // 3
     sight = RowPoses(adjustment.state.center[frame], adjustment.state.rotation[frame], np.zeros(6))
     lens = adjustment.problem.intrinsics(adjustment.state)

@@ -16,7 +16,7 @@ from uavgram.io.exports.measurements_csv import dump_profiles_csv
 from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import ProfileResults
-from uavgram.pipeline.measure.exports import exports
+from uavgram.pipeline.measure.exports import make_writers
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.survey.profiles import BOTTOM, LEFT, MAX_HEIGHT, RIGHT, TOP, profile_drawings
 
@@ -76,8 +76,8 @@ def test_the_table_is_a_file_where_there_is_a_profile(result: Result) -> None:
     assert rows[0][-2:] == ["ground_m", "ground_sigma_m"]
     assert rows[2][:6] == ["kerb", "B", "5.00000", "0.01230", "-0.25000", "0.02000"]
     assert rows[5][1] == "'=D"  # no spreadsheet takes it for a formula
-    assert "profiles.csv" in exports(result)
-    assert "profiles.csv" not in exports(survey.build())
+    assert "profiles.csv" in make_writers(result)
+    assert "profiles.csv" not in make_writers(survey.build())
 
 
 def test_results_give_the_profiles_back(result: Result, tmp_path: Path) -> None:

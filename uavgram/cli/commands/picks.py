@@ -116,12 +116,12 @@ def match(
         Show the progress of the work.
     """
     from uavgram.pipeline.match.run import match_picks, undo_matches
-    from uavgram.pipeline.match.selection import Asked
+    from uavgram.pipeline.match.selection import Selection
     from uavgram.views.terminal import match_lines, written_line
 
     log_to_stderr(verbose=verbose)
     tell_as(project)
-    asked = Asked(_names(labels), _names(photos))
+    asked = Selection(_names(labels), _names(photos))
     if undo:
         undone = undo_matches(project, asked, dry_run=dry_run)
         what = "would be taken" if dry_run else "taken"
@@ -156,12 +156,12 @@ def ties(project: Path = Path(), /, *, dry_run: Flag = False, undo: Flag = False
     undo
         Remove all tie points that the program found from the table.
     """
-    from uavgram.pipeline.ties_table import take_ties_back, write_ties
+    from uavgram.pipeline.ties_table import remove_ties, write_ties
     from uavgram.views.terminal import message_lines
 
     tell_as(project)
     if undo:
-        back = take_ties_back(project, dry_run=dry_run)
+        back = remove_ties(project, dry_run=dry_run)
         verb = "taken" if back.written else "would be taken"
         say(f"{back.taken_back} rows of tie points {verb} out of {back.path}")
         return DONE

@@ -14,9 +14,9 @@ from uavgram.model.result.tables import COLUMNS
 from uavgram.model.survey.ties import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.protocol.encode_places import Json, number
-from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey
-from uavgram.pipeline.pick.places import ExpectedPlace, same_ground
-from uavgram.pipeline.pick.side_view import side_view
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
+from uavgram.pipeline.pick.places import ExpectedPlace, project_ground
+from uavgram.pipeline.pick.side_view import make_side_view
 
 _DIGITS = 5
 
@@ -72,7 +72,7 @@ def snap_json(
 
 
 def same_ground_json(
-    survey: LiveSurvey, last: Adjusted | None, asked: SameGround, index: Mapping[str, int]
+    survey: LiveSurvey, last: LiveAdjustment | None, asked: SameGround, index: Mapping[str, int]
 ) -> Json:
     """Return the places of the same ground in other photos: u, v [px] and scale by photo number.
 
@@ -85,7 +85,7 @@ def same_ground_json(
     index
         Numbers of the photos by name.
     """
-    found = same_ground(survey, last, asked.image, (asked.u_px, asked.v_px))
+    found = project_ground(survey, last, asked.image, (asked.u_px, asked.v_px))
     return {"places": {str(index[name]): list(place) for name, place in found.items()}}
 
 
@@ -95,7 +95,7 @@ def ties_json(ties: TiePicks, asked: Ties) -> Json:
     return {"places_px": np.round(ties.pixel_px[own], 1).tolist()}
 
 
-def side_json(last: Adjusted | None, asked: SideView) -> Json:
+def side_json(last: LiveAdjustment | None, asked: SideView) -> Json:
     """Return a measurement's points along it: station, height and ground below [m] with sigmas.
 
     Parameters
@@ -105,7 +105,7 @@ def side_json(last: Adjusted | None, asked: SideView) -> Json:
     asked
         Name of the measurement.
     """
-    found = None if last is None else side_view(last, asked.name)
+    found = None if last is None else make_side_view(last, asked.name)
     if found is None:
         return {"points": []}
     rows = zip(found.label, found.place_m, found.sigma_m, strict=True)

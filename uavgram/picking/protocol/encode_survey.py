@@ -21,7 +21,7 @@ from uavgram.picking.protocol.encode_standings import (
 )
 from uavgram.picking.protocol.encode_verdict import measurement_standings, verdict_json
 from uavgram.picking.protocol.geodetic import places_on_earth
-from uavgram.pipeline.pick.live_survey import Adjusted, Linearised
+from uavgram.pipeline.pick.live_survey import LinearUpdate, LiveAdjustment
 from uavgram.stages.messages import order_messages
 from uavgram.views.formatting import KNOWN_STATUS_WORDS
 from uavgram.views.survey.verdict import list_named_picks
@@ -87,7 +87,7 @@ def _request(request: MeasurementRequest) -> Json:
     return {**vars(request), "points": list(request.points), "parameters": parameters}
 
 
-def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
+def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> Json:
     """Encode a full adjustment."""
     result = adjusted.result
     return {
@@ -126,7 +126,7 @@ def messages_json(messages: Iterable[Message]) -> list[Json]:
     ]
 
 
-def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
+def linearised_json(quick: LinearUpdate, index: Mapping[str, int]) -> Json:
     """Encode a first-order update: new values only; everything else stays unchanged."""
     base = quick.base.result
     survey = quick.base.adjustment.survey
@@ -152,7 +152,7 @@ def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
     return {"mode": "none", "why": why, "messages": messages_json(messages)}
 
 
-def _points(adjusted: Adjusted) -> Json:
+def _points(adjusted: LiveAdjustment) -> Json:
     """Return sigmas of the points in the survey and relative to neighbours, and their heights."""
     points, standings = adjusted.result.points, point_standings(adjusted.result)
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
@@ -173,7 +173,7 @@ def _points(adjusted: Adjusted) -> Json:
     return found
 
 
-def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
+def _picks(adjusted: LiveAdjustment, index: Mapping[str, int]) -> list[Json]:
     picks, survey = adjusted.result.picks, adjusted.adjustment.survey
     named = list_named_picks(adjusted.result.verdict)
     spread = {
@@ -219,7 +219,7 @@ def _clock(result: Result) -> Json | None:
     return {"offset_s": number(offset.value[0]), "sigma_s": number(offset.sigma[0])}
 
 
-def _lines(adjusted: Adjusted) -> Json:
+def _lines(adjusted: LiveAdjustment) -> Json:
     lines, standings = adjusted.result.lines, length_standings(adjusted.result)
     return {
         name: {
@@ -232,7 +232,7 @@ def _lines(adjusted: Adjusted) -> Json:
     }
 
 
-def _measurements(adjusted: Adjusted) -> Json:
+def _measurements(adjusted: LiveAdjustment) -> Json:
     result = adjusted.result
     found, standings = result.measurements, measurement_standings(result)
     evidence = result.evidence
@@ -250,7 +250,7 @@ def _measurements(adjusted: Adjusted) -> Json:
     }
 
 
-def _checks(adjusted: Adjusted) -> list[Json]:
+def _checks(adjusted: LiveAdjustment) -> list[Json]:
     points = adjusted.result.point_checks
     return [
         {
@@ -276,7 +276,7 @@ def _control_lines(result: Result) -> Json:
     }
 
 
-def _advice(adjusted: Adjusted) -> Json | None:
+def _advice(adjusted: LiveAdjustment) -> Json | None:
     advice, label = adjusted.advice, adjusted.adjustment.survey.label
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
         return None

@@ -8,14 +8,14 @@ import numpy as np
 
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.pick.live_survey import Adjusted
+from uavgram.pipeline.pick.live_survey import LiveAdjustment
 
 DEGREE_DIGITS = 9
 """Decimals of a degree: a tenth of a millimetre."""
 
 
 def places_on_earth(
-    adjusted: Adjusted, label: Sequence[str], position_world_m: Floats
+    adjusted: LiveAdjustment, label: Sequence[str], position_world_m: Floats
 ) -> dict[str, list[float]]:
     """Return latitude and longitude [deg] by label.
 

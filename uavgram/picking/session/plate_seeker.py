@@ -22,7 +22,7 @@ from uavgram.picking.document.state import State, observations_of
 from uavgram.picking.session.newest import Newest
 from uavgram.picking.session.proposed import Proposed
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.targets import named_points
+from uavgram.pipeline.targets import list_named_points
 from uavgram.stages.target_rows import TargetRow, asked_centers, rows_of
 
 log = logging.getLogger(__name__)
@@ -119,7 +119,7 @@ class PlateSeeker:
         plates = {
             p.plate for some in self._seen.values() for p in some if p.left_out is RejectedPlate.NO
         }
-        named, known = named_points(now)
+        named, known = list_named_points(now)
         rows = rows_of(self._seen, asked_centers(plates, named, known, picks))
         new = {(row.image, row.label): _outcome(row) for row in rows}
         self._proposed.put(new, gone=self._no_more(new))

@@ -23,9 +23,9 @@ from uavgram.picking.document.state import State, observations_of
 from uavgram.picking.session.newest import Newest
 from uavgram.picking.session.picked_targets import PickedTargets
 from uavgram.picking.session.proposed import Proposed
-from uavgram.pipeline.match.patch_search import look, reason, tasks
-from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey
-from uavgram.pipeline.pick.places import Places, places_in_other_photos
+from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
+from uavgram.pipeline.pick.places import PredictedPlaces, predict_places
 from uavgram.stages.match import CONTRADICTED, NARROWED_SHARE, pick_sigmas
 
 log = logging.getLogger(__name__)
@@ -42,7 +42,7 @@ class Wanted:
     """Present picks, and the last full adjustment, if there is one."""
 
     state: State
-    last: Adjusted | None
+    last: LiveAdjustment | None
 
 
 class Seeker:
@@ -93,13 +93,13 @@ class Seeker:
         own = {(one.label, *source_of(one)) for one in state.picks if one.source != "match"}
         new = {label for label, *_ in own - self._known}
         for labels in [new, None] if new else [None]:
-            places = places_in_other_photos(self._survey, last, picks, labels)
+            places = predict_places(self._survey, last, picks, labels)
             if places is None or not self._look(places, wanted, picks):
                 return
             self._withdraw(places)
         self._known = frozenset(own)
 
-    def _look(self, places: Places, wanted: Wanted, picks: Picks) -> bool:
+    def _look(self, places: PredictedPlaces, wanted: Wanted, picks: Picks) -> bool:
         """Search unknown places; return False if newer work arrived before the end."""
         rows = self._unknown(places, wanted.state)
         left = len(rows)
@@ -110,7 +110,7 @@ class Seeker:
             self._take(places, some, picks, self._looked(places, some, picks), left)
         return not self._newest.is_outdated(wanted)
 
-    def _withdraw(self, places: Places) -> None:
+    def _withdraw(self, places: PredictedPlaces) -> None:
         """Withdraw proposals that other matches in the same photo contradict."""
         at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
         by_photo: dict[str, dict[Pair, c.Place]] = {}
@@ -128,7 +128,7 @@ class Seeker:
             {pair: replace(outcomes[pair], found=None, why=CONTRADICTED) for pair in wrong}
         )
 
-    def _unknown(self, places: Places, state: State) -> Ints:
+    def _unknown(self, places: PredictedPlaces, state: State) -> Ints:
         """Return the rows (n,) of places to search, the best predicted first."""
         picked = {pick.key for pick in state.picks}
         outcomes, rows = self.proposed.outcomes, []
@@ -138,7 +138,7 @@ class Seeker:
         order = np.argsort(places.radius_px[rows], kind="stable")
         return np.array(rows, dtype=np.int64)[order]
 
-    def _batches(self, places: Places, rows: Ints) -> Iterator[Ints]:
+    def _batches(self, places: PredictedPlaces, rows: Ints) -> Iterator[Ints]:
         """Yield the places in decoded photos; then the others, photo by photo."""
         ready = np.array([self._photos.photos.has(places.image[row]) for row in rows], np.bool_)
         for first in range(0, int(ready.sum()), AT_ONCE):
@@ -149,19 +149,19 @@ class Seeker:
         for own in later.values():
             yield np.array(own, dtype=np.int64)
 
-    def _looked(self, places: Places, rows: Ints, picks: Picks) -> Matches | str:
+    def _looked(self, places: PredictedPlaces, rows: Ints, picks: Picks) -> Matches | str:
         """Return the matches at some places, or the reason if a photo cannot be read."""
         source = [picks.image[i] for i in places.pick[rows]]
         target = [places.image[row] for row in rows]
-        work = tasks(source, target, places.sought(picks, rows))
+        work = group_by_photos(source, target, places.sought(picks, rows))
         try:
-            return look(self._photos.photos, work, len(rows))
+            return search_places(self._photos.photos, work, len(rows))
         except InputError as why:
             log.warning("not sought: %s", why)
             return f"the photo cannot be read: {why}"
 
     def _take(
-        self, places: Places, rows: Ints, picks: Picks, found: Matches | str, left: int
+        self, places: PredictedPlaces, rows: Ints, picks: Picks, found: Matches | str, left: int
     ) -> None:
         """Store and report the results at some places (n,).
 
@@ -185,7 +185,7 @@ class Seeker:
                 new[image, label] = replace(outcome, why=found)
             elif found.refused[k]:
                 why, asked = (
-                    reason(int(found.refused[k])),
+                    describe_miss(int(found.refused[k])),
                     found.refused[k] != RefusalReason.OUTSIDE,
                 )
                 new[image, label] = replace(outcome, why=why, is_asked=bool(asked))
@@ -224,7 +224,7 @@ def _stated(found: Matches | str, is_raised: Bools) -> Floats:
     return pick_sigmas(found.covariance_px2, is_raised)
 
 
-def _is_open(outcome: Outcome | None, places: Places, row: int) -> bool:
+def _is_open(outcome: Outcome | None, places: PredictedPlaces, row: int) -> bool:
     """Return whether to search a place: for the first time, or since it is far better predicted."""
     if outcome is None:
         return True

@@ -53,7 +53,7 @@ from uavgram.picking.session.seeker import Wanted
 from uavgram.picking.session.workers import Live, Task
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.pick.live_survey import LiveSurvey
-from uavgram.pipeline.pick.places import expected_place, known_places
+from uavgram.pipeline.pick.places import predict_known_places, predict_place
 
 log = logging.getLogger(__name__)
 
@@ -207,7 +207,7 @@ class PickSession:
         label, expected, match = asked.expected, None, None
         if label and self.state.pick(asked.image, label) is None:
             match = self._search.outcomes.get((asked.image, label))
-            expected = expected_place(self.survey, self._live.last, asked.image, label)
+            expected = predict_place(self.survey, self._live.last, asked.image, label)
         return snap_json(photo, asked, expected, None if match is None else match.found)
 
     def change(self, message: Message) -> Json:
@@ -328,7 +328,7 @@ class PickSession:
         }
 
     def _expected(self) -> list[Json]:
-        return expected_json(known_places(self.survey, self._live.last), self.index)
+        return expected_json(predict_known_places(self.survey, self._live.last), self.index)
 
     def _sought(self, outcomes: Outcomes, labels: Collection[str], left: int) -> None:
         told = proposals_json(outcomes, self.index, labels, left)

@@ -22,7 +22,7 @@ from uavgram.picking.protocol.encode_survey import (
     unadjusted_json,
 )
 from uavgram.picking.session.newest import Newest
-from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +75,7 @@ class Live:
         self._waiting: Task | None = None  # task for the full adjustment
         self._due_s = 0.0  # earliest start of the full adjustment, on the monotonic clock
         self._busy = False
-        self.last: Adjusted | None = None  # the last full adjustment
+        self.last: LiveAdjustment | None = None  # the last full adjustment
         self._answering = threading.Lock()
         self._linearised_task: Task | None = None  # newest task answered to first order
 
@@ -152,7 +152,7 @@ class Live:
                     return task
         return None
 
-    def _full(self, task: Task) -> tuple[Adjusted | None, Json]:
+    def _full(self, task: Task) -> tuple[LiveAdjustment | None, Json]:
         try:
             adjusted = self._survey.adjust(observed_in(task.state))
             return adjusted, adjusted_json(adjusted, self._index)
@@ -163,7 +163,7 @@ class Live:
             return None, unadjusted_json(FAULT, self._survey.inputs.messages)
 
 
-def observed_in(state: State) -> Observed:
+def observed_in(state: State) -> Observations:
     """Return a state in the form of the adjustment."""
     picks, lines = observations_of(state)
-    return Observed(picks=picks, lines=lines, requests=state.requests)
+    return Observations(picks=picks, lines=lines, requests=state.requests)

@@ -18,17 +18,17 @@ from uavgram.io.outputs import staged_output
 from uavgram.io.results.batch_state import STATE, append_record, read_records
 from uavgram.model.batch import Batch, SurveyRecord, SurveyRow
 from uavgram.pipeline.batch.survey import (
-    Asked,
     Outcome,
+    Requests,
     Task,
-    failed,
+    add_present_results,
+    failure_outcome,
     measure_survey,
     name_of,
-    was_told,
-    with_results,
+    remove_record,
 )
 from uavgram.pipeline.executor.cluster import Cluster, on_cluster
-from uavgram.pipeline.executor.processes import Bounds, Ended, in_workers
+from uavgram.pipeline.executor.processes import Bounds, ItemOutcome, in_workers
 from uavgram.pipeline.threads import cores
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
@@ -113,7 +113,7 @@ _MEMORY_SHARE = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Means:
+class Resources:
     """Resources of a batch.
 
     Attributes
@@ -147,8 +147,8 @@ class Step:
 def run_batch(
     wanted: Sequence[str | Path],
     output: Path,
-    asked: Asked | None = None,
-    means: Means | None = None,
+    asked: Requests | None = None,
+    means: Resources | None = None,
     tell: Callable[[Step], None] | None = None,
 ) -> Batch:
     """Measure many surveys; each writes its own results, the batch one table of all.
@@ -171,19 +171,19 @@ def run_batch(
     UavgramError
         There is no survey, the scheduler does not answer, or the table cannot be written.
     """
-    asked, means = asked or Asked(), means or Means()
+    asked, means = asked or Requests(), means or Resources()
     projects = [str(path.absolute()) for path in find_projects(wanted)]
     known = read_records(output / STATE)
     tasks = [Task(project=one, asked=asked, before=known.get(one)) for one in projects]
     rows = {one: _waiting(one) for one in projects}
     begun = time.monotonic()
-    clashes = _clashes(tasks)
+    clashes = _find_clashes(tasks)
     try:
         for row, record in _outcomes([one for one in tasks if one.project not in clashes], means):
             rows[row.project] = row
             if record is not None and row.status == "done":
-                _keep(output / STATE, record)
-            _tell(tell, row, rows, begun)
+                _record_outcome(output / STATE, record)
+            _report_progress(tell, row, rows, begun)
         rows |= {outcome.row.project: outcome.row for outcome in clashes.values()}
     finally:  # at Ctrl+C too: the table then lists the waiting ones
         batch = _batch(tuple(rows.values()), time.monotonic() - begun)
@@ -192,21 +192,21 @@ def run_batch(
 
 
 def _outcomes(
-    tasks: Sequence[Task], means: Means
+    tasks: Sequence[Task], means: Resources
 ) -> Iterator[tuple[SurveyRow, SurveyRecord | None]]:
     for one in _ended(tasks, means):
         outcome = one.value
         if outcome is None:
-            outcome = failed(tasks[one.number], one.why)
+            outcome = failure_outcome(tasks[one.number], one.why)
         elif means.cluster is not None and outcome.record is not None:
-            was_told(outcome)
+            remove_record(outcome)
         yield replace(outcome.row, tries=one.tries), outcome.record
 
 
-def _ended(tasks: Sequence[Task], means: Means) -> Iterator[Ended[Outcome]]:
+def _ended(tasks: Sequence[Task], means: Resources) -> Iterator[ItemOutcome[Outcome]]:
     seconds = 60.0 * means.most_minutes
     if means.cluster is not None:
-        return on_cluster(measure_survey, tasks, means.cluster, seconds, with_results)
+        return on_cluster(measure_survey, tasks, means.cluster, seconds, add_present_results)
     workers = means.workers or cores()
     memory = _memory_bytes(workers) if means.memory_mb is None else means.memory_mb * 2**20
     bounds = Bounds(memory_bytes=memory, seconds=seconds)
@@ -222,7 +222,7 @@ def _memory_bytes(workers: int) -> int | None:
     return int(_MEMORY_SHARE * total / workers)
 
 
-def _clashes(tasks: Sequence[Task]) -> dict[str, Outcome]:
+def _find_clashes(tasks: Sequence[Task]) -> dict[str, Outcome]:
     """Find surveys that would overwrite each other's results, with the reason."""
     first: dict[Path, str] = {}
     found: dict[str, Outcome] = {}
@@ -237,7 +237,7 @@ def _clashes(tasks: Sequence[Task]) -> dict[str, Outcome]:
                 f"{task.project}: has the output folder of {other}, {folder}: name another as "
                 "`output` in one of the two"
             )
-            found[task.project] = failed(task, why)
+            found[task.project] = failure_outcome(task, why)
     return found
 
 
@@ -250,7 +250,7 @@ def _waiting(project: str) -> SurveyRow:
     )
 
 
-def _tell(
+def _report_progress(
     tell: Callable[[Step], None] | None, row: SurveyRow, rows: dict[str, SurveyRow], begun: float
 ) -> None:
     if tell is None:
@@ -262,7 +262,7 @@ def _tell(
     tell(Step(row, len(ended), len(rows), each * (len(rows) - len(ended))))
 
 
-def _keep(path: Path, record: SurveyRecord) -> None:
+def _record_outcome(path: Path, record: SurveyRecord) -> None:
     """Record a survey; after a failure it is only measured again next time."""
     try:
         append_record(path, record)

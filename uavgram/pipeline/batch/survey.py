@@ -136,7 +136,7 @@ it."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Asked:
+class Requests:
     """Requests of a batch for each survey, beside its project file: paper of a report.pdf."""
 
     pdf: Paper | None = None
@@ -160,7 +160,7 @@ class Task:
     """
 
     project: str
-    asked: Asked
+    asked: Requests
     before: SurveyRecord | None = None
     results: tuple[int, int] | None = None
 
@@ -187,7 +187,7 @@ def measure_survey(task: Task) -> Outcome:
         Another process measures it, or did: nothing was written.
     """
     try:
-        return _measured(task)
+        return _measure(task)
     except SupersededError:
         raise
     except UavgramError as fault:
@@ -203,16 +203,16 @@ def measure_survey(task: Task) -> Outcome:
             f"the program failed ({type(fault).__name__}: {fault}, in {Path(where.filename).name} "
             f"line {where.lineno}): this is a bug, please report it with this survey"
         )
-    return failed(task, why)
+    return failure_outcome(task, why)
 
 
-def failed(task: Task, why: str) -> Outcome:
+def failure_outcome(task: Task, why: str) -> Outcome:
     """Return the outcome of a survey without results, with the reason."""
     row = SurveyRow(name=name_of(task.project), project=task.project, status="failed", message=why)
     return Outcome(row=row, record=None)
 
 
-def with_results(task: Task) -> Task:
+def add_present_results(task: Task) -> Task:
     """Add the present state of the results, before a survey is given to a worker of a cluster."""
     try:
         output = load_project(Path(task.project)).output
@@ -227,12 +227,12 @@ def name_of(project: str) -> str:
     return path.absolute().parent.name if path.stem == "project" else path.stem
 
 
-def _measured(task: Task) -> Outcome:
+def _measure(task: Task) -> Outcome:
     path = Path(task.project)
     project = load_project(path)
     if task.before is not None and _is_unchanged(task, task.before, project):
         return Outcome(row=replace(task.before.row, status="unchanged"), record=task.before)
-    left = _left_behind(task, project)
+    left = _recover_result(task, project)
     if left is not None:
         return Outcome(row=left.row, record=left)
     if task.results is not None and task.results != read_file_stat(
@@ -240,7 +240,7 @@ def _measured(task: Task) -> Outcome:
     ):
         raise SupersededError(project.output)
     begun, before = time.process_time(), _stats(_inputs(path, project))
-    with _claimed(project) as hold:
+    with _claim_folder(project) as hold:
         result = run(path, pdf=task.asked.pdf, hold=hold)
     row = row_of(result, task.project, str(project.output), time.process_time() - begun)
     states = _states(result, path.absolute().parent, before)
@@ -259,7 +259,7 @@ def _measured(task: Task) -> Outcome:
     return Outcome(row=row, record=record)
 
 
-def _left_behind(task: Task, project: Project) -> SurveyRecord | None:
+def _recover_result(task: Task, project: Project) -> SurveyRecord | None:
     """Return the result of a worker interrupted before its report, if it is still valid."""
     path = Path(project.output) / LEFT
     found = read_records(path).get(task.project)
@@ -268,13 +268,13 @@ def _left_behind(task: Task, project: Project) -> SurveyRecord | None:
     return found if found is not None and _is_unchanged(task, found, project) else None
 
 
-def was_told(outcome: Outcome) -> None:
+def remove_record(outcome: Outcome) -> None:
     """Remove the record of a result that a worker of a cluster has reported."""
     with suppress(OSError):
         (Path(outcome.row.output) / LEFT).unlink(missing_ok=True)
 
 
-def _claimed(project: Project) -> AbstractContextManager[Callable[[], None] | None]:
+def _claim_folder(project: Project) -> AbstractContextManager[Callable[[], None] | None]:
     """Claim the output folder; no claim to one that will be refused, as it holds the photos."""
     output = Path(project.output).resolve()
     if any(Path(one).resolve().parent == output for one in find_photos(project.images)):

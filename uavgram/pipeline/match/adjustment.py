@@ -19,10 +19,10 @@ from uavgram.estimation.survey.departures import compute_heights_at
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.model.survey.survey import Survey
-from uavgram.pipeline.match.selection import with_found
-from uavgram.pipeline.measure.compute import assembled_survey, refined_survey
+from uavgram.pipeline.match.selection import append_matches
+from uavgram.pipeline.measure.compute import adjust_survey, assemble_survey
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.measure.pose import Posed
+from uavgram.pipeline.measure.pose import PosedFrames
 from uavgram.stages.match import CONTRADICTED, Found, Pair
 from uavgram.stages.refine.minima import Participants, find_best_minima
 from uavgram.stages.refine.off_ground import set_free_heights
@@ -67,7 +67,7 @@ BETTER = 0.8
 """Share to which the square of that factor must fall without a find that spread its error."""
 
 
-class _Tried(NamedTuple):
+class _Trial(NamedTuple):
     """Adjustment with some finds.
 
     Attributes
@@ -92,7 +92,7 @@ class _Tried(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Base:
+class BaseAdjustment:
     """Project whose own picks are adjusted.
 
     Attributes
@@ -106,7 +106,7 @@ class Base:
     """
 
     inputs: Inputs
-    posed: Posed
+    posed: PosedFrames
     keep: Bools
     refined: Refined
 
@@ -118,16 +118,16 @@ class Base:
         by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
         return [i for i in by_hand if (picks.image[i], picks.label[i]) in there]
 
-    def without_unfit(self, asked: Bools) -> tuple[Base, Bools]:
+    def without_unfit(self, asked: Bools) -> tuple[BaseAdjustment, Bools]:
         """Remove those of some earlier matches (P,) that no longer fit; also return their mask."""
         unfit = np.zeros(len(asked), dtype=np.bool_)
         if asked.any():
             unfit[list(self._tried({}).out)] = True
             unfit &= asked
-        picks = with_found(self.inputs.picks, {}, keep=~unfit)
+        picks = append_matches(self.inputs.picks, {}, keep=~unfit)
         return replace(self, inputs=replace(self.inputs, picks=picks)), unfit
 
-    def with_free(self, labels: Collection[str]) -> Base:
+    def with_free(self, labels: Collection[str]) -> BaseAdjustment:
         """Free the heights of some labels."""
         picks = self.inputs.picks
         free = picks.is_free | np.isin(picks.label, list(labels))
@@ -155,7 +155,7 @@ class Base:
         wrong = dict.fromkeys(sorted(frozenset(found) - tried.kept), CONTRADICTED)
         return tried.adjustment, wrong | self._unsure(tried)
 
-    def _unsure(self, tried: _Tried) -> dict[Pair, str]:
+    def _unsure(self, tried: _Trial) -> dict[Pair, str]:
         """Return finds of points of unknown height that are, or may be, the ground behind an edge.
 
         Any two photos agree on some height; only a third one confirms that it is one
@@ -173,15 +173,15 @@ class Base:
             if pair[1] in free & (alone | low)
         }
 
-    def _tried(self, found: Mapping[Pair, Found]) -> _Tried:
+    def _tried(self, found: Mapping[Pair, Found]) -> _Trial:
         """Adjust with some finds, without outliers."""
-        picks = with_found(self.inputs.picks, found)
-        survey = assembled_survey(replace(self.inputs, picks=picks), self.posed).survey
+        picks = append_matches(self.inputs.picks, found)
+        survey = assemble_survey(replace(self.inputs, picks=picks), self.posed).survey
         sound = remove_wrong_ties(self._prepared(survey))
         out = set(sound.matches_left_out)
         survey, adjustment = sound.survey, self._best(sound.survey)
         for _ in range(MAX_ROUNDS):  # now the ground and known heights take part
-            wrong = _standing_out(adjustment, picks)
+            wrong = _find_misfits(adjustment, picks)
             if not wrong:
                 break
             out |= wrong
@@ -191,7 +191,7 @@ class Base:
         factor = max((one.factor for one in sound.noise if one.source == "match"), default=0.0)
         worst = _worst(adjustment, picks) if factor > SPREAD else None
         gone_pairs = {(picks.image[i], picks.label[i]) for i in out}
-        return _Tried(adjustment, frozenset(found) - gone_pairs, factor, worst, frozenset(out))
+        return _Trial(adjustment, frozenset(found) - gone_pairs, factor, worst, frozenset(out))
 
     def _best(self, survey: Survey) -> Adjustment:
         """Return the best adjustment without the observations left out of the full one."""
@@ -220,7 +220,7 @@ class Base:
         )
 
 
-def begun(inputs: Inputs, posed: Posed) -> Base:
+def adjust_manual_picks(inputs: Inputs, posed: PosedFrames) -> BaseAdjustment:
     """Adjust the picks and measurements by people.
 
     Raises
@@ -228,17 +228,17 @@ def begun(inputs: Inputs, posed: Posed) -> Base:
     GeometryError
         They do not determine the survey yet; the message names the missing ones.
     """
-    survey = assembled_survey(replace(inputs, picks=_made_by_people(inputs.picks)), posed).survey
-    refined, _ = refined_survey(survey, inputs.project.solve)
+    survey = assemble_survey(replace(inputs, picks=_mark_manual(inputs.picks)), posed).survey
+    refined, _ = adjust_survey(survey, inputs.project.solve)
     keep = np.ones(len(survey.pick_frame), dtype=np.bool_)
     keep[: len(refined.pick_removed)] = ~refined.pick_removed
     out = [i for i, why in refined.pick_reason.items() if why.cause not in TRIED_AGAIN]
     keep[out] = False
-    return Base(inputs, posed, keep, refined)
+    return BaseAdjustment(inputs, posed, keep, refined)
 
 
-def _made_by_people(picks: Picks) -> Picks:
-    return with_found(picks, {}, keep=~picks.of_source("match"))
+def _mark_manual(picks: Picks) -> Picks:
+    return append_matches(picks, {}, keep=~picks.of_source("match"))
 
 
 def _photos_of_labels(survey: Survey) -> Ints:
@@ -267,7 +267,7 @@ def _worst(adjustment: Adjustment, picks: Picks) -> Pair | None:
     return picks.image[row], picks.label[row]
 
 
-def _standing_out(adjustment: Adjustment, picks: Picks) -> set[int]:
+def _find_misfits(adjustment: Adjustment, picks: Picks) -> set[int]:
     """Return rows of picks: matches that do not fit, the worst of each photo and of each chain."""
     sightings = adjustment.survey.matches
     if not sightings.points:

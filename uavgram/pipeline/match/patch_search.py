@@ -33,12 +33,14 @@ class Task(NamedTuple):
     sought: SoughtPoints
 
 
-def grey_photos(paths: Mapping[str, str]) -> Photos:
+def load_grey_photos(paths: Mapping[str, str]) -> Photos:
     """Return photos by name that are decoded on demand, in the stored orientation."""
     return LruCache(lambda name: read_grey(paths[name]), lambda photo: photo.nbytes, MAX_BYTES)
 
 
-def tasks(source: Sequence[str], target: Sequence[str], sought: SoughtPoints) -> list[Task]:
+def group_by_photos(
+    source: Sequence[str], target: Sequence[str], sought: SoughtPoints
+) -> list[Task]:
     """Group places (n,) by photos, so that neighbours in the list share a photo.
 
     Parameters
@@ -57,7 +59,9 @@ def tasks(source: Sequence[str], target: Sequence[str], sought: SoughtPoints) ->
     ]
 
 
-def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent) -> Matches:
+def search_places(
+    photos: Photos, work: Sequence[Task], count: int, progress: Progress = silent
+) -> Matches:
     """Search for places, and return the finds in their order.
 
     Parameters
@@ -83,17 +87,17 @@ def look(photos: Photos, work: Sequence[Task], count: int, progress: Progress = 
         "score": np.zeros(count),
         "refused": np.full(count, int(RefusalReason.OUTSIDE)),
     }
-    done = prefetch(lambda task: _done(photos, task), work)
+    done = prefetch(lambda task: _run_task(photos, task), work)
     for task, one in progress(done, "looking in the photos", len(work)):
         for name, values in found.items():
             values[task.rows] = getattr(one, name)
     return Matches(**found)  # type: ignore[arg-type]
 
 
-def reason(refused: int) -> str:
+def describe_miss(refused: int) -> str:
     """Describe why a place was not found."""
     return REASON_TEXTS[RefusalReason(refused)]
 
 
-def _done(photos: Photos, task: Task) -> Matches:
+def _run_task(photos: Photos, task: Task) -> Matches:
     return match_points(photos.get(task.source), photos.get(task.target), task.sought)

@@ -17,7 +17,7 @@ from uavgram.stages.match import Found, Pair
 
 
 @dataclass(frozen=True)
-class Asked:
+class Selection:
     """Requested labels and photos by name; without names: all."""
 
     labels: tuple[str, ...] = ()
@@ -31,7 +31,7 @@ class Asked:
         )
 
 
-def earlier(picks: Picks, asked: Asked) -> Bools:
+def mark_existing_matches(picks: Picks, asked: Selection) -> Bools:
     """Mark existing matches (P,) among the requested ones."""
     pairs = zip(picks.image, picks.label, strict=True)
     again = np.array([asked.has(pair) for pair in pairs], dtype=np.bool_)
@@ -46,7 +46,7 @@ EVEN_ODDS = 1.0
 """Odds that a label without a height is on the ground, without further information."""
 
 
-def may_be_raised(
+def find_raised_labels(
     picks: Picks, found: Iterable[Pair], missed: Iterable[Pair], odds: float = EVEN_ODDS
 ) -> set[str]:
     """Find labels without a height that are more likely off the ground than on it.
@@ -64,7 +64,7 @@ def may_be_raised(
         Odds that a label is on the ground, before any other photo is searched.
     """
     shown = Counter([*picks.label, *(label for _, label in found)])
-    not_there = Counter(without_height(picks, missed))
+    not_there = Counter(list_labels_without_height(picks, missed))
     of_ground, of_raised = MISSED
     if_shown, if_missed = (1.0 - of_ground) / (1.0 - of_raised), of_ground / of_raised
     return {
@@ -74,13 +74,13 @@ def may_be_raised(
     }
 
 
-def without_height(picks: Picks, pairs: Iterable[Pair]) -> list[str]:
+def list_labels_without_height(picks: Picks, pairs: Iterable[Pair]) -> list[str]:
     """List the labels of pairs whose height is neither stated nor free."""
     stated = set(np.array(picks.label)[picks.is_free | ~np.isnan(picks.height_m)].tolist())
     return [label for _, label in pairs if label not in stated]
 
 
-def still_founded(picks: Picks) -> Bools:
+def mark_valid_matches(picks: Picks) -> Bools:
     """Mark matches (P,) whose pick is where they were found from."""
     made = picks.of_source("match")
     clicks = picks.clicks
@@ -92,9 +92,9 @@ def still_founded(picks: Picks) -> Bools:
     return holds
 
 
-def check_asked(inputs: Inputs, asked: Asked) -> None:
+def check_selection(inputs: Inputs, asked: Selection) -> None:
     """Refuse labels without a pick, and photos that the project does not have."""
-    by_hand = labels_by_hand(inputs.picks)
+    by_hand = list_manual_labels(inputs.picks)
     _check_names(inputs, asked, by_hand)
     if not by_hand:
         raise InputError(
@@ -108,7 +108,7 @@ def check_asked(inputs: Inputs, asked: Asked) -> None:
         )
 
 
-def check_undone(inputs: Inputs, asked: Asked) -> None:
+def check_matches_exist(inputs: Inputs, asked: Selection) -> None:
     """Refuse labels and photos without a match."""
     _check_names(inputs, asked, tuple(dict.fromkeys(inputs.picks.label)))
 
@@ -116,7 +116,7 @@ def check_undone(inputs: Inputs, asked: Asked) -> None:
 _MAX_NAMED = 8
 
 
-def _check_names(inputs: Inputs, asked: Asked, labels: tuple[str, ...]) -> None:
+def _check_names(inputs: Inputs, asked: Selection, labels: tuple[str, ...]) -> None:
     """Refuse labels not among these, and photos that the project does not have."""
     for label in asked.labels:
         if label not in labels:
@@ -129,13 +129,13 @@ def _check_names(inputs: Inputs, asked: Asked, labels: tuple[str, ...]) -> None:
             raise InputError(inputs.project_path, f"the project has no photo {photo!r}: {hint}")
 
 
-def labels_by_hand(picks: Picks) -> tuple[str, ...]:
+def list_manual_labels(picks: Picks) -> tuple[str, ...]:
     """Return labels with a pick by a person."""
     by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
     return tuple(dict.fromkeys(picks.label[i] for i in by_hand))
 
 
-def with_found(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None = None) -> Picks:
+def append_matches(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None = None) -> Picks:
     """Append finds to picks.
 
     Parameters

@@ -36,7 +36,7 @@ _STEPS = 3  # from a height above level ground to one above ground that slopes
 _ABOUT_PX = 3.0  # of the source, by which photos are compared
 
 
-def look_up(
+def search_sightlines(
     photos: Photos,
     picks: Picks,
     adjustment: Adjustment,
@@ -72,11 +72,11 @@ def look_up(
     chosen = np.unique(candidates.pick[rows]).tolist()
     for pick in progress(iter(chosen), "looking along lines of sight", len(chosen)):
         own = rows[candidates.pick[rows] == pick]
-        results |= _of_pick(photos, picks, adjustment, candidates, own)
+        results |= _search_pick(photos, picks, adjustment, candidates, own)
     return results
 
 
-def _of_pick(
+def _search_pick(
     photos: Photos, picks: Picks, adjustment: Adjustment, candidates: Candidates, rows: Ints
 ) -> dict[Pair, Found | Missed]:
     """Search for the places of one pick.
@@ -84,7 +84,7 @@ def _of_pick(
     Parameters
     ----------
     photos, picks, adjustment, candidates
-        As for `look_up`.
+        As for `search_sightlines`.
     rows
         Its places, in adjusted photos.
     """
@@ -92,7 +92,7 @@ def _of_pick(
     frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     of = frame[picks.image[pick]], adjustment.label_index(picks.label[pick])
     others = np.array([frame[image] for image, _ in pairs])
-    line = line_of_sight(adjustment, of, others, picks.pixel_px[pick])
+    line = project_sightline(adjustment, of, others, picks.pixel_px[pick])
     source, targets = photos.get(picks.image[pick]), [photos.get(image) for image, _ in pairs]
     found = match_along_line(source, targets, line)
     sigma = pick_sigmas(found.covariance_px2, np.ones(len(rows), np.bool_))
@@ -109,7 +109,7 @@ def _of_pick(
     return results
 
 
-def line_of_sight(
+def project_sightline(
     adjustment: Adjustment, of: tuple[int, int], others: Ints, pixel_px: Floats
 ) -> SightLine:
     """Project a picked pixel's line of sight to other photos.
@@ -126,22 +126,24 @@ def line_of_sight(
         (2,) picked.
     """
     frame, label = of
-    center, ray = _sight(adjustment, frame, pixel_px)
+    center, ray = _sightline(adjustment, frame, pixel_px)
     from_m, raised_m, to_m = HEIGHTS_M
     # Heights with a step of about STEP_PX in the photo that shows them farthest apart.
-    ground = _at_heights(adjustment, label, (center, ray), [0.0])
+    ground = _place_at_heights(adjustment, label, (center, ray), [0.0])
     to_m = min(to_m, BELOW_CAMERA * float(center[2] - ground[0, 2]))
-    ends = _pixels(adjustment, others, _at_heights(adjustment, label, (center, ray), [0.0, to_m]))
+    ends = _pixels(
+        adjustment, others, _place_at_heights(adjustment, label, (center, ray), [0.0, to_m])
+    )
     long = np.linalg.norm(ends[1] - ends[0], axis=1)
     long_px = float(np.nan_to_num(long).max()) * (to_m - from_m) / to_m
     height = np.linspace(from_m, to_m, min(int(long_px / STEP_PX) + 8, MAX_PLACES))
-    place = _at_heights(adjustment, label, (center, ray), height)
+    place = _place_at_heights(adjustment, label, (center, ray), height)
     # Affine map by differences: the line of sight of a neighbouring pixel at the same height.
     columns = []
     for step in _ABOUT_PX * np.eye(2):
         both = []
         for sign in (1.0, -1.0):
-            start, beside = _sight(adjustment, frame, pixel_px + sign * step)
+            start, beside = _sightline(adjustment, frame, pixel_px + sign * step)
             level = start + ((place[:, 2] - start[2]) / beside[2])[:, None] * beside
             both.append(_pixels(adjustment, others, level))
         columns.append((both[0] - both[1]) / (2.0 * _ABOUT_PX))
@@ -153,14 +155,14 @@ def line_of_sight(
     )
 
 
-def _sight(adjustment: Adjustment, frame: int, pixel_px: Floats) -> tuple[Floats, Floats]:
+def _sightline(adjustment: Adjustment, frame: int, pixel_px: Floats) -> tuple[Floats, Floats]:
     """Return origin and direction (3,) of a pixel's line of sight."""
     state, lens = adjustment.state, adjustment.problem.intrinsics(adjustment.state)
     pose = RowPoses(state.center[frame], state.rotation[frame], adjustment.sweep()[frame])
     return sight_lines(adjustment.survey.calibration, lens, pose, pixel_px)
 
 
-def _at_heights(
+def _place_at_heights(
     adjustment: Adjustment, label: int, sight: tuple[Floats, Floats], height_m: Floats | list[float]
 ) -> Floats:
     """Return places (k, 3) on a line of sight at heights (k,) above the ground.

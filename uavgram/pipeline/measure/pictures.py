@@ -81,7 +81,7 @@ class ReportPictures:
         return Pictures(shown=tuple(shown), left_out=tuple(left_out))
 
 
-def ground_picture(result: Result, texture: GroundTexture | None) -> GroundPicture | None:
+def cut_out_ground(result: Result, texture: GroundTexture | None) -> GroundPicture | None:
     """Cut out the ground below the report's plans; None where photos show none of it."""
     corners = ground_extent(result)
     return None if texture is None or corners is None else cut_ground(texture, *corners)
@@ -101,15 +101,15 @@ MAX_RECORDED = 5_000
 more."""
 
 
-def carried(count: int) -> range:
+def select_recorded(count: int) -> range:
     """Return rows of the photos in a recording of so many: all, or a regular selection."""
     return range(0, count, max(1, -(-count // MAX_RECORDED)))
 
 
-def with_thinning_told(result: Result) -> Result:
+def note_thinning(result: Result) -> Result:
     """Add a note where the recording has only some of the photos."""
     count = len(result.frames.frame_id)
-    rows = carried(count)
+    rows = select_recorded(count)
     if len(rows) == count:
         return result
     text = (

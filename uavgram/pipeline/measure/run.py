@@ -19,7 +19,7 @@ from uavgram.model.maps import Paper, PlanPaper
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.measure.tie_points import are_missing, pose_before_ties, with_ties_found
+from uavgram.pipeline.measure.tie_points import add_found_ties, are_missing, pose_before_ties
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.summarise import tie_cloud
@@ -128,7 +128,7 @@ def run(
     if are_missing(inputs):
         with journal.step("find tie points"):
             posed = pose_before_ties(inputs)
-            inputs = with_ties_found(inputs, posed, write=folder is not None, progress=progress)
+            inputs = add_found_ties(inputs, posed, write=folder is not None, progress=progress)
             posed = None if posed.telemetry is None else posed
     with journal.step("adjust and measure"):
         result, refined = compute(inputs, sampling, posed=posed)
@@ -138,7 +138,7 @@ def run(
         return result
     from uavgram.pipeline.measure import outputs, pictures  # noqa: PLC0415 - load Rerun and ezdxf
 
-    result = pictures.with_thinning_told(result)
+    result = pictures.note_thinning(result)
     journal.result(result)
     with staged_output(Path(folder), inputs.files, inputs.photos.path, hold) as staging:
         outputs.write_outputs(result, ties, staging, journal, progress, pdf, plan)

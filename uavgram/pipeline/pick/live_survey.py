@@ -29,10 +29,10 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
-from uavgram.pipeline.measure.compute import Computed, compute
+from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
-from uavgram.pipeline.measure.observations import with_sides
-from uavgram.pipeline.measure.pose import Posed, pose_frames
+from uavgram.pipeline.measure.observations import append_plate_sides
+from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.linear_update import update_linearly
 
@@ -43,7 +43,7 @@ NOTHING_PICKED = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Observed:
+class Observations:
     """Observations of one adjustment."""
 
     picks: Picks
@@ -52,7 +52,7 @@ class Observed:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Adjusted:
+class LiveAdjustment:
     """Full adjustment, with additional results.
 
     Attributes
@@ -71,8 +71,8 @@ class Adjusted:
         Duration of the adjustment.
     """
 
-    observed: Observed
-    computed: Computed
+    observed: Observations
+    computed: Computation
     predicted: PredictedPixels
     picked_px: Floats
     picked_covariance_px2: Floats
@@ -91,7 +91,7 @@ class Adjusted:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Linearised:
+class LinearUpdate:
     """First-order update for observations that changed a little; sigmas are those of `base`.
 
     Attributes
@@ -108,7 +108,7 @@ class Linearised:
         (K, 3), (K,) the adjustment's points, and their heights over the ground.
     """
 
-    base: Adjusted
+    base: LiveAdjustment
     value: Floats
     length_m: Floats
     residual_px: Floats
@@ -128,7 +128,7 @@ class LiveSurvey:
     @with_one_blas_thread
     def __init__(self, inputs: Inputs) -> None:
         self.inputs = inputs
-        self.posed: Posed | None = None
+        self.posed: PosedFrames | None = None
         self.unposed_because = ""
         try:
             self.posed = pose_frames(inputs)
@@ -147,7 +147,7 @@ class LiveSurvey:
         return cls(read_inputs(project, unfinished=True))
 
     @with_one_blas_thread
-    def adjust(self, observed: Observed) -> Adjusted:
+    def adjust(self, observed: Observations) -> LiveAdjustment:
         """Adjust and measure in full.
 
         Raises
@@ -168,7 +168,7 @@ class LiveSurvey:
         picked, covariance = predict_pixels(
             adjustment, adjustment.survey.pick_frame, adjustment.survey.pick_label
         )
-        return Adjusted(
+        return LiveAdjustment(
             observed=observed,
             computed=computed,
             predicted=predict_unpicked(adjustment, self.flight()),
@@ -179,7 +179,7 @@ class LiveSurvey:
         )
 
     @with_one_blas_thread
-    def linearised(self, base: Adjusted, observed: Observed) -> Linearised | None:
+    def linearised(self, base: LiveAdjustment, observed: Observations) -> LinearUpdate | None:
         """Update the last adjustment to first order; None if more than numbers changed."""
         if self.posed is None or not _alike(base.observed, observed):
             return None
@@ -196,7 +196,7 @@ class LiveSurvey:
         if taken is None:
             return None
         update = update_linearly(base.adjustment, picks.pixel_px[rows], lines.length_m[taken])
-        return Linearised(
+        return LinearUpdate(
             base=base,
             value=compute_values(
                 base.adjustment.problem, update.state, observed.requests, self.posed.frames
@@ -207,9 +207,9 @@ class LiveSurvey:
             height_m=compute_heights_at(base.adjustment, update.state),
         )
 
-    def _lines(self, observed: Observed) -> KnownLines:
+    def _lines(self, observed: Observations) -> KnownLines:
         """Return all known lengths, including those of the plates."""
-        return with_sides(observed.lines, observed.picks, self.inputs.project.targets)
+        return append_plate_sides(observed.lines, observed.picks, self.inputs.project.targets)
 
     def flight(self) -> FlightOfPhotos | None:
         """Return the flight of all photos with telemetry; None without."""
@@ -219,7 +219,7 @@ class LiveSurvey:
         return telemetry.prior, telemetry.track, telemetry.poses.frame_id
 
 
-def _alike(before: Observed, now: Observed) -> bool:
+def _alike(before: Observations, now: Observations) -> bool:
     """Return whether only pixels and readings differ."""
     a, b, la, lb = before.picks, now.picks, before.lines, now.lines
     return (

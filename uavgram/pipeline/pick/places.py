@@ -26,10 +26,10 @@ from uavgram.model.flight.pose import Poses
 from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import World
 from uavgram.pipeline.match.adjustment import UNEVEN_M
-from uavgram.pipeline.match.search import MIN_PX, sought_at
+from uavgram.pipeline.match.search import MIN_PX, make_search_places
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.measure.pose import known_in_world
-from uavgram.pipeline.pick.live_survey import Adjusted, LiveSurvey
+from uavgram.pipeline.measure.pose import transform_known
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import REGION_SQUARED, compute_radii, compute_stretches, find_contradicted
 from uavgram.stages.products.map_layers import shown_poses
@@ -59,7 +59,7 @@ NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
 
 
 @with_one_blas_thread
-def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
+def predict_known_places(survey: LiveSurvey, last: LiveAdjustment | None) -> KnownPlaces:
     """Predict pixels of control, check and planned points in the photos that show them.
 
     Parameters
@@ -72,10 +72,10 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
         return NOWHERE
     poses, sweep = best
     tables = [
-        known_in_world(survey.inputs, points, posed.world)[0]
+        transform_known(survey.inputs, points, posed.world)[0]
         for points in (survey.inputs.control, survey.inputs.check)
     ]
-    tables.append(planned_places(survey.inputs, posed.world))
+    tables.append(predict_planned_places(survey.inputs, posed.world))
     label = tuple(name for table in tables for name in table.label)
     if not label:
         return NOWHERE
@@ -90,15 +90,15 @@ def known_places(survey: LiveSurvey, last: Adjusted | None) -> KnownPlaces:
     )
 
 
-def expected_place(
-    survey: LiveSurvey, last: Adjusted | None, image: str, label: str
+def predict_place(
+    survey: LiveSurvey, last: LiveAdjustment | None, image: str, label: str
 ) -> ExpectedPlace | None:
     """Predict the place of a label that is not picked in a photo; None where it is unknown.
 
     Parameters
     ----------
     survey, last
-        As for `known_places`.
+        As for `predict_known_places`.
     image, label
         The photo, and the label.
     """
@@ -107,22 +107,22 @@ def expected_place(
         for k, (frame, row) in enumerate(zip(found.frame_id, found.label.tolist(), strict=True)):
             if (frame, names[row]) == (image, label):
                 return ExpectedPlace(found.pixel_px[k], found.covariance_px2[k])
-    known = known_places(survey, last)
+    known = predict_known_places(survey, last)
     for k, key in enumerate(zip(known.frame_id, known.label, strict=True)):
         if key == (image, label):
             return ExpectedPlace(known.pixel_px[k], known.covariance_px2[k])
     return None
 
 
-def same_ground(
-    survey: LiveSurvey, last: Adjusted | None, image: str, pixel_px: tuple[float, float]
+def project_ground(
+    survey: LiveSurvey, last: LiveAdjustment | None, image: str, pixel_px: tuple[float, float]
 ) -> dict[str, tuple[float, float, float]]:
     """Project the ground under a pixel to the other photos.
 
     Parameters
     ----------
     survey, last
-        As for `known_places`.
+        As for `predict_known_places`.
     image, pixel_px
         The photo and the pixel.
 
@@ -150,7 +150,7 @@ def same_ground(
     }
 
 
-def _best_poses(survey: LiveSurvey, last: Adjusted | None) -> tuple[Poses, Floats] | None:
+def _best_poses(survey: LiveSurvey, last: LiveAdjustment | None) -> tuple[Poses, Floats] | None:
     """Return each photo's adjusted pose, or else the telemetry's, and its sweep (see `RowPoses`).
 
     Return None without either.
@@ -168,7 +168,7 @@ LAID_SIGMA_M = 0.5
 """Standard deviation of an object laid by paces and sight [m]: half a step."""
 
 
-def planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
+def predict_planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
     """Return ends of the plan's lines and middles of its plates; none without a place on earth.
 
     They are on the project's ground, regardless of the height in the plan, which was made
@@ -199,7 +199,7 @@ def planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class PredictedPlaces:
     """Set of n predicted places of picks in other photos.
 
     Attributes
@@ -259,13 +259,13 @@ class Places:
 
     def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
         """Convert places to the input of the matching."""
-        return sought_at(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
+        return make_search_places(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
 
 
 @with_one_blas_thread
-def places_in_other_photos(
-    survey: LiveSurvey, last: Adjusted, picks: Picks, labels: Collection[str] | None = None
-) -> Places | None:
+def predict_places(
+    survey: LiveSurvey, last: LiveAdjustment, picks: Picks, labels: Collection[str] | None = None
+) -> PredictedPlaces | None:
     """Predict every label in every photo that should show it, from the most similar pick.
 
     Also from picks that are newer than the last adjustment, in photos that take part in it.
@@ -285,7 +285,7 @@ def places_in_other_photos(
         None where they cannot be predicted yet.
     """
     try:
-        adjustment = _up_to_date(survey, last, picks)
+        adjustment = _update_adjustment(survey, last, picks)
     except (SingularError, ValueError, UavgramError):  # wait for the next full adjustment
         return None
     frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
@@ -307,12 +307,12 @@ def places_in_other_photos(
         picks.pixel_px[rows].reshape(-1, 2),
     )
     found = transfer_pixels(adjustment, survey.flight(), clicked)
-    return _most_alike(adjustment, found, rows[found.click], picks)
+    return _select_most_similar(adjustment, found, rows[found.click], picks)
 
 
-def _most_alike(
+def _select_most_similar(
     adjustment: Adjustment, found: TransferredPixels, pick: Ints, picks: Picks
-) -> Places:
+) -> PredictedPlaces:
     """Select for each label in each photo the place by the most similar pick.
 
     Parameters
@@ -332,10 +332,10 @@ def _most_alike(
     image = tuple(found.frame_id[row] for row in rows)
     radius = compute_radii(found.covariance_px2[rows])
     raised = adjustment.survey.off_ground[adjustment.label_rows(label)]
-    return Places(pick[rows], image, label, radius, raised, rows, found, adjustment)
+    return PredictedPlaces(pick[rows], image, label, radius, raised, rows, found, adjustment)
 
 
-def _up_to_date(survey: LiveSurvey, last: Adjusted, picks: Picks) -> Adjustment:
+def _update_adjustment(survey: LiveSurvey, last: LiveAdjustment, picks: Picks) -> Adjustment:
     """Update the last adjustment with new or moved picks."""
     adjustment, before = last.adjustment, last.observed.picks
     was = {
