@@ -117,7 +117,7 @@ def test_the_picking_page_adjusts_with_it(project: Project, truth: dict[str, Flo
     inputs = live.inputs
     observed = Observations(picks=inputs.picks, lines=inputs.lines, requests=inputs.requests)
     adjusted = live.adjust(observed)
-    moved = live.linearised(adjusted, observed)
+    moved = live.update_linearly(adjusted, observed)
 
     assert adjusted.result.known.status == ("used",)
     assert moved is not None

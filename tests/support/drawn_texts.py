@@ -112,13 +112,13 @@ def on_plan(result: Result) -> Drawn:
 
 def in_space(texts: ViewTexts, eye: Eye) -> Drawn:
     """Texts in a view of the recording, y downwards; Rerun hangs them below their places."""
-    at = eye.on_screen(texts.place_m) * [1.0, -1.0] if texts.words else np.empty((0, 2))
+    at = eye.project_to_screen(texts.place_m) * [1.0, -1.0] if texts.words else np.empty((0, 2))
     half = LINE_ON_SCREEN / 2
     boxes = [
         (x, y + half, HALF_LETTER_ON_SCREEN * len(text), 0.99 * half, 0.0)
         for (x, y), text in zip(at, texts.words, strict=True)
     ]
-    ends = [eye.on_screen(line[1:])[0] * [1.0, -1.0] for line in texts.leaders_m]
+    ends = [eye.project_to_screen(line[1:])[0] * [1.0, -1.0] for line in texts.leaders_m]
     return Drawn(
         list(texts.words),
         np.reshape(boxes, (-1, 5)),

@@ -165,8 +165,8 @@ class _PairWork:
     def compare(self, pair: tuple[int, int]) -> _VerifiedMatches:
         """Return matches of two photos, by their rows."""
         one, other = pair
-        guide = self._guide(one, other)
-        found = self._verified(one, other, guide)
+        guide = self._predict(one, other)
+        found = self._verify(one, other, guide)
         if guide is None:
             # an unguided comparison has a few matches by chance
             return (
@@ -176,17 +176,17 @@ class _PairWork:
             )
         if len(found.rows) < 2 * MIN_MATCHES:
             # the seeds may be worse than stated
-            free = self._verified(one, other, None)
+            free = self._verify(one, other, None)
             found = free if len(free.rows) > 2 * MIN_MATCHES else found
         return found
 
-    def _guide(self, one: int, other: int) -> Guide | None:
+    def _predict(self, one: int, other: int) -> Guide | None:
         if self._seeds is None or min(rows := self._seeds.row[[one, other]].tolist()) < 0:
             return None
         predicted = predict(self._seeds.seen, rows[0], rows[1], self._features[one].pixel_px)
         return None if predicted is None else Guide(predicted.pixel_px, predicted.radius_px)
 
-    def _verified(self, one: int, other: int, guide: Guide | None) -> _VerifiedMatches:
+    def _verify(self, one: int, other: int, guide: Guide | None) -> _VerifiedMatches:
         rows = match_features(self._features[one], self._features[other], guide)
         rays = self._rays[one][rows[:, 0]], self._rays[other][rows[:, 1]]
         tested = verify_matches(*rays, float(self._calibration.parameters[0]), self._scale)

@@ -71,7 +71,7 @@ class SheetMapping:
     height: float
 
     @classmethod
-    def showing(cls, world_m: Floats) -> SheetMapping:
+    def fit(cls, world_m: Floats) -> SheetMapping:
         """Make the paper on which all (n, 2 or 3) places are seen."""
         low = world_m[:, :2].min(axis=0)
         size = np.maximum(world_m[:, :2].max(axis=0) - low, 1.0)
@@ -320,7 +320,7 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
             planned.plates.center_world_m,
         ]
     )
-    paper = SheetMapping.showing(shown)
+    paper = SheetMapping.fit(shown)
     every = -(-len(frames.name) // MAX_FOOTPRINTS)
     starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
     bar_m, bar_text = round_bar(WIDTH / 5 / paper.scale, units)

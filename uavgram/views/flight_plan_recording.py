@@ -252,7 +252,7 @@ def measure_plan(planned: FlightPlanned) -> PlanScene:
     frusta = pyramids(frames.center_world_m, frames.world_from_camera, rays)
     shown = [area, lines.start_world_m, lines.end_world_m, frusta.reshape(-1, 3)]
     above = Eye(np.array([0.0, 0.0, 1.0]), area.mean(axis=0), FROM_ABOVE * size)
-    return PlanScene(size, frusta, Eye.fitting(np.concatenate(shown), TO_THE_EYE), above)
+    return PlanScene(size, frusta, Eye.fit(np.concatenate(shown), TO_THE_EYE), above)
 
 
 def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:

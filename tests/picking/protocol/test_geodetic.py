@@ -46,7 +46,7 @@ def test_the_place_follows_a_pick_that_moves(surveyed: Surveyed) -> None:
     pixel = picks.pixel_px.copy()
     pixel[[label == "R1" for label in picks.label]] += (4.0, -3.0)
     observed = replace(adjusted.observed, picks=replace(picks, pixel_px=pixel))
-    quick = live.linearised(adjusted, observed)
+    quick = live.update_linearly(adjusted, observed)
     assert quick is not None
     k = adjusted.adjustment.survey.label.index("R1")
     moved_m = (quick.world_m - adjusted.result.points.position_world_m)[k, :2]

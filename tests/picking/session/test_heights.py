@@ -66,7 +66,7 @@ def test_heights_follow_a_drag_to_first_order(
     pixel = observed.picks.pixel_px.copy()
     pixel[observed.picks.label.index(FREE)] += (0.0, 0.5)
     moved = replace(observed, picks=replace(observed.picks, pixel_px=pixel))
-    quick = live.linearised(adjusted, moved)
+    quick = live.update_linearly(adjusted, moved)
     assert quick is not None
     told = linearised_json(quick, {name: k for k, name in enumerate(live.inputs.photos.frame_id)})
     (row,) = np.flatnonzero(adjusted.result.points.is_off_ground)

@@ -81,7 +81,7 @@ def test_first_order_answers_are_exact_for_small_moves(
     stated = replace(project, solve=replace(project.solve, noise="stated"))
     live = LiveSurvey(replace(live.inputs, project=stated))
     adjusted, change = live.adjust(observed), moved(observed, [0.4, -0.3], 0.01)
-    quick, full = live.linearised(adjusted, change), live.adjust(change)
+    quick, full = live.update_linearly(adjusted, change), live.adjust(change)
     assert quick is not None
     before, after = adjusted.result.measurements, full.result.measurements
     step = np.abs(after.value - before.value).max()
@@ -96,7 +96,7 @@ def test_sigmas_that_a_run_learns_anew_move_little_beside_first_order_answers(
 ) -> None:
     live, observed = survey
     change = moved(observed, [0.4, -0.3], 0.01)
-    quick, full = live.linearised(adjusted, change), live.adjust(change)
+    quick, full = live.update_linearly(adjusted, change), live.adjust(change)
     assert quick is not None
     after = full.result.measurements
     assert np.abs((quick.value - after.value) / after.sigma).max() < 0.05
@@ -109,8 +109,8 @@ def test_a_length_that_stands_out_is_linearised_and_one_that_was_mended_is_not(
     off = moved(observed, 0.0, 0.3)  # it takes part with less weight than was stated
     mended = replace(adjusted, observed=off)  # its reading is another than was typed
 
-    assert live.linearised(live.adjust(off), moved(off, [0.4, -0.3])) is not None
-    assert live.linearised(mended, off) is None
+    assert live.update_linearly(live.adjust(off), moved(off, [0.4, -0.3])) is not None
+    assert live.update_linearly(mended, off) is None
 
 
 def test_a_new_pick_is_not_linearised(
@@ -118,7 +118,7 @@ def test_a_new_pick_is_not_linearised(
 ) -> None:
     live, observed = survey
     fewer = only(observed, np.arange(len(observed.picks.image)) != 3)
-    assert live.linearised(adjusted, fewer) is None
+    assert live.update_linearly(adjusted, fewer) is None
 
 
 def test_without_picks_it_says_in_words_what_is_missing(

@@ -189,7 +189,7 @@ def test_a_fault_of_the_first_order_answer_leaves_it_to_the_full_adjustment(
     def faulty(*_: LiveAdjustment | Observations) -> SimpleNamespace:
         raise KeyError("planted")
 
-    monkeypatch.setattr(survey, "linearised", faulty)
+    monkeypatch.setattr(survey, "update_linearly", faulty)
     live, answers = worker(survey)
     for version in (1, 2, 3):
         live.submit(Task(version, state(version), final=True))

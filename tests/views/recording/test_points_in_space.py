@@ -168,7 +168,7 @@ def test_the_side_view_looks_level_across_the_longer_side_and_has_all_in_it(
     assert standing is not None
     heads = result.points.position_world_m[standing.rows]
     long = np.linalg.svd((heads - heads.mean(axis=0))[:, :2])[2][0]
-    screen = eye.on_screen(np.concatenate([heads, standing.foot_m]))
+    screen = eye.project_to_screen(np.concatenate([heads, standing.foot_m]))
 
     assert abs(eye.towards[2]) < 0.1
     assert abs(eye.towards[:2] @ long) < 1e-6
@@ -188,7 +188,9 @@ def test_heights_stand_beside_their_points_in_the_side_view(
     assert len(texts) >= 4
     eye = measure_scene(result).side_eye
     assert eye is not None
-    offset = eye.on_screen(spots) - eye.on_screen(result.points.position_world_m[rows])
+    offset = eye.project_to_screen(spots) - eye.project_to_screen(
+        result.points.position_world_m[rows]
+    )
     beside = (np.abs(offset) < [0.3, 0.075]).all(axis=1)
     assert beside.mean() > 0.7
     lines = contents.static.get("/from_the_side/heights/lines", {"LineStrips3D:strips": []})

@@ -126,7 +126,7 @@ def test_the_first_view_has_points_frusta_and_ground_in_it_and_nothing_to_spare(
     pyramids = outlines.frusta(result, result.frames.refined, 2 * scene.frustum_m)
     ground = np.array([[-60, 40, 0], [40, 40, 0], [-60, -20, 0], [40, -20, 0]], dtype=float)
     everything = np.concatenate([result.points.position_world_m, pyramids.reshape(-1, 3), ground])
-    right, up = scene.eye.on_screen(everything).T
+    right, up = scene.eye.project_to_screen(everything).T
 
     assert np.abs(right).max() <= HALF_WIDTH + 1e-9
     assert np.abs(up).max() <= HALF_HEIGHT + 1e-9

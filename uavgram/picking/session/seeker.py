@@ -122,7 +122,7 @@ class Seeker:
         for own in by_photo.values():
             pixel = np.array([(one.u_px, one.v_px) for one in own.values()])
             sigma = np.array([one.sigma_px for one in own.values()], dtype=np.float64)
-            out = places.contradicted(np.array([at[pair] for pair in own]), pixel, sigma)
+            out = places.mark_contradicted(np.array([at[pair] for pair in own]), pixel, sigma)
             wrong += [pair for pair, is_out in zip(own, out, strict=True) if is_out]
         self.proposed.put(
             {pair: replace(outcomes[pair], found=None, why=CONTRADICTED) for pair in wrong}

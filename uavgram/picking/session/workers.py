@@ -115,7 +115,7 @@ class Live:
         if self.last is None:
             return False
         try:
-            quick = self._survey.linearised(self.last, observed_in(task.state))
+            quick = self._survey.update_linearly(self.last, observed_in(task.state))
         except Exception:  # a bug here must not end the worker: a full answer follows
             log.exception("the first-order answer failed")
             return False

@@ -118,7 +118,7 @@ class BaseAdjustment:
         by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
         return [i for i in by_hand if (picks.image[i], picks.label[i]) in there]
 
-    def without_unfit(self, asked: Bools) -> tuple[BaseAdjustment, Bools]:
+    def remove_unfit(self, asked: Bools) -> tuple[BaseAdjustment, Bools]:
         """Remove those of some earlier matches (P,) that no longer fit; also return their mask."""
         unfit = np.zeros(len(asked), dtype=np.bool_)
         if asked.any():
@@ -127,13 +127,13 @@ class BaseAdjustment:
         picks = append_matches(self.inputs.picks, {}, keep=~unfit)
         return replace(self, inputs=replace(self.inputs, picks=picks)), unfit
 
-    def with_free(self, labels: Collection[str]) -> BaseAdjustment:
+    def free_heights(self, labels: Collection[str]) -> BaseAdjustment:
         """Free the heights of some labels."""
         picks = self.inputs.picks
         free = picks.is_free | np.isin(picks.label, list(labels))
         return replace(self, inputs=replace(self.inputs, picks=replace(picks, is_free=free)))
 
-    def of_unknown_height(self, survey: Survey) -> Bools:
+    def mark_unknown_heights(self, survey: Survey) -> Bools:
         """Mark labels (K,) off the ground of unknown height, which only one photo shows."""
         picks = self.inputs.picks
         free = {picks.label[i] for i in np.flatnonzero(picks.is_free).tolist()}
@@ -153,9 +153,9 @@ class BaseAdjustment:
                 break
             tried = rest
         wrong = dict.fromkeys(sorted(frozenset(found) - tried.kept), CONTRADICTED)
-        return tried.adjustment, wrong | self._unsure(tried)
+        return tried.adjustment, wrong | self._list_unsure(tried)
 
-    def _unsure(self, tried: _Trial) -> dict[Pair, str]:
+    def _list_unsure(self, tried: _Trial) -> dict[Pair, str]:
         """Return finds of points of unknown height that are, or may be, the ground behind an edge.
 
         Any two photos agree on some height; only a third one confirms that it is one
@@ -177,7 +177,7 @@ class BaseAdjustment:
         """Adjust with some finds, without outliers."""
         picks = append_matches(self.inputs.picks, found)
         survey = assemble_survey(replace(self.inputs, picks=picks), self.posed).survey
-        sound = remove_wrong_ties(self._prepared(survey))
+        sound = remove_wrong_ties(self._prepare(survey))
         out = set(sound.matches_left_out)
         survey, adjustment = sound.survey, self._best(sound.survey)
         for _ in range(MAX_ROUNDS):  # now the ground and known heights take part
@@ -199,7 +199,7 @@ class BaseAdjustment:
         taking = Participants(survey, self.keep, refined.line_removed, {}, refined.known_removed)
         return find_best_minima(taking).adjustment
 
-    def _prepared(self, survey: Survey) -> Survey:
+    def _prepare(self, survey: Survey) -> Survey:
         """Set first poses and heights of the full adjustment, and ground that may be uneven."""
         refined = self.refined
         survey = set_free_heights(survey, sorted(refined.off_ground))

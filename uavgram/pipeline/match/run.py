@@ -75,7 +75,7 @@ def match_picks(
     with nullcontext() if dry_run else lock_tables(inputs.project, inputs.project_path):
         before = mark_existing_matches(inputs.picks, asked)
         gone = before & ~mark_valid_matches(inputs.picks)
-        base, unfit = _adjust_base(inputs, ~gone).without_unfit(before[~gone])
+        base, unfit = _adjust_base(inputs, ~gone).remove_unfit(before[~gone])
         photos = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
         search = search_all_photos(
             base, load_grey_photos(photos), _make_filter(base, asked), progress

@@ -100,7 +100,7 @@ def search_all_photos(
         raised = raised or set(list_labels_without_height(base.inputs.picks, as_ground))
         is_over = candidates.is_raised[rows].all()  # for ground points
         if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines of sight, or not
-            base, record = base.with_free(raised), record.without_labels(raised)
+            base, record = base.free_heights(raised), record.without_labels(raised)
             adjustment, record = _drop_contradicted(base, record)
             continue
         if rows.size and not (lines.size and left == LINES_BEFORE):
@@ -163,7 +163,7 @@ def _candidates(base: BaseAdjustment, adjustment: Adjustment) -> Candidates:
         tuple((name, project.label[i]) for name, i in zip(places.frame_id, pick, strict=True)),
         pick,
         survey.off_ground[clicked.label[places.click]],
-        base.of_unknown_height(survey)[clicked.label[places.click]],
+        base.mark_unknown_heights(survey)[clicked.label[places.click]],
     )
 
 

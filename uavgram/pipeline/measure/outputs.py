@@ -141,7 +141,7 @@ def write_review(
     mosaic = Mosaic(result, names, jpeg_preview_scale(result.camera.width_px))
 
     def reduced_photo(path: str) -> tuple[Preview, Pixels]:
-        return parts.cut(path) if parts and parts.wants(path) else read_preview(path)
+        return parts.cut_parts(path) if parts and parts.needs_photo(path) else read_preview(path)
 
     def photos() -> Iterator[tuple[str, Preview]]:
         reduced = prefetch(reduced_photo, photo_files(result.frames))

@@ -39,11 +39,11 @@ class ReportPictures:
         self._one = Lock()
         self._room: Pixels | None = None
 
-    def wants(self, path: str) -> bool:
+    def needs_photo(self, path: str) -> bool:
         """Return whether any part of a photo is shown."""
         return path in self._wanted
 
-    def cut(self, path: str) -> tuple[Preview, Pixels]:
+    def cut_parts(self, path: str) -> tuple[Preview, Pixels]:
         """Cut the parts out of a photo, which is decoded once for all.
 
         Only one photo that is decoded as a whole is in memory at a time, for any number of threads.

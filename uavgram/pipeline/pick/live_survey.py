@@ -179,7 +179,7 @@ class LiveSurvey:
         )
 
     @with_one_blas_thread
-    def linearised(self, base: LiveAdjustment, observed: Observations) -> LinearUpdate | None:
+    def update_linearly(self, base: LiveAdjustment, observed: Observations) -> LinearUpdate | None:
         """Update the last adjustment to first order; None if more than numbers changed."""
         if self.posed is None or not _alike(base.observed, observed):
             return None

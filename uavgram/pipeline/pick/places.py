@@ -242,7 +242,7 @@ class PredictedPlaces:
         covariance = self.predicted.covariance_px2[at] + MIN_PX**2 * np.eye(2)
         return bool(off @ np.linalg.solve(covariance, off) <= REGION_SQUARED)
 
-    def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
+    def mark_contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
         """Mark finds (m,) in one photo that the others there contradict.
 
         Parameters

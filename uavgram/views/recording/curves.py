@@ -164,7 +164,7 @@ def _heights(
 def log_status(recorder: Recorder, result: Result) -> None:
     """Log the state of each frame, and an end without which the last would have no width."""
     recorder.states(STATUS, frame_states(result), FRAME_COLOURS, FRAME_STATE_WORDS)
-    recorder.after_the_last(STATUS, rr.StateChange.columns(state=[""]))  # "" ends a state
+    recorder.end_after_last(STATUS, rr.StateChange.columns(state=[""]))  # "" ends a state
 
 
 CORRECTION = "plots/attitude_correction"

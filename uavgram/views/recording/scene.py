@@ -52,7 +52,7 @@ class Eye:
     distance_m: float
 
     @classmethod
-    def fitting(cls, points_m: Floats, towards: Floats) -> Eye:
+    def fit(cls, points_m: Floats, towards: Floats) -> Eye:
         """Place target and eye so that all (N, 3) points are as large as fits into a view.
 
         A point r to the right and n nearer than the target is seen if |r - a| <= W (D - n), where
@@ -82,13 +82,13 @@ class Eye:
         azimuth = np.arctan2(-self.towards[0], -self.towards[1])
         return COMPASS_POINTS[round(float(azimuth) / (np.pi / 4)) % 8]
 
-    def on_screen(self, points_m: Floats) -> Floats:
+    def project_to_screen(self, points_m: Floats) -> Floats:
         """Project (N, 3) points to (N, 2) tangents of angles, right and up."""
         right, upward, nearer = _seen(points_m - self.target_m, self.towards)
         depth = np.maximum(self.distance_m - nearer, 1e-9)
         return np.stack([right / depth, upward / depth], axis=-1)
 
-    def in_space(self, points_m: Floats, screen: Floats) -> Floats:
+    def place_in_space(self, points_m: Floats, screen: Floats) -> Floats:
         """Return (N, 3) places at (N, 2) tangents of `on_screen`, as far away as (N, 3) points."""
         right, up = _axes(self.towards)
         _, _, nearer = _seen(points_m - self.target_m, self.towards)
@@ -243,7 +243,7 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
         worst_point=largest_ellipse(result),
         ground_drop_m=least + below,
         ground_is_lowered=below > least,
-        eye=Eye.fitting(np.concatenate(shown), TO_THE_EYE),
+        eye=Eye.fit(np.concatenate(shown), TO_THE_EYE),
         top_eye=Eye(np.array([0.0, 0.0, 1.0]), middle, TOP_DISTANCE * size),
         off_ground=standing,
         ellipsoid_factor=_ellipsoid_factor(result, standing),
@@ -305,4 +305,4 @@ def _from_the_side(result: Result, standing: OffGround | None) -> Eye | None:
     _, axes = np.linalg.eigh(spread + 1e-9 * np.diag([2.0, 1.0]))
     across = -axes[:, 0] if axes[1, 0] > 0 else axes[:, 0]
     towards = np.array([*across, LEVEL])
-    return Eye.fitting(np.concatenate([heads, standing.foot_m]), towards / np.linalg.norm(towards))
+    return Eye.fit(np.concatenate([heads, standing.foot_m]), towards / np.linalg.norm(towards))

@@ -208,7 +208,7 @@ class Recorder:
         self.static(path, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
         self.each(path, lambda some: rr.TextDocument.columns(text=[texts[i] for i in some]))
 
-    def after_the_last(self, path: str, column: rr.ComponentColumnList) -> None:
+    def end_after_last(self, path: str, column: rr.ComponentColumnList) -> None:
         """Log one row at the place of the next frame."""
         indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=[FIRST + len(self.time_utc_s)])]
         known = np.sort(self.time_utc_s[np.isfinite(self.time_utc_s)])

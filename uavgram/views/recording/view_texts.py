@@ -77,8 +77,8 @@ def place_in_space(
     spread
         Factor on the room of each.
     """
-    spots = eye.on_screen(np.reshape(anchor_m, (-1, 3)))
-    dots = np.empty((0, 2)) if dots_m is None else eye.on_screen(dots_m)
+    spots = eye.project_to_screen(np.reshape(anchor_m, (-1, 3)))
+    dots = np.empty((0, 2)) if dots_m is None else eye.project_to_screen(dots_m)
     placed = place_texts(
         spots * [1.0, -1.0],
         words,
@@ -88,7 +88,7 @@ def place_in_space(
         most=most,
     )
     rows = np.flatnonzero(np.isfinite(placed.boxes[:, 0])).astype(np.int64)
-    places = eye.in_space(anchor_m[rows], places_below(placed)[rows] * [1.0, -1.0])
+    places = eye.place_in_space(anchor_m[rows], places_below(placed)[rows] * [1.0, -1.0])
     leaders = [
         np.stack([anchor_m[row], place])
         for row, place in zip(rows, places, strict=True)

@@ -85,7 +85,7 @@ class RecordingServer:
         where = ("--web-viewer-port", str(page), "--port", str(data))
         self._process = _start(["--serve-web", "--bind", LOOPBACK, *where], RUST_LOG="error")
         try:
-            self._await(page, data)
+            self._wait_for_start(page, data)
         except BaseException:
             self.stop()
             raise
@@ -98,7 +98,7 @@ class RecordingServer:
         """Whether it still runs."""
         return self._process.poll() is None
 
-    def _await(self, *ports: int) -> None:
+    def _wait_for_start(self, *ports: int) -> None:
         if not all(_is_up(self._process, port) for port in ports):
             raise UavgramError(
                 "the Rerun viewer's server did not start: see its messages above, and "
