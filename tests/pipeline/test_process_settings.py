@@ -4,14 +4,16 @@ import subprocess
 import sys
 
 _ASKED = """
-from uavgram.pipeline.process_settings import LATE, load_little
-load_little()
+from uavgram.pipeline.process_settings import LATE_MODULES, avoid_modules
+avoid_modules()
 import sys
 import numpy, PIL.Image
 import uavgram.pipeline.measure.outputs
 numpy.median([1.0, 2.0])
 PIL.Image.new("L", (1, 1)).getexif()
-print(sorted(name for name in LATE if type(sys.modules.get(name)).__name__ != "_LazyModule"))
+print(sorted(
+    name for name in LATE_MODULES if type(sys.modules.get(name)).__name__ != "_LazyModule"
+))
 import numpy, ezdxf, scipy.spatial
 turn = scipy.spatial.transform.Rotation.from_rotvec([0, 0, 1])
 print(numpy.polynomial.Polynomial([1, 2])(1.0), turn.magnitude())

@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, TypeVar
 
 from uavgram.errors import UavgramError
-from uavgram.pipeline.threads import cores
+from uavgram.pipeline.cores import cores
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")

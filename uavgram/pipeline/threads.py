@@ -1,4 +1,4 @@
-"""Cores of this process, and one thread for the linear algebra during calls of this program.
+"""One thread for the linear algebra during calls of this program.
 
 Sums over blocks of another size are rounded differently, and BLAS divides blocks by the number of
 its threads: for equal results on every machine one thread is used. Besides, most matrices here are
@@ -8,7 +8,6 @@ small: more threads wait for each other longer than they help.
 from __future__ import annotations
 
 import functools
-import os
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -19,24 +18,6 @@ from typing import ParamSpec, TypeVar
 import numpy.linalg  # noqa: F401
 import scipy.linalg  # noqa: F401
 from threadpoolctl import LibController, OpenBLASController, ThreadpoolController
-
-_allowed: list[int] = []
-"""Number of cores assigned to this process, if any."""
-
-
-def use_one_core() -> None:
-    """Use one core from now on: this process is one of as many as there are cores."""
-    _allowed[:] = [1]
-
-
-def cores() -> int:
-    """Return the number of cores that this process may use."""
-    if _allowed:
-        return _allowed[0]
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
 
 Arguments = ParamSpec("Arguments")
 Value = TypeVar("Value")

@@ -10,14 +10,14 @@ import pytest
 from executor_work import GO_ON, HELD_BY, STOPPED, fail_at_two, hang_once
 
 from uavgram.errors import UavgramError
-from uavgram.pipeline import threads
+from uavgram.pipeline import cores
 from uavgram.pipeline.executor import cluster
 from uavgram.pipeline.executor.cluster import Cluster, on_cluster
 
 
 @pytest.fixture
 def local(monkeypatch: pytest.MonkeyPatch) -> Iterator[distributed.LocalCluster]:
-    monkeypatch.setattr(threads, "_allowed", [])  # workers of their own processes keep it
+    monkeypatch.setattr(cores, "_allowed", [])  # workers of their own processes keep it
     with (
         dask.config.set({"distributed.scheduler.worker-ttl": "4s"}),
         distributed.LocalCluster(
@@ -35,7 +35,7 @@ def test_each_item_is_made_and_what_fails_stops_no_other(local: distributed.Loca
 
     assert {k: one.value for k, one in ended.items()} == {0: 0, 1: 1, 2: None, 3: 9}
     assert "ValueError: two" in ended[2].why
-    assert threads.cores() == 1
+    assert cores.cores() == 1
 
 
 def test_an_item_of_a_worker_that_fell_silent_is_made_by_another(

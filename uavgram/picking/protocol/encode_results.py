@@ -51,7 +51,7 @@ def results_json(result: Result) -> Json:
     }
 
 
-def plan_in(report: bytes) -> bytes | None:
+def extract_plan(report: bytes) -> bytes | None:
     """Extract the plan on a report's first page as a separate drawing; None if there is none."""
     begin = report.find(b'<svg class="drawing"')
     end = report.find(b"</svg>", begin)

@@ -11,16 +11,21 @@ from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.state import Pick, State
-from uavgram.picking.protocol.encode_places import ellipse_json, number, numbers, places_json
-from uavgram.picking.protocol.encode_standings import (
-    length_standings,
-    photo_standings,
-    point_standings,
-    shown_by_measurements,
-    unseen_errors,
+from uavgram.picking.protocol.encode_places import (
+    ellipse_json,
+    number,
+    numbers,
+    places_json,
+    places_on_earth,
 )
-from uavgram.picking.protocol.encode_verdict import measurement_standings, verdict_json
-from uavgram.picking.protocol.geodetic import places_on_earth
+from uavgram.picking.protocol.encode_statuses import (
+    describe_unchecked,
+    describe_undetectable,
+    encode_length_statuses,
+    encode_photo_statuses,
+    encode_point_statuses,
+)
+from uavgram.picking.protocol.encode_verdict import encode_measurement_statuses, verdict_json
 from uavgram.pipeline.pick.live_survey import LinearUpdate, LiveAdjustment
 from uavgram.stages.messages import order_messages
 from uavgram.views.formatting import KNOWN_STATUS_WORDS
@@ -96,7 +101,7 @@ def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> Json:
         "verdict": {
             **verdict_json(result, adjusted.observed.lines, index),
             "reasons": len(result.verdict.reasons),
-            "unseen": unseen_errors(result),
+            "unseen": describe_undetectable(result),
         },
         "points": _points(adjusted),
         "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
@@ -154,7 +159,7 @@ def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
 
 def _points(adjusted: LiveAdjustment) -> Json:
     """Return sigmas of the points in the survey and relative to neighbours, and their heights."""
-    points, standings = adjusted.result.points, point_standings(adjusted.result)
+    points, standings = adjusted.result.points, encode_point_statuses(adjusted.result)
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
     found: Json = {
         label: {
@@ -197,7 +202,7 @@ def _picks(adjusted: LiveAdjustment, index: Mapping[str, int]) -> list[Json]:
 
 def _frames(result: Result, index: Mapping[str, int]) -> Json:
     """Return status by photo; for adjusted ones the sigmas of the centre (e n u) and its shift."""
-    frames, standings = result.frames, photo_standings(result)
+    frames, standings = result.frames, encode_photo_statuses(result)
     sigma = np.sqrt(np.einsum("fii->fi", frames.refined.covariance))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     return {
@@ -220,7 +225,7 @@ def _clock(result: Result) -> Json | None:
 
 
 def _lines(adjusted: LiveAdjustment) -> Json:
-    lines, standings = adjusted.result.lines, length_standings(adjusted.result)
+    lines, standings = adjusted.result.lines, encode_length_statuses(adjusted.result)
     return {
         name: {
             "adjusted_m": number(lines.adjusted_m[i]),
@@ -234,9 +239,9 @@ def _lines(adjusted: LiveAdjustment) -> Json:
 
 def _measurements(adjusted: LiveAdjustment) -> Json:
     result = adjusted.result
-    found, standings = result.measurements, measurement_standings(result)
+    found, standings = result.measurements, encode_measurement_statuses(result)
     evidence = result.evidence
-    shows = shown_by_measurements(found, None if evidence is None else evidence.weakest)
+    shows = describe_unchecked(found, None if evidence is None else evidence.weakest)
     return {
         name: {
             "value": number(found.value[i]),

@@ -20,7 +20,7 @@ _WITHOUT = frozenset({"state", "diff", "picks", "predicted", "expected", "found"
 """Keys below which there are no sentences, but much other data."""
 
 
-def names_to_keep(state: State) -> tuple[str, ...]:
+def list_kept_names(state: State) -> tuple[str, ...]:
     """Return names given by people that look like lengths."""
     named = (
         *(pick.label for pick in state.picks),
@@ -30,7 +30,7 @@ def names_to_keep(state: State) -> tuple[str, ...]:
     return select_like_lengths(dict.fromkeys(named))
 
 
-def lengths_of(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401 (JSON)
+def collect_lengths(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401 (JSON)
     """Return the lengths that the sentences of a message give rounded [m], ascending.
 
     Parameters
@@ -48,7 +48,7 @@ def lengths_of(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401
     return sorted_magnitudes(values)
 
 
-def in_project_units(
+def convert_units(
     message: Any,  # noqa: ANN401 (JSON)
     units: Units,
     keep: Iterable[str],
@@ -68,7 +68,7 @@ def in_project_units(
         Exact lengths [m], ascending, that the sentences give rounded.
     """
     worded = partial(convert_sentence, units=units, keep=keep, exact=exact)
-    inner = partial(in_project_units, units=units, keep=keep)
+    inner = partial(convert_units, units=units, keep=keep)
 
     def value_of(key: str, value: Any) -> Any:  # noqa: ANN401 (JSON)
         if isinstance(value, str):

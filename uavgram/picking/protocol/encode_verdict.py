@@ -58,7 +58,7 @@ def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
     return None
 
 
-def measurement_standings(result: Result) -> list[Json]:
+def encode_measurement_statuses(result: Result) -> list[Json]:
     """Return the status of each measurement: a word unless it is ok, and the reason."""
     rows = result.measurements
     unseen = {link["name"]: _sentence(link["weakest"]) for link in weakest_links(result)}

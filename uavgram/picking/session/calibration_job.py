@@ -17,7 +17,7 @@ from uavgram.errors import UavgramError
 from uavgram.io.discovery import PhotoFolder
 from uavgram.model.camera.board import CalibrationOptions
 from uavgram.picking.document.commands import Calibrate
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.pipeline.cameras.calibrate import (
     CAMERA,

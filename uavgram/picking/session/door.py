@@ -20,7 +20,7 @@ from uavgram.io.own_files import check_inside
 from uavgram.model.limits import LONGEST_NAME, find_unshowable, sigma_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.pipeline.new import PROJECT, Choices
 from uavgram.pipeline.setup import CASE, FolderSummary, Setup, SetupChoices, inspect_folder, set_up

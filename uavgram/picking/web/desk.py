@@ -17,7 +17,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from uavgram.errors import UavgramError
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session.door import LONGEST_REQUEST, Door
 from uavgram.picking.storage.tables import Tables

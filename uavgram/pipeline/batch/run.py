@@ -27,9 +27,9 @@ from uavgram.pipeline.batch.survey import (
     name_of,
     remove_record,
 )
+from uavgram.pipeline.cores import cores
 from uavgram.pipeline.executor.cluster import Cluster, on_cluster
 from uavgram.pipeline.executor.processes import Bounds, ItemOutcome, in_workers
-from uavgram.pipeline.threads import cores
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
 from uavgram.views.batch import render_batch_page

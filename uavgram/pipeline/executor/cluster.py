@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from uavgram.errors import UavgramError
+from uavgram.pipeline.cores import use_one_core
 from uavgram.pipeline.executor.processes import MAX_TRIES, ItemOutcome, describe_timeout
-from uavgram.pipeline.threads import use_one_core
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")

@@ -23,8 +23,8 @@ from multiprocessing.context import BaseContext
 from typing import Any, Generic, TypeVar, cast
 
 from uavgram.errors import UavgramError
+from uavgram.pipeline.cores import use_one_core
 from uavgram.pipeline.process_settings import avoid_modules, collect_garbage_rarely
-from uavgram.pipeline.threads import use_one_core
 
 if sys.platform != "win32":
     import resource

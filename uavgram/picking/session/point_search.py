@@ -19,10 +19,10 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair, source_of
-from uavgram.picking.document.state import State, observations_of
-from uavgram.picking.session.newest import Newest
+from uavgram.picking.document.state import State, make_observations
+from uavgram.picking.session.latest_task import LatestTask
 from uavgram.picking.session.picked_targets import PickedTargets
-from uavgram.picking.session.proposed import Proposed
+from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import PredictedPlaces, predict_places
@@ -38,14 +38,14 @@ AT_ONCE = 64
 
 
 @dataclass(frozen=True)
-class Wanted:
+class SearchInput:
     """Present picks, and the last full adjustment, if there is one."""
 
     state: State
     last: LiveAdjustment | None
 
 
-class Seeker:
+class PointSearch:
     """Worker that searches for picked points in the other photos.
 
     Parameters
@@ -58,17 +58,17 @@ class Seeker:
         Receiver of the results.
     """
 
-    def __init__(self, survey: LiveSurvey, photos: GreyPhotos, proposed: Proposed) -> None:
+    def __init__(self, survey: LiveSurvey, photos: GreyPhotos, proposed: ProposalTable) -> None:
         self._survey, self._photos, self.proposed = survey, photos, proposed
         self._targets = PickedTargets(survey, photos)
-        self._newest: Newest[Wanted] = Newest({"seeker": self._work})
+        self._newest: LatestTask[SearchInput] = LatestTask({"seeker": self._work})
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
 
     def start(self) -> None:
         """Start the worker."""
         self._newest.start()
 
-    def submit(self, wanted: Wanted) -> None:
+    def submit(self, wanted: SearchInput) -> None:
         """Search for these picks; the search for older ones is abandoned."""
         self._newest.submit(wanted)
 
@@ -77,19 +77,19 @@ class Seeker:
         self._newest.stop()
 
     def _work(self) -> None:
-        wanted: Wanted | None = None
+        wanted: SearchInput | None = None
         while (wanted := self._newest.newer(wanted)) is not None:
             try:
                 self._seek(wanted)
             except Exception:  # a bug here must not end the worker: picking goes on
                 log.exception("the search in other photos failed")
 
-    def _seek(self, wanted: Wanted) -> None:
+    def _seek(self, wanted: SearchInput) -> None:
         state, last = wanted.state, wanted.last
         self.proposed.let_go(state)
         if last is None:
             return
-        picks, _ = observations_of(state)
+        picks, _ = make_observations(state)
         own = {(one.label, *source_of(one)) for one in state.picks if one.source != "match"}
         new = {label for label, *_ in own - self._known}
         for labels in [new, None] if new else [None]:
@@ -99,7 +99,7 @@ class Seeker:
             self._withdraw(places)
         self._known = frozenset(own)
 
-    def _look(self, places: PredictedPlaces, wanted: Wanted, picks: Picks) -> bool:
+    def _look(self, places: PredictedPlaces, wanted: SearchInput, picks: Picks) -> bool:
         """Search unknown places; return False if newer work arrived before the end."""
         rows = self._unknown(places, wanted.state)
         left = len(rows)

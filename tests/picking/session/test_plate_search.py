@@ -17,11 +17,11 @@ from uavgram.imaging.raster import Image
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.history import Session, apply
-from uavgram.picking.document.proposals import BY_HAND, accepted
+from uavgram.picking.document.proposals import BY_HAND, make_accept_command
 from uavgram.picking.document.state import State
-from uavgram.picking.session import plate_seeker as module
-from uavgram.picking.session.plate_seeker import PlateSeeker
-from uavgram.picking.session.proposed import Proposed
+from uavgram.picking.session import plate_search as module
+from uavgram.picking.session.plate_search import PlateSearch
+from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.measure.inputs import read_inputs
 
 SIZE_PX = 120
@@ -63,14 +63,14 @@ class World:
         inputs = read_inputs(folder / "project.yaml", unfinished=True, unpicked=True)
         (folder / GONE).unlink()
         self.whole: list[str] = []
-        self.proposed = Proposed(lambda *_: None)
+        self.proposed = ProposalTable(lambda *_: None)
 
         def decoded(name: str) -> Image:
             self.whole.append(name)
             return read_grey(folder / name)
 
         self.photos = GreyPhotos(dict.fromkeys((SHOWN, EMPTY, GONE), SIZE_PX**2), decoded)
-        self.seeker = PlateSeeker(
+        self.seeker = PlateSearch(
             inputs, self.photos, lambda name, by: read_grey(folder / name, by), self.proposed
         )
 
@@ -80,7 +80,7 @@ class World:
 
 @pytest.fixture
 def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[World]:
-    monkeypatch.setattr(module, "MOST_PX", SIZE_PX**2 / 4)
+    monkeypatch.setattr(module, "MAX_PX", SIZE_PX**2 / 4)
     one = World(tmp_path)
     one.seeker.start()
     yield one
@@ -106,7 +106,9 @@ def test_a_plate_is_found_in_the_reduced_photo_and_measured_in_the_whole_one(wor
         assert found is not None
         assert found.sigma_px is not None
         assert np.hypot(found.u_px - corner[0], found.v_px - corner[1]) < 5 * found.sigma_px < 0.5
-    after = apply(Session(state=State()), accepted(outcomes, State(), CORNER_PAIRS)).state
+    after = apply(
+        Session(state=State()), make_accept_command(outcomes, State(), CORNER_PAIRS)
+    ).state
     assert {pick.source for pick in after.picks} == {"target"}
     assert len(after.picks) == 4
 

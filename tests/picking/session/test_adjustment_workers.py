@@ -13,8 +13,8 @@ import pytest
 from uavgram.errors import UavgramError
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.session import workers as module
-from uavgram.picking.session.workers import Live, Task
+from uavgram.picking.session import adjustment_workers as module
+from uavgram.picking.session.adjustment_workers import AdjustmentWorkers, Task
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 LONGEST_WAIT_S = 60.0
@@ -53,7 +53,7 @@ class Survey:
 
 
 Answers = list[tuple[int, Json]]
-Start = Callable[[Survey], tuple[Live, Answers]]
+Start = Callable[[Survey], tuple[AdjustmentWorkers, Answers]]
 
 
 @pytest.fixture
@@ -63,12 +63,14 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
     )
     monkeypatch.setattr(module, "linearised_json", lambda _, __: {"mode": "linearised"})
     monkeypatch.setattr(module, "REST_S", 0.05)
-    running: list[Live] = []
+    running: list[AdjustmentWorkers] = []
 
-    def start(survey: Survey) -> tuple[Live, Answers]:
+    def start(survey: Survey) -> tuple[AdjustmentWorkers, Answers]:
         answers: Answers = []
         stand_in = cast("LiveSurvey", survey)  # has all that the workers ask for
-        live = Live(stand_in, {"1.jpg": 0}, lambda version, said: answers.append((version, said)))
+        live = AdjustmentWorkers(
+            stand_in, {"1.jpg": 0}, lambda version, said: answers.append((version, said))
+        )
         live.start()
         running.append(live)
         return live, answers

@@ -14,14 +14,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from uavgram.errors import UavgramError
-from uavgram.picking.document.state import State, observations_of
+from uavgram.picking.document.state import State, make_observations
 from uavgram.picking.protocol.encode_survey import (
     Json,
     adjusted_json,
     linearised_json,
     unadjusted_json,
 )
-from uavgram.picking.session.newest import Newest
+from uavgram.picking.session.latest_task import LatestTask
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 log = logging.getLogger(__name__)
@@ -54,7 +54,7 @@ class Task:
     final: bool
 
 
-class Live:
+class AdjustmentWorkers:
     """Workers that adjust the newest state.
 
     Parameters
@@ -69,7 +69,7 @@ class Live:
 
     def __init__(self, survey: LiveSurvey, index: dict[str, int], answer: Answer) -> None:
         self._survey, self._index, self._answer = survey, index, answer
-        self._newest: Newest[Task] = Newest(
+        self._newest: LatestTask[Task] = LatestTask(
             {"first order": self._answer_first_order, "adjustment": self._adjust}
         )
         self._waiting: Task | None = None  # task for the full adjustment
@@ -115,7 +115,7 @@ class Live:
         if self.last is None:
             return False
         try:
-            quick = self._survey.update_linearly(self.last, observed_in(task.state))
+            quick = self._survey.update_linearly(self.last, collect_observations(task.state))
         except Exception:  # a bug here must not end the worker: a full answer follows
             log.exception("the first-order answer failed")
             return False
@@ -154,7 +154,7 @@ class Live:
 
     def _full(self, task: Task) -> tuple[LiveAdjustment | None, Json]:
         try:
-            adjusted = self._survey.adjust(observed_in(task.state))
+            adjusted = self._survey.adjust(collect_observations(task.state))
             return adjusted, adjusted_json(adjusted, self._index)
         except UavgramError as why:
             return None, unadjusted_json(str(why), self._survey.inputs.messages)
@@ -163,7 +163,7 @@ class Live:
             return None, unadjusted_json(FAULT, self._survey.inputs.messages)
 
 
-def observed_in(state: State) -> Observations:
+def collect_observations(state: State) -> Observations:
     """Return a state in the form of the adjustment."""
-    picks, lines = observations_of(state)
+    picks, lines = make_observations(state)
     return Observations(picks=picks, lines=lines, requests=state.requests)

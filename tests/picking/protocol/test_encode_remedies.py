@@ -8,9 +8,9 @@ from dataclasses import replace
 import pytest
 
 from uavgram.model.message import Correction, Remedy
-from uavgram.picking.document.history import changed
-from uavgram.picking.document.state import Line, Pick, State, observations_of
-from uavgram.picking.protocol.encode_mends import mends_json
+from uavgram.picking.document.history import apply_change
+from uavgram.picking.document.state import Line, Pick, State, make_observations
+from uavgram.picking.protocol.encode_remedies import remedies_json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 
 PHOTOS = (PhotoSize("1.jpg", 640, 480), PhotoSize("2.jpg", 640, 480))
@@ -26,7 +26,7 @@ STATE = State(
         Line(name="L2", start="A", end="C", length_m=3.0, sigma_m=0.02, adjust=False),
     ),
 )
-_, LINES = observations_of(STATE)
+_, LINES = make_observations(STATE)
 
 
 def remedy(*corrections: Correction) -> Remedy:
@@ -35,10 +35,10 @@ def remedy(*corrections: Correction) -> Remedy:
 
 def pressed(*corrections: Correction) -> State:
     """The state after the page sent what a button stands for."""
-    (mend,) = mends_json([remedy(*corrections)], LINES, INDEX)
+    (mend,) = remedies_json([remedy(*corrections)], LINES, INDEX)
     text = json.dumps({"seq": 1, "t": "all", "changes": mend["changes"]})
     command = parse_message(text, PHOTOS).body
-    return changed(STATE, command)  # type: ignore[arg-type]
+    return apply_change(STATE, command)  # type: ignore[arg-type]
 
 
 def test_each_correction_is_a_change_that_the_document_takes() -> None:
@@ -72,7 +72,7 @@ def test_a_pick_and_a_length_are_removed() -> None:
 
 
 def test_an_exchange_in_all_photos_names_none() -> None:
-    (mend,) = mends_json([remedy(Correction(action="swap", label="A", other="C"))], LINES, INDEX)
+    (mend,) = remedies_json([remedy(Correction(action="swap", label="A", other="C"))], LINES, INDEX)
 
     assert mend["changes"] == [{"t": "swap", "image": None, "label": "A", "other": "C"}]
 
@@ -88,8 +88,8 @@ def test_an_exchange_in_all_photos_names_none() -> None:
 def test_a_remedy_that_the_page_cannot_do_entirely_has_no_button(strange: Correction) -> None:
     known = Correction(action="free", label="A")
 
-    assert mends_json([remedy(known, strange)], LINES, INDEX) == []
-    assert len(mends_json([None, remedy(known), remedy(strange)], LINES, INDEX)) == 1
+    assert remedies_json([remedy(known, strange)], LINES, INDEX) == []
+    assert len(remedies_json([None, remedy(known), remedy(strange)], LINES, INDEX)) == 1
 
 
 def test_a_length_to_be_read_again_is_opened() -> None:
@@ -100,10 +100,10 @@ def test_a_length_to_be_read_again_is_opened() -> None:
     )
     strange = replace(again, corrections=(Correction(action="read", length="of a plate"),))
 
-    assert mends_json([again, strange], LINES, INDEX) == [
+    assert remedies_json([again, strange], LINES, INDEX) == [
         {"words": "Read L2 again", "changes": [], "opens": "L2"}
     ]
 
 
 def test_work_in_the_field_has_no_button() -> None:
-    assert mends_json([Remedy(action="tape", words="Tape more")], LINES, INDEX) == []
+    assert remedies_json([Remedy(action="tape", words="Tape more")], LINES, INDEX) == []

@@ -12,7 +12,7 @@ from uavgram.pipeline.measure.inputs import Inputs
 Stamp = tuple[int, int] | None
 
 
-class Outside:
+class FileWatch:
     """Watch on the project file, the camera file and the tables of known points.
 
     The tables that the page writes itself are watched by `Tables`.

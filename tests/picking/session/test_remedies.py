@@ -18,8 +18,8 @@ from hostile_surveys import make_survey
 
 from uavgram.model.result.verdict import VerdictLevel
 from uavgram.picking.document.commands import All
-from uavgram.picking.document.history import changed
-from uavgram.picking.document.state import State, observations_of, state_of
+from uavgram.picking.document.history import apply_change
+from uavgram.picking.document.state import State, make_observations, make_state
 from uavgram.picking.protocol.encode_verdict import Json, verdict_json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
 from uavgram.pipeline.pick.live_survey import LiveSurvey, Observations
@@ -41,7 +41,7 @@ class Project(NamedTuple):
 
     def verdict(self, state: State) -> Json:
         """What the page is told of a state."""
-        picks, lines = observations_of(state)
+        picks, lines = make_observations(state)
         requests = self.live.inputs.requests
         found = self.live.adjust(Observations(picks=picks, lines=lines, requests=requests))
         index = {photo.name: k for k, photo in enumerate(self.photos)}
@@ -52,7 +52,7 @@ class Project(NamedTuple):
         text = json.dumps({"seq": 1, "t": "all", "changes": mend["changes"]})
         command = parse_message(text, self.photos).body
         assert isinstance(command, All)
-        return changed(state, command)
+        return apply_change(state, command)
 
 
 def opened(folder: Path, fault: Fault, seed: int) -> tuple[Project, State]:
@@ -63,7 +63,7 @@ def opened(folder: Path, fault: Fault, seed: int) -> tuple[Project, State]:
         inputs.photos.frame_id, inputs.photos.width_px, inputs.photos.height_px, strict=True
     )
     photos = tuple(PhotoSize(name, round(float(w)), round(float(h))) for name, w, h in sizes)
-    return Project(LiveSurvey(inputs), photos), state_of(
+    return Project(LiveSurvey(inputs), photos), make_state(
         inputs.picks, inputs.lines, inputs.requests
     )
 

@@ -13,8 +13,8 @@ from pyproj import Geod
 
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.model.survey.survey import World
+from uavgram.picking.protocol.encode_places import places_on_earth
 from uavgram.picking.protocol.encode_survey import adjusted_json, linearised_json
-from uavgram.picking.protocol.geodetic import places_on_earth
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 
 Surveyed = tuple[LiveSurvey, LiveAdjustment, dict[str, int]]

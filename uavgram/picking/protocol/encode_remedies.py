@@ -11,7 +11,7 @@ from uavgram.model.survey.observations import KnownLines
 Json = dict[str, Any]
 
 
-def mends_json(
+def remedies_json(
     remedies: Iterable[Remedy | None], lines: KnownLines, index: Mapping[str, int]
 ) -> list[Json]:
     """Return the button text and the changes of each remedy that edits the inputs.

@@ -32,7 +32,7 @@ UNCHECKED_POINT = (
     "Nothing checks it: a wrong click here would not show. Mark it in one more photo, or tape a "
     "length to it."
 )
-UNSEEN_LENGTH = "Not used: mark both of its ends in photos."
+UNDETECTABLE_LENGTH = "Not used: mark both of its ends in photos."
 REMOVED_LENGTH = "It does not fit and was left out: read the tape again."
 REMOVED_PICK = "A mark of it does not fit and was left out: look at it in its photos."
 SUSPECT_PICK = "A mark of it does not fit the others: look at it in its photos."
@@ -43,7 +43,7 @@ _CAMERA_WORDS = {
 REJECTED_PHOTO = "It does not fit the others and was left out."
 
 
-def point_standings(result: Result) -> dict[str, Json]:
+def encode_point_statuses(result: Result) -> dict[str, Json]:
     """Return the status of each point, and its reason."""
     picks, named = result.picks, list_named_picks(result.verdict)
     redundancy: dict[str, float] = {}
@@ -63,16 +63,17 @@ def point_standings(result: Result) -> dict[str, Json]:
             own = ("doubtful", SUSPECT_PICK)
         elif redundancy.get(label, 0.0) <= MIN_REDUNDANCY:
             own = ("not-checked", UNCHECKED_POINT)
-        standings[label] = _standing(
+        standings[label] = _worse_status(
             result.verdict, own, (r for r in result.verdict.reasons if label in r.labels)
         )
     return standings
 
 
-def length_standings(result: Result) -> list[Json]:
+def encode_length_statuses(result: Result) -> list[Json]:
     """Return the status of each known length, its reason, and its minimal detectable bias."""
     return [
-        {**_length(result, i), "shows": shows} for i, shows in enumerate(_shown_by_lengths(result))
+        {**_length(result, i), "shows": shows}
+        for i, shows in enumerate(_describe_detectable(result))
     ]
 
 
@@ -84,14 +85,14 @@ def _length(result: Result, i: int) -> Json:
     elif lines.status[i] == "suspect":
         own = ("doubtful", "It does not fit the others: read the tape again.")
     elif lines.status[i] == "unseen":
-        own = ("not-checked", UNSEEN_LENGTH)
+        own = ("not-checked", UNDETECTABLE_LENGTH)
     elif lines.status[i] == "used" and not lines.mdb_m[i] <= READING_ERROR_M:
         own = ("not-checked", "A tape read 0.10 m wrong would not show in it.")
     reasons = (r for r in result.verdict.reasons if lines.name[i] in r.lengths)
-    return _standing(result.verdict, own, reasons)
+    return _worse_status(result.verdict, own, reasons)
 
 
-def photo_standings(result: Result) -> list[Json]:
+def encode_photo_statuses(result: Result) -> list[Json]:
     """Return the status of each photo, and its reason."""
     frames, verdict = result.frames, result.verdict
     standings = []
@@ -99,9 +100,9 @@ def photo_standings(result: Result) -> list[Json]:
         reasons = [reason for reason in verdict.reasons if name in reason.frames]
         if status == "rejected":
             own: tuple[MeasurementStatus, str] = ("contradicted", REJECTED_PHOTO)
-            standings.append(_standing(verdict, own, iter(reasons)))
+            standings.append(_worse_status(verdict, own, iter(reasons)))
         elif status == "refined" or reasons:
-            standings.append(_standing(verdict, ("ok", ""), iter(reasons)))
+            standings.append(_worse_status(verdict, ("ok", ""), iter(reasons)))
         else:  # the photo takes no part: nothing shown depends on it
             standings.append({"status": "ok", "words": "", "why": ""})
     return standings
@@ -110,7 +111,7 @@ def photo_standings(result: Result) -> list[Json]:
 _RANK: dict[MeasurementStatus, int] = {"ok": 0, "not-checked": 1, "doubtful": 2, "contradicted": 3}
 
 
-def _standing(
+def _worse_status(
     verdict: Verdict, own: tuple[MeasurementStatus, str], reasons: Iterator[Reason]
 ) -> Json:
     """Return the worse of a row's own status and the status that follows from the verdict.
@@ -130,7 +131,7 @@ def _standing(
     return {"status": status, "words": "" if status == "ok" else STATUS_WORDS[status], "why": why}
 
 
-def _shown_by_lengths(result: Result) -> list[str]:
+def _describe_detectable(result: Result) -> list[str]:
     """Return the minimal detectable bias of each used length in words, with its effect."""
     lines, evidence, unit_of = result.lines, result.evidence, _units(result)
     found = []
@@ -148,7 +149,7 @@ def _shown_by_lengths(result: Result) -> list[str]:
     return found
 
 
-def shown_by_measurements(rows: MeasurementResults, links: WeakestLinks | None) -> list[str]:
+def describe_unchecked(rows: MeasurementResults, links: WeakestLinks | None) -> list[str]:
     """Name the observation without redundancy of each unchecked measurement; empty for others.
 
     Parameters
@@ -170,7 +171,7 @@ def shown_by_measurements(rows: MeasurementResults, links: WeakestLinks | None) 
     return found
 
 
-def unseen_errors(result: Result) -> str:
+def describe_undetectable(result: Result) -> str:
     """Return a sentence on lengths in which a misread tape would not show; empty without one."""
     lines = result.lines
     weak = [
@@ -180,11 +181,11 @@ def unseen_errors(result: Result) -> str:
     ]
     if not weak:
         return ""
-    names = listed(weak, MOST_NAMES)
+    names = listed(weak, MAX_NAMES)
     return f"A tape read 0.10 m wrong would not show in {names}: tape one more length near it."
 
 
-MOST_NAMES = 3
+MAX_NAMES = 3
 
 
 def _units(result: Result) -> dict[str, str]:

@@ -9,7 +9,7 @@ from typing import Generic, TypeVar
 Task = TypeVar("Task")
 
 
-class Newest(Generic[Task]):
+class LatestTask(Generic[Task]):
     """The newest task, and the threads that work on it; older tasks are skipped.
 
     Parameters

@@ -18,16 +18,16 @@ from uavgram.model.options import TargetOptions
 from uavgram.model.survey.observations import RejectedPlate, SeenPlate
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.proposals import Outcome, Pair
-from uavgram.picking.document.state import State, observations_of
-from uavgram.picking.session.newest import Newest
-from uavgram.picking.session.proposed import Proposed
+from uavgram.picking.document.state import State, make_observations
+from uavgram.picking.session.latest_task import LatestTask
+from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.pipeline.targets import list_named_points
 from uavgram.stages.target_rows import TargetRow, asked_centers, rows_of
 
 log = logging.getLogger(__name__)
 
-MOST_PX = 13_000_000
+MAX_PX = 13_000_000
 """Largest photo searched at full resolution [px].
 
 A larger one is searched reduced, which saves time and memory of the page; the plates found are
@@ -38,7 +38,7 @@ ReadReduced = Callable[[str, int], Image]
 """Decoder of a photo by name, reduced by an integer factor each way: 1, 2, 4 or 8."""
 
 
-class PlateSeeker:
+class PlateSearch:
     """Worker that searches for a project's plates.
 
     Parameters
@@ -54,12 +54,12 @@ class PlateSeeker:
     """
 
     def __init__(
-        self, inputs: Inputs, photos: GreyPhotos, read: ReadReduced, proposed: Proposed
+        self, inputs: Inputs, photos: GreyPhotos, read: ReadReduced, proposed: ProposalTable
     ) -> None:
         self._inputs, self._photos, self._read = inputs, photos, read
         self._proposed = proposed
         self._seen: dict[str, tuple[SeenPlate, ...]] = {}
-        self._newest: Newest[State] = Newest({"plates": self._work})
+        self._newest: LatestTask[State] = LatestTask({"plates": self._work})
 
     def start(self) -> None:
         """Start the worker if the project describes targets."""
@@ -110,11 +110,11 @@ class PlateSeeker:
         photos = self._inputs.photos
         k = photos.frame_id.index(name)
         size = float(photos.width_px[k]) * float(photos.height_px[k])
-        return next((one for one in (1, 2, 4) if size <= MOST_PX * one**2), 8)
+        return next((one for one in (1, 2, 4) if size <= MAX_PX * one**2), 8)
 
     def _propose(self, state: State) -> None:
         """Propose the corners, and the centres that lengths and measurements name now."""
-        picks, lines = observations_of(state)
+        picks, lines = make_observations(state)
         now = replace(self._inputs, picks=picks, lines=lines, requests=state.requests)
         plates = {
             p.plate for some in self._seen.values() for p in some if p.left_out is RejectedPlate.NO

@@ -21,9 +21,9 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks
 from uavgram.picking.document.proposals import BY_HAND, Outcomes
 from uavgram.picking.document.state import Pick, State
-from uavgram.picking.session import seeker as module
-from uavgram.picking.session.proposed import Proposed
-from uavgram.picking.session.seeker import Seeker, Wanted
+from uavgram.picking.session import point_search as module
+from uavgram.picking.session.point_search import PointSearch, SearchInput
+from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.match.patch_search import Photos, Task
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.pick.places import PredictedPlaces
@@ -122,21 +122,21 @@ def decoded(name: str) -> Image:
 
 
 Told = list[tuple[Outcomes, set[str], int]]
-Start = Callable[[World], tuple[Seeker, Told]]
+Start = Callable[[World], tuple[PointSearch, Told]]
 
 
 @pytest.fixture
 def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
-    running: list[tuple[Seeker, GreyPhotos]] = []
+    running: list[tuple[PointSearch, GreyPhotos]] = []
 
-    def begin(world: World) -> tuple[Seeker, Told]:
+    def begin(world: World) -> tuple[PointSearch, Told]:
         monkeypatch.setattr(module, "predict_places", world.expected)
         monkeypatch.setattr(module, "search_places", world.look)
         told: Told = []
         photos = GreyPhotos(dict.fromkeys(("1.jpg", *TARGETS), 16), decoded)
         survey = cast("LiveSurvey", SimpleNamespace())
-        proposed = Proposed(lambda all_, of, left: told.append((all_, set(of), left)))
-        one = Seeker(survey, photos, proposed)
+        proposed = ProposalTable(lambda all_, of, left: told.append((all_, set(of), left)))
+        one = PointSearch(survey, photos, proposed)
         one.start()
         running.append((one, photos))
         return one, told
@@ -158,7 +158,7 @@ def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: 
     world = World()
     world.refused = {"3.jpg": RefusalReason.NOT_UNIQUE}
     seeker, told = start(world)
-    seeker.submit(Wanted(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     found, asked = seeker.proposed.outcomes["2.jpg", "A"], seeker.proposed.outcomes["3.jpg", "A"]
     assert found.found is not None
@@ -172,7 +172,7 @@ def test_what_stands_off_the_ground_is_known_less_well(start: Start) -> None:
     world = World()
     world.raised = ("A",)
     seeker, _ = start(world)
-    seeker.submit(Wanted(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     found = seeker.proposed.outcomes["2.jpg", "A"].found
 
@@ -186,7 +186,7 @@ def test_it_is_kept_whether_all_that_surrounds_a_find_is_alike(
     likeness = iter([0.79, 0.81])
     monkeypatch.setattr(module, "compute_worst_quarter_correlation", lambda *_: next(likeness))
     seeker, _ = start(World())
-    seeker.submit(Wanted(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 2)
 
     assert sorted(one.is_alike for one in seeker.proposed.outcomes.values()) == [False, True]
@@ -196,7 +196,7 @@ def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start)
     world = World()
     world.wrong = [("2.jpg", "B")]
     seeker, told = start(world)
-    seeker.submit(Wanted(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST))
     until(lambda: bool(told) and told[-1][1] == {"B"})
     assert seeker.proposed.outcomes["2.jpg", "B"].why == CONTRADICTED
     assert seeker.proposed.outcomes["2.jpg", "B"].found is None
@@ -209,7 +209,7 @@ def test_nothing_is_looked_at_twice_until_far_more_is_known(start: Start) -> Non
     seeker, _ = start(world)
     for radius, looked in ((20.0, 2), (15.0, 2), (8.0, 3)):
         world.radius_px, world.places = radius, None
-        seeker.submit(Wanted(state("A"), LAST))
+        seeker.submit(SearchInput(state("A"), LAST))
         until(lambda: world.places is not None)
         until(lambda n=looked: len(world.looked) >= n)  # type: ignore[misc]
         time.sleep(0.02)
@@ -220,9 +220,9 @@ def test_newer_picks_are_not_waited_for(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
     world.go_on.clear()
-    seeker.submit(Wanted(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST))
     world.begun.wait(LONGEST_WAIT_S)
-    seeker.submit(Wanted(state("A", "B", "C", u=99.0), LAST))
+    seeker.submit(SearchInput(state("A", "B", "C", u=99.0), LAST))
     world.go_on.set()
     until(lambda: len(seeker.proposed.outcomes) == 6)
     assert all(one.source == ("1.jpg", 99.0, 5.0) for one in seeker.proposed.outcomes.values())
@@ -231,9 +231,9 @@ def test_newer_picks_are_not_waited_for(start: Start) -> None:
 
 def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:
     seeker, told = start(World())
-    seeker.submit(Wanted(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 2)
-    seeker.submit(Wanted(state("B"), None))
+    seeker.submit(SearchInput(state("B"), None))
     until(lambda: not seeker.proposed.outcomes)
     assert told[-1][:2] == ({}, {"A"})
 
@@ -241,12 +241,12 @@ def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:
 def test_what_is_refused_is_not_proposed_again(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
-    seeker.submit(Wanted(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     seeker.proposed.refuse([("2.jpg", "A")])
     world.radius_px = 1.0
-    seeker.submit(Wanted(state("A"), LAST))
-    seeker.submit(Wanted(state("A", "B"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 4)
     assert seeker.proposed.outcomes["2.jpg", "A"].why == BY_HAND
     assert seeker.proposed.outcomes["2.jpg", "A"].found is None
@@ -257,7 +257,7 @@ def test_what_is_picked_there_is_not_sought(start: Start) -> None:
     world = World()
     seeker, _ = start(world)
     there = Pick(image="2.jpg", label="A", u_px=10.0, v_px=5.0, source="match")
-    seeker.submit(Wanted(State(picks=(*state("A").picks, there)), LAST))
+    seeker.submit(SearchInput(State(picks=(*state("A").picks, there)), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 1)
     assert set(seeker.proposed.outcomes) == {("3.jpg", "A")}
 
@@ -267,7 +267,7 @@ def test_a_photo_that_is_gone_is_said_and_ends_nothing(
 ) -> None:
     monkeypatch.setitem(globals(), "TARGETS", ("gone.jpg", "3.jpg"))
     seeker, _ = start(World())
-    seeker.submit(Wanted(state("A"), LAST))
+    seeker.submit(SearchInput(state("A"), LAST))
     until(lambda: len(seeker.proposed.outcomes) == 2)
     assert "cannot be read" in seeker.proposed.outcomes["gone.jpg", "A"].why
     assert seeker.proposed.outcomes["3.jpg", "A"].found is not None

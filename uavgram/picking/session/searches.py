@@ -7,13 +7,13 @@ from collections.abc import Collection, Sequence
 from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.io.photos.board_photos import read_grey
 from uavgram.picking.document.proposals import Outcome, Pair
-from uavgram.picking.session.plate_seeker import PlateSeeker
-from uavgram.picking.session.proposed import Proposed, Tell
-from uavgram.picking.session.seeker import Seeker, Wanted
+from uavgram.picking.session.plate_search import PlateSearch
+from uavgram.picking.session.point_search import PointSearch, SearchInput
+from uavgram.picking.session.proposal_table import ProposalTable, Tell
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 
-class Search:
+class Searches:
     """Search for picks in the other photos and for coded plates in all, on the same grey pixels.
 
     Parameters
@@ -32,9 +32,9 @@ class Search:
         self._grey = GreyPhotos(
             dict(zip(photos.frame_id, pixels, strict=True)), lambda name: read_grey(paths[name])
         )
-        self._proposed = Proposed(tell)
-        self._seeker = Seeker(survey, self._grey, self._proposed)
-        self._plates = PlateSeeker(
+        self._proposed = ProposalTable(tell)
+        self._seeker = PointSearch(survey, self._grey, self._proposed)
+        self._plates = PlateSearch(
             survey.inputs,
             self._grey,
             lambda name, factor: read_grey(paths[name], factor),
@@ -51,7 +51,7 @@ class Search:
         self._seeker.start()
         self._plates.start()
 
-    def submit(self, wanted: Wanted) -> None:
+    def submit(self, wanted: SearchInput) -> None:
         """Search and propose for these picks."""
         self._seeker.submit(wanted)
         self._plates.submit(wanted.state)
@@ -60,7 +60,7 @@ class Search:
         """Stop proposing, or asking for, some labels."""
         self._proposed.refuse(pairs)
 
-    def reopen(self, pairs: Collection[Pair], wanted: Wanted) -> None:
+    def reopen(self, pairs: Collection[Pair], wanted: SearchInput) -> None:
         """Search for refused labels again."""
         self._proposed.reopen(pairs)
         self.submit(wanted)

@@ -13,14 +13,14 @@ from uavgram.model.result.reliability import WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineStatus, PickStatus
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.picking.protocol.encode_standings import (
-    length_standings,
-    photo_standings,
-    point_standings,
-    shown_by_measurements,
-    unseen_errors,
+from uavgram.picking.protocol.encode_statuses import (
+    describe_unchecked,
+    describe_undetectable,
+    encode_length_statuses,
+    encode_photo_statuses,
+    encode_point_statuses,
 )
-from uavgram.picking.protocol.encode_verdict import measurement_standings
+from uavgram.picking.protocol.encode_verdict import encode_measurement_statuses
 
 
 @pytest.fixture
@@ -40,26 +40,26 @@ def test_what_the_verdict_names_is_doubtful_and_says_why(clean: Result) -> None:
     image = clean.frames.frame_id[clean.frames.status.index("refined")]
     reason = replace(WRONG, labels=(label,), lengths=(name,), frames=(image,))
     made = replace(clean, verdict=Verdict(level="amber", reasons=(reason,)))
-    photos = dict(zip(made.frames.frame_id, photo_standings(made), strict=True))
+    photos = dict(zip(made.frames.frame_id, encode_photo_statuses(made), strict=True))
 
-    told = (point_standings(made)[label], length_standings(made)[0], photos[image])
+    told = (encode_point_statuses(made)[label], encode_length_statuses(made)[0], photos[image])
     for one in told:
         assert (one["status"], one["why"]) == ("doubtful", "Something is wrong.")
-    assert length_standings(made)[1]["status"] == "ok"
+    assert encode_length_statuses(made)[1]["status"] == "ok"
 
 
 def test_of_a_red_result_nothing_that_takes_part_is_in_order(clean: Result) -> None:
     label = clean.points.label[0]
     red = Verdict(level="red", reasons=(replace(WRONG, labels=(label,)),))
     made = with_status(replace(clean, verdict=red), "not-checked")
-    points = point_standings(made)
+    points = encode_point_statuses(made)
 
     assert points[label]["status"] == "contradicted"
     others = [one["status"] for name, one in points.items() if name != label]
-    others += [one["status"] for one in length_standings(made)]
-    others += [one["status"] for one in measurement_standings(made) if one["words"]]
+    others += [one["status"] for one in encode_length_statuses(made)]
+    others += [one["status"] for one in encode_measurement_statuses(made) if one["words"]]
     assert set(others) == {"doubtful"}
-    for status, one in zip(made.frames.status, photo_standings(made), strict=True):
+    for status, one in zip(made.frames.status, encode_photo_statuses(made), strict=True):
         assert (one["status"] == "ok") == (status not in ("refined", "rejected"))
 
 
@@ -69,17 +69,17 @@ def test_a_point_that_nothing_checks_says_so(clean: Result) -> None:
     count = len(picks.label)
     blind = replace(picks, redundancy=np.zeros(count), status=(used,) * count)
 
-    for one in point_standings(replace(clean, picks=blind)).values():
+    for one in encode_point_statuses(replace(clean, picks=blind)).values():
         assert one["status"] == "not-checked"
         assert "a wrong click here would not show" in one["why"]
 
 
 def test_a_length_says_from_what_error_on_it_would_tell(clean: Result) -> None:
-    seen = length_standings(clean)[0]
+    seen = encode_length_statuses(clean)[0]
 
     assert seen["status"] == "ok"
     assert seen["shows"].startswith("an error shows from 5.0 cm on")
-    assert unseen_errors(clean) == ""
+    assert describe_undetectable(clean) == ""
 
 
 @pytest.mark.parametrize("mdb_m", [0.21, float("nan")])
@@ -88,12 +88,12 @@ def test_a_length_in_which_a_decimetre_would_not_show_is_not_trusted(
 ) -> None:
     mdb = np.append(mdb_m, clean.lines.mdb_m[1:])
     made = replace(clean, lines=replace(clean.lines, mdb_m=mdb))
-    first = length_standings(made)[0]
+    first = encode_length_statuses(made)[0]
 
     assert first["status"] == "not-checked"
     assert ("0.21 m" in first["shows"] or "21.0 cm" in first["shows"]) == np.isfinite(mdb_m)
-    assert "A tape read 0.10 m wrong would not show" in unseen_errors(made)
-    assert clean.lines.name[0] in unseen_errors(made)
+    assert "A tape read 0.10 m wrong would not show" in describe_undetectable(made)
+    assert clean.lines.name[0] in describe_undetectable(made)
 
 
 def test_a_measurement_that_nothing_checks_says_what_would_not_show() -> None:
@@ -107,8 +107,8 @@ def test_a_measurement_that_nothing_checks_says_what_would_not_show() -> None:
         unchecked=(("pick of 'other' in 'a.jpg'", f"pick of {label!r} in 'a.jpg'"),) * count,
     )
 
-    shows = shown_by_measurements(rows, links)
-    told = shown_by_measurements(rows, replace(links, unchecked=(("fx",),) * count))
+    shows = describe_unchecked(rows, links)
+    told = describe_unchecked(rows, replace(links, unchecked=(("fx",),) * count))
     assert shows[0] == f"no error would show in the pick of {label!r} in 'a.jpg' and 1 more"
     assert told[0] == "no error would show in the camera's focal length"
     assert not any(shows[1:])

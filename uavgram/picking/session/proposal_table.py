@@ -9,9 +9,9 @@ from uavgram.picking.document.proposals import (
     Outcome,
     Outcomes,
     Pair,
-    refused,
-    reopened,
-    that_hold,
+    refuse,
+    reopen,
+    select_valid,
 )
 from uavgram.picking.document.state import State
 
@@ -19,7 +19,7 @@ Tell = Callable[[Outcomes, Collection[str], int], None]
 """Receiver of all outcomes, the labels with changed ones, and the number of places left."""
 
 
-class Proposed:
+class ProposalTable:
     """Search outcomes by photo and label.
 
     Parameters
@@ -77,7 +77,7 @@ class Proposed:
         """Remove outcomes whose source pick no longer exists."""
         with self._changed:
             before = self._outcomes
-            self._outcomes = that_hold(before, state)
+            self._outcomes = select_valid(before, state)
             gone = {label for _, label in before.keys() - self._outcomes.keys()}
             told = dict(self._outcomes)
         if gone:
@@ -85,11 +85,11 @@ class Proposed:
 
     def refuse(self, pairs: Collection[Pair]) -> None:
         """Stop proposing, or asking for, some labels."""
-        self._set(refused, pairs)
+        self._set(refuse, pairs)
 
     def reopen(self, pairs: Collection[Pair]) -> None:
         """Forget the outcomes of some refused proposals."""
-        self._set(reopened, pairs)
+        self._set(reopen, pairs)
 
     def _set(
         self, how: Callable[[Outcomes, Collection[Pair]], dict[Pair, Outcome]], of: Collection[Pair]
