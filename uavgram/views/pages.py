@@ -1,4 +1,4 @@
-"""Rendering of every page from a template: self-contained HTML, and Markdown for the recording."""
+"""Rendering of pages from templates, compiled once: self-contained HTML, and Markdown."""
 
 from __future__ import annotations
 
@@ -33,6 +33,8 @@ _TEMPLATES = Path(__file__).parent / "templates"
 
 class CompiledTemplates(jinja2.FileSystemBytecodeCache):
     """Cache of Jinja's bytecode in ``__pycache__`` of this package or below Python's cache prefix.
+
+    Compiling the templates of a report takes as long as filling them in.
 
     If the folder cannot be written, templates are compiled each time, as modules are. A user who
     can write there can also change the modules, so the cached templates are as trustworthy as they.

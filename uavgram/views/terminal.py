@@ -1,4 +1,4 @@
-"""Plain text for a terminal: the measurements, worst first, and the messages."""
+"""Plain text for a terminal: measurements, messages, checks, and matches of picks."""
 
 from __future__ import annotations
 

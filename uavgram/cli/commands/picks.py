@@ -1,4 +1,4 @@
-"""Commands `uavgram picks`: import from other programs, and search in other photos."""
+"""Commands `uavgram picks`: import, search in other photos, and tie points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measure one survey of a batch in a worker, unless it is unchanged; report a failure."""
+"""Measure one survey of a batch in a worker, unless it is unchanged; its row in the table."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requested labels and photos of a project, and their checks."""
+"""Requested labels and photos of a project, their checks, and finds as rows of picks.csv."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Run a project: read, compute, and write all outputs or none."""
+"""Run a project: read, compute, write all outputs or none, and log the steps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Predicted places of picks in other photos, and of planned lines."""
+"""Predicted places in photos: of picks, known points, planned lines, and the same ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Curves over the frames: residuals, tests, heights."""
+"""Curves over the frames: residuals, tests, heights, and changes and sigmas of the poses."""
 
 from __future__ import annotations
 

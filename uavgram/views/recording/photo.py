@@ -1,4 +1,4 @@
-"""Picks of each frame, and projections of the adjusted points from its poses."""
+"""One frame at a time: the moving camera, its photo, its picks and their projections."""
 
 from __future__ import annotations
 

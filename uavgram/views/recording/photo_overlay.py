@@ -1,4 +1,4 @@
-"""Automatic picks in each photo: matches and targets with marks of their own, tie points."""
+"""Overlay of the photo: residuals, lines, texts, automatic picks and tie points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sizes of the scene, from which eye, line widths, frusta and exaggerations follow."""
+"""Size of the scene: the eye that sees all of it, line widths, frusta and exaggerations."""
 
 from __future__ import annotations
 

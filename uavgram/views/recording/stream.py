@@ -32,6 +32,10 @@ _HAS_DESCRIPTORS = sys.platform != "win32" and DESCRIPTORS.is_dir()
 class FileSink:
     """Copy of the bytes written to `path` into a file.
 
+    Rerun's own file writer is a thread that ends at the first error (such as a full disk), and a
+    flush or a disconnect that waits for it then never returns (rerun-sdk 0.41). A pipe that is
+    always read to its end has no such error; errors of the file are raised as an exception.
+
     Open `path` for writing, then `start`; when it is closed, `finish`.
 
     Attributes

@@ -1,4 +1,4 @@
-"""First page of the report: measurements, and the limits of their checks."""
+"""First page of the report: plan on the ground, measurements, and limits of their checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Withheld lengths and check points compared with the result, as with a total station."""
+"""Checks and known things compared with the result, and the scale of their misfits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Basis of a result for people who did not make it: questions and answers."""
+"""Basis of a result for people who did not make it: questions, answers, numbers of the method."""
 
 from __future__ import annotations
 

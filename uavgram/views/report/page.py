@@ -1,4 +1,4 @@
-"""Report and its annex: values for their templates, beside the result itself."""
+"""Report and its annex: values for their templates, and the list of sections."""
 
 from __future__ import annotations
 

@@ -46,7 +46,10 @@ def draw_mark(
 
 
 def draw_rings(places: Iterable[tuple[float, float]], r: float) -> str:
-    """Draw one ring about each place, as one path."""
+    """Draw one ring about each place, as one path.
+
+    Drawing programs set the style again for each path.
+    """
     return "".join(_ring(x, y, r) for x, y in places)
 
 

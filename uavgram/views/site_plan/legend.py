@@ -1,4 +1,4 @@
-"""Strip beside the plan: scale, north, legend, and notes for the reader."""
+"""Strip beside the plan: scale, north, legend, and notes with their typesetting."""
 
 from __future__ import annotations
 

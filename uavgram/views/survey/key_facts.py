@@ -1,4 +1,4 @@
-"""Main facts of a result, as pairs of question and answer."""
+"""Main facts of a result, its accuracy in words, and the state of each photo."""
 
 from __future__ import annotations
 

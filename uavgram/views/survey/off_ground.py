@@ -1,4 +1,4 @@
-"""Points off the ground: their feet on it, their ellipsoids, and their heights in words."""
+"""Points off the ground, with ellipsoids and heights, and departures of uneven ground."""
 
 from __future__ import annotations
 

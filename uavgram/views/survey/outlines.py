@@ -1,4 +1,4 @@
-"""Shapes to draw a result with: outlines, frusta, lines; no estimation."""
+"""Shapes to draw a result with: outlines, frusta, lines, and those that a photo may show."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Reliability of the result in words: undetected errors, priors, removals, second order."""
+"""Reliability of the result in words, and the limits of its test statistics."""
 
 from __future__ import annotations
 

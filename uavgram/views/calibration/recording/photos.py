@@ -1,4 +1,4 @@
-"""One photo at a time: the moving camera with its photo, corners and exaggerated residuals."""
+"""One photo at a time: camera, corners, exaggerated residuals, and curves over the photos."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writer of the review of a calibration: one call, one complete file."""
+"""Writer of the review of a calibration, one complete file, and its layout."""
 
 from __future__ import annotations
 

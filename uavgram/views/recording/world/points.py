@@ -1,4 +1,4 @@
-"""Picked points in 3-D: dots, names, ellipses, and departures of the ground from its plane."""
+"""Picked points in 3-D: names, ellipses, heights with ellipsoids, departures of the ground."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Survey in 3-D: ground, flight, lines and points."""
+"""Survey in 3-D: ground, flight, footprints, lines and points."""
 
 from __future__ import annotations
 
