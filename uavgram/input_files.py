@@ -169,8 +169,16 @@ def read_text(path: str | Path, what_to_do: str) -> str:
         It is not a file, cannot be read, or is not UTF-8 text: names the line.
     """
     data = read_bytes(path)
+    if _is_utf_16(data[:64]):
+        raise InputError(path, "is UTF-16 text ('Unicode' in some programs): save it as UTF-8", 1)
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as fault:
         line = data.count(b"\n", 0, fault.start) + 1
         raise InputError(path, f"is not UTF-8 text: {what_to_do}", line) from fault
+
+
+def _is_utf_16(start: bytes) -> bool:
+    """Return whether text is UTF-16: by its mark, or because every other byte is 0."""
+    is_half_empty = b"\0" in start and not (any(start[::2]) and any(start[1::2]))
+    return start.startswith(_UTF_16) or is_half_empty

@@ -13,6 +13,11 @@ from small_projects import Command, Fails, Project
 TABLES = ("picks", "lines", "measure", "check")
 
 
+def line_of(project: Project, key: str) -> int:
+    lines = project.path.read_text(encoding="utf-8").splitlines()
+    return next(k for k, text in enumerate(lines, 1) if text.startswith(key))
+
+
 @pytest.mark.parametrize("key", ["log", "camera", *TABLES])
 def test_a_missing_file_is_named_with_the_line_that_names_it(
     project: Project, fails: Fails, key: str
@@ -21,12 +26,7 @@ def test_a_missing_file_is_named_with_the_line_that_names_it(
         n.name for n in project.folder.iterdir() if n.stem == {"log": "flight"}.get(key, key)
     )
     (project / name).unlink()
-    line = next(
-        k
-        for k, text in enumerate(project.path.read_text(encoding="utf-8").splitlines(), 1)
-        if text.startswith(f"{key}:")
-    )
-    fails(f"{project.path}:{line}", name)
+    fails(f"{project.path}:{line_of(project, f'{key}:')}", name)
 
 
 def test_no_project_file_is_named(project: Project, fails: Fails) -> None:
@@ -171,11 +171,17 @@ def test_an_origin_that_is_no_place_of_the_flight_is_told_by_its_distance(
     found = json.loads((project.out / "results.json").read_text(encoding="utf-8"))["world"]
     near = {key: found[key] for key in ("latitude_deg", "longitude_deg", "height_m")}
     project.set(world={"origin": near | {"latitude_deg": near["latitude_deg"] + 1.0}})
-    fails(project.path, "world.origin is 111 km from the flight")
+    line = line_of(project, "world:") + 1
+    fails(f"{project.path}:{line}: world.origin: is 111 km from the flight")
     project.set(world={"origin": near | {"latitude_deg": near["latitude_deg"] + 0.1}})
     said = command("check", project.path)
     assert said.status == 0
     assert "11.1 km from the flight, where the ground is 9.68 m below" in said.stdout  # d^2 / 2R
+
+
+def test_a_system_of_another_country_is_told_with_its_line(project: Project, fails: Fails) -> None:
+    project.set(crs="EPSG:2193")
+    fails(f"{project.path}:{line_of(project, 'crs:')}: crs: 'EPSG:2193'", "longitude")
 
 
 def test_photos_of_another_size_are_named(project: Project, fails: Fails) -> None:

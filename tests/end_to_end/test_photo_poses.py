@@ -7,6 +7,7 @@ that they show one beach turned about is what the convention is proved with.
 
 import itertools
 import json
+import shutil
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +17,7 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from flight_projects import Truth
+from flight_projects import Demo, Truth
 from published_scenes import (
     NARRABEEN_ORIGIN,
     Targets,
@@ -29,6 +30,7 @@ from published_scenes import (
 
 import uavgram
 from uavgram.cli import main
+from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.poses.sources import read_photo_poses
 from uavgram.model.arrays import Floats
@@ -416,12 +418,47 @@ def test_a_geo_txt_seeds_and_measures_as_the_log_does(twin: Twin) -> None:
     assert "lever-arm-unused" in [m.code for m in result.messages]
 
 
-def test_places_alone_measure_a_nadir_flight_by_its_course(twin: Twin) -> None:
+def test_places_alone_measure_a_nadir_flight(twin: Twin) -> None:
     lines = (twin.handed / "geo.txt").read_text().splitlines()
     path = twin.handed / "places.txt"
     path.write_text("\n".join([lines[0], *(" ".join(x.split()[:4]) for x in lines[3:])]))
     result = twin.run("places", path)
 
-    assert [m for m in result.messages if m.code == "attitude-from-course"]
+    assert [m for m in result.messages if m.code == "attitude-unknown"]
     assert result.solution.converged
     assert _mean_error(twin, result) < 0.01
+
+
+@pytest.mark.parametrize("step_s", [3, -3])
+def test_photos_without_angles_may_be_flown_backwards(
+    demo: Demo, tmp_path: Path, step_s: int
+) -> None:
+    """The demo's photos, in the order of their times or in the opposite one."""
+    frames = {f"IMG_{k:04d}.jpg": f"20260101_12{30 + step_s * k:04d}.jpg" for k in range(1, 9)}
+    home = tuple(demo.truth["world"][f"{key}"] for key in ("latitude_deg", "longitude_deg"))
+    rng = np.random.default_rng(34)
+    poses = ["image,latitude_deg,longitude_deg,height_m,sigma_horizontal_m,sigma_vertical_m"]
+    for old, new in frames.items():
+        shutil.copy(demo.folder / "photos" / old, tmp_path / new)
+        center = np.array(demo.truth["frames"][old]["center_world_m"]) + rng.normal(0, 0.5, 3)
+        degrees = geodetic_from_enu(center, (*home, 577.0))
+        poses.append(f"{new},{degrees[0]:.9f},{degrees[1]:.9f},{degrees[2]:.3f},0.5,0.5")
+    head, *rows = (demo.folder / "picks.csv").read_text(encoding="utf-8").splitlines()
+    picks = [f"{frames[r.split(',')[0]]},{r.partition(',')[2]}" for r in rows if r[:12] in frames]
+    (tmp_path / "picks.csv").write_text("\n".join([head, *picks]), encoding="utf-8")
+    (tmp_path / "poses.csv").write_text("\n".join(poses), encoding="utf-8")
+    project: dict[str, object] = {"images": "*.jpg", "poses": "poses.csv", "picks": "picks.csv"}
+    for key, file in (
+        ("camera", "camera.yaml"),
+        ("lines", "lines.csv"),
+        ("measure", "measure.csv"),
+    ):
+        project[key] = str(demo.folder / file)
+    project["time"] = {"source": "filename", "filename_format": "%Y%m%d_%H%M%S"}
+    origin = {"latitude_deg": home[0], "longitude_deg": home[1], "height_m": 577.0}
+    project |= {"world": {"origin": origin}, "ground": {"height_sigma_m": 1.0}}
+    (tmp_path / "project.yaml").write_text(yaml.safe_dump(project), encoding="utf-8")
+    result = uavgram.run(tmp_path / "project.yaml", output=None)
+
+    assert result.verdict.level == "green"
+    assert [m.code for m in result.messages if m.level == "warning"] == ["attitude-unknown"]

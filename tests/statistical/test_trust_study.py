@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
-from trust_conditions import CONDITIONS
+from trust_conditions import CONDITIONS, STRIP, draw
 from trust_faults import FAULTS, accepts, accused_rightly, is_accusation
 from trust_oracle import oracle_sigmas
 from trust_world import (
@@ -195,4 +195,21 @@ def test_a_long_curved_valley_is_no_reason_for_red() -> None:
     """One photo from above under a log: 60 iterations were too few, and it was red."""
     row = judged(drawn("nadir_log", "", 71014), {"world": "nadir_log", "fault": "", "seed": 71014})
     assert row["level"] == "amber"
+    assert max(map(abs, zs(row))) < 3.5
+
+
+def test_a_log_of_a_flight_in_gusts_leads_to_a_result() -> None:
+    """Its attitude changes between any two samples, so that the clock is no linear unknown."""
+    rng = np.random.default_rng(0)
+    survey = draw(STRIP, rng)
+    assert survey.log is not None
+    keep = np.exp(-0.1 / 5.0)  # samples each 0.1 s, correlated over 5 s
+    gusts = np.zeros_like(survey.log.rpy)
+    for k, push in enumerate(rng.standard_normal(gusts.shape)):
+        gusts[k] = push if not k else keep * gusts[k - 1] + np.sqrt(1 - keep**2) * push
+    survey.log.rpy = survey.log.rpy + np.radians(3.0) * gusts
+    survey.options["time"]["offset_sigma_s"] = 0.3
+    row = judged(survey, {"world": "strip_log", "fault": "", "seed": 0})
+    assert "error:not-converged" not in row["messages"]
+    assert row["level"] == "green"
     assert max(map(abs, zs(row))) < 3.5

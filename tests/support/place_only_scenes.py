@@ -110,9 +110,7 @@ def place_only(
     poses = _poses(center + bias + rng.normal(0, 3.0, center.shape))
     telemetry = TelemetryOptions(attitude_sigma_deg=attitude_sigma_deg)
     mount = MountOptions(pitch_deg=pitch_deg if mount_pitch_deg is None else mount_pitch_deg)
-    exposures, _ = place_photos(
-        poses, PLACE, mount, telemetry, np.arange(frames, dtype=float) * 60.0
-    )
+    exposures, _ = place_photos(poses, PLACE, mount, telemetry)
     seeds = seed(_frames(exposures.frame_id), exposures, mount, telemetry)
     picked = [name for name in exposures.frame_id if name in image]
     observed = Observations(

@@ -298,7 +298,7 @@ def _photos(names: tuple[str, ...], position: Floats, body: Floats) -> PhotoExpo
         world_from_gimbal=body,
         sigma_position_m=np.ones((count, 2)),
         sigma_attitude_rad=np.ones((count, 2)),
-        by_course=np.zeros(count, dtype=bool),
+        by_mount=np.zeros(count, dtype=bool),
         source="test",
     )
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from uavgram.config.strict_yaml import Document, Plain, read_yaml
+from uavgram.config.strict_yaml import Document, KeyPath, Plain, format_key_path, read_yaml
 from uavgram.config.validation import Fault, format_value, validate
 from uavgram.errors import GeometryError, InputError, near_miss, no_file
 from uavgram.geometry.earth.geodesy import normalise_crs
@@ -87,6 +87,22 @@ def load_project(path: str | Path, *, unfinished: bool = False) -> Project:
         missing += wrong_units
     project = validate(Project, Document(path, data, document.lines, document.faults), missing)
     return _with_absolute_paths(project, path.parent)
+
+
+def error_of_key(path: str | Path, at: KeyPath, text: str) -> InputError:
+    """Make the error of a value that the project's data contradict, with the line of its key.
+
+    Parameters
+    ----------
+    path
+        The project file.
+    at
+        The key with those that enclose it: ``("world", "origin")``.
+    text
+        Finding and remedy.
+    """
+    line = read_yaml(Path(path)).line_of(at) if Path(path).is_file() else None
+    return InputError(path, f"{format_key_path(at)}: {text}", line)
 
 
 def project_file(path: str | Path) -> Path:

@@ -1,9 +1,10 @@
 """Import of picks from other programs: OpenDroneMap's gcp_list.txt, and LabelMe's JSON.
 
 After docs.opendronemap.org, "Ground Control Points": a coordinate system, then for each pick ``x y
-z column row image [label]``, separated by blanks or tabs; z may be NaN where a height is unknown
-(OpenSfM, ``io.py``: ``_read_gcp_list_lines``). Columns and rows count from the centre of the
-top-left pixel (OpenSfM, ``features.py``: ``normalized_image_coordinates`` adds half a pixel).
+z column row image [label]``, separated by blanks or tabs, here also by commas or semicolons; z may
+be NaN where a height is unknown (OpenSfM, ``io.py``: ``_read_gcp_list_lines``). Columns and rows
+count from the centre of the top-left pixel (OpenSfM, ``features.py``:
+``normalized_image_coordinates`` adds half a pixel).
 
 A ``point`` is a pick at its position, a ``circle`` one at its centre; other shapes are not picks.
 LabelMe counts from the corner of the top-left pixel, and shows a photo rotated by its EXIF
@@ -16,7 +17,8 @@ from __future__ import annotations
 import glob
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -42,6 +44,8 @@ from uavgram.model.survey.observations import ImportedPicks, KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2
+LARGEST_SIDE_PX = 65_535
+"""Largest side of a JPEG [px] (ITU-T T.81, table B.2), for photos whose size is unknown."""
 _PHOTO = re.compile(rf".*(?:{'|'.join(map(re.escape, PHOTO_SUFFIXES))})(?=\s|$)", re.IGNORECASE)
 """Pattern of a photo's name, which may contain blanks: up to the last word with a photo suffix."""
 _NO_HEIGHT = "has no height (NaN), which a control point needs: add it, or leave the control out"
@@ -133,6 +137,7 @@ def read_gcp_list(path: str | Path, sigmas: GcpSigmas | None = None) -> Imported
 def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
     rows, faults = [], []
     for line, text in lines:
+        text = _separate_by_tabs(text)  # noqa: PLW2901
         cells, has_gap = _cells(text), "\t\t" in text.strip()
         numbers = [parse_number(cell) for cell in cells[:_NUMBERS]]
         no_height = len(cells) > _Z and cells[_Z].lower() == "nan"
@@ -140,7 +145,8 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
             numbers[_Z] = 0.0
         good = [value for value in numbers if value is not None]
         if len(cells) <= _NUMBERS:
-            faults.append((line, "needs x, y, z, column, row and the photo's name"))
+            needed = "needs x, y, z, column, row and the photo's name, separated by blanks or tabs"
+            faults.append((line, needed))
         elif surplus := _surplus_words(text, cells):
             faults.append(
                 (
@@ -165,6 +171,20 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
     if faults:
         raise InputError.of_all(path, faults)
     return rows
+
+
+def _separate_by_tabs(text: str) -> str:
+    """Replace commas or semicolons by tabs in a line whose numbers they separate."""
+    for mark in ",;":
+        cells = [cell.strip() for cell in text.split(mark)]
+        numbers = [cell for cell in cells[:_NUMBERS] if cell.lower() == "nan" or _is_number(cell)]
+        if len(numbers) == _NUMBERS < len(cells):
+            return "\t".join(cells)
+    return text
+
+
+def _is_number(cell: str) -> bool:
+    return parse_number(cell) is not None
 
 
 def _cells(text: str) -> list[str]:
@@ -192,6 +212,29 @@ def _beside(path: Path, images: set[str]) -> Iterator[Path]:
     for image in sorted(images):
         yield path.parent / image
         yield from path.parent.glob(f"*/{glob.escape(image)}")
+
+
+def _outside(path: Path, rows: list[_Row]) -> list[tuple[int, str]]:
+    """Find pixels outside of their photos, as far as these are beside the file."""
+    faults = []
+    sizes: dict[str, tuple[int, int] | None] = {}
+    for row in rows:
+        if row.image not in sizes:
+            sizes[row.image] = _size_of(_beside(path, {row.image}))
+        size, (u, v) = sizes[row.image], row.pixel
+        width, height = size or (LARGEST_SIDE_PX, LARGEST_SIDE_PX)
+        if not (-0.5 <= u <= width - 0.5 and -0.5 <= v <= height - 0.5):
+            shown = f" ({width} x {height} px, original and unrotated)" if size else ""
+            text = f"the pick of {row.label!r} at ({u:g}, {v:g}) is outside {row.image!r}{shown}"
+            faults.append((row.line, f"{text}: correct its column and row"))
+    return faults
+
+
+def _size_of(paths: Iterable[Path]) -> tuple[int, int] | None:
+    """Read the size of the first of these photos that exists; None where none can be read."""
+    with suppress(InputError):
+        return next((read_image_size(photo) for photo in paths if photo.is_file()), None)
+    return None
 
 
 def _named(rows: list[_Row]) -> list[_Row]:
@@ -271,7 +314,7 @@ def _two_heights(path: Path, rows: list[_Row]) -> list[Message]:
 def _check(path: Path, rows: list[_Row]) -> None:
     place: dict[str, _Row] = {}
     seen: dict[tuple[str, str], int] = {}
-    faults = []
+    faults = _outside(path, rows)
     for row in rows:
         for what, name in (("label", row.label), ("image", row.image)):
             if fault := find_unshowable(name):

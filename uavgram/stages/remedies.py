@@ -7,9 +7,12 @@ from dataclasses import replace
 from math import isclose
 
 from uavgram.estimation.reliability.stated_values import UNITS
+from uavgram.estimation.survey.names import ObservationNames
+from uavgram.estimation.survey.observations.observation import Suspicion
 from uavgram.model.message import (
     Correction,
     Message,
+    MessagePlural,
     Remedy,
     propose_length_removal,
     propose_pick_removal,
@@ -53,6 +56,38 @@ def read_first(remedies: Iterable[Remedy | None]) -> list[Remedy | None]:
             )
         found.append(one)
     return found
+
+
+def report_not_located(names: ObservationNames, suspicion: Suspicion, detail: str) -> Message:
+    """Report that one of several observations is wrong, and that no test shows which.
+
+    Parameters
+    ----------
+    names, suspicion
+        Names of the observations, and those of which one is wrong.
+    detail
+        Sentences on the size of the misfit, and on the consequence.
+    """
+    members = (suspicion.suspect, *suspicion.group, *suspicion.rivals)
+    causes = names.causes(members)
+    text = (
+        f"One of these does not fit, and no test shows which: the {causes}. Look at all of them; "
+        f"click on the points again, or tape another line. {detail}"
+    )
+    several = MessagePlural(
+        "{count} times one of several observations does not fit, and no test shows which",
+        f"the {causes}",
+        ending="Look at all of them; click on the points again, or tape another line.",
+    )
+    either = read_first(names.of(member).remedy(member.row) for member in members)
+    return Message(
+        "warning",
+        "blunder-not-located",
+        text,
+        **names.subjects(*members),
+        several=several,
+        instead=tuple(one for one in either if one is not None),
+    )
 
 
 def make_remedy(survey: Survey, mend: SurveyCorrection) -> Remedy | None:

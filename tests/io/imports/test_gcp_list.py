@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from pyproj import Transformer
@@ -246,3 +247,54 @@ def test_a_name_with_blanks_is_never_cut(tmp_path: Path, names: str, surplus: st
         read_gcp_list(write(tmp_path, HEAD + f"1 2 3 10 20 {names}\n"))
     assert surplus in str(refused.value)
     assert "separate all cells by tabs" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        "1,2,3,10.5,20,DSC 1.JPG,north corner",
+        "1, 2, 3, 10.5, 20, DSC 1.JPG, north corner",
+        "1;2;3;10,5;20;DSC 1.JPG;north corner",
+    ],
+)
+def test_cells_may_be_separated_by_commas_or_semicolons(tmp_path: Path, row: str) -> None:
+    picks = read_gcp_list(write(tmp_path, f"{HEAD}{row}\n{row.replace('3', 'NaN', 1)} 2\n"))
+
+    assert picks.image == ("DSC 1.JPG",) * 2
+    assert picks.label == ("north corner", "north corner 2")
+    np.testing.assert_array_equal(picks.pixel_px, [[10.5, 20.0]] * 2)
+
+
+def test_decimal_commas_between_blanks_are_no_separators(tmp_path: Path) -> None:
+    row = "691000,25 5334000,5 520,25 10,5 20,5 a.jpg A\n"
+
+    np.testing.assert_array_equal(
+        read_gcp_list(write(tmp_path, HEAD + row)).pixel_px, [[10.5, 20.5]]
+    )
+
+
+@pytest.mark.parametrize("code", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_utf_16_is_named(tmp_path: Path, code: str) -> None:
+    path = tmp_path / "gcp_list.txt"
+    path.write_text(HEAD + ROW, encoding=code)
+
+    with pytest.raises(InputError, match=r":1: is UTF-16 text .*: save it as UTF-8"):
+        read_gcp_list(path)
+
+
+@pytest.mark.parametrize(
+    ("pixel", "photo"),
+    [("-5 20", False), ("1e9 20", False), ("20 70000", False), ("-5 20", True), ("20 64", True)],
+)
+def test_a_pixel_outside_of_its_photo_is_told_with_its_line(
+    tmp_path: Path, pixel: str, *, photo: bool
+) -> None:
+    if photo:
+        cv2.imwrite(str(tmp_path / "a.jpg"), np.zeros((64, 96, 3), np.uint8))
+    path = write(tmp_path, f"{HEAD}1 2 3 95 63 a.jpg A\n1 3 3 {pixel} a.jpg B\n")
+
+    with pytest.raises(
+        InputError, match=r":3: the pick of 'B' at .* is outside 'a.jpg'"
+    ) as refused:
+        read_gcp_list(path)
+    assert ("96 x 64 px" in str(refused.value)) == photo

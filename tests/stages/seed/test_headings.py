@@ -70,7 +70,7 @@ def test_a_wrong_label_does_not_turn_a_photo() -> None:
     assert off_deg(turned, scene).max() < 30.0
 
 
-def test_a_course_that_the_picks_contradict_counts_as_unknown() -> None:
+def test_a_heading_that_the_picks_contradict_counts_as_unknown() -> None:
     scene = place_only(0, frames=5, labels=11)
     survey = scene.survey
     seeds, track = survey.seeds, survey.track
@@ -78,7 +78,7 @@ def test_a_course_that_the_picks_contradict_counts_as_unknown() -> None:
     assert isinstance(track, PhotoExposures)
     heading = np.where(np.arange(5) == 3, 177.0, 0.0)
     wrong = Rotation.from_euler("z", heading[:, None], degrees=True).as_matrix()
-    course = replace(
+    stated = replace(
         survey,
         seeds=replace(seeds, world_from_camera=wrong @ scene.rotation),
         track=replace(
@@ -89,11 +89,11 @@ def test_a_course_that_the_picks_contradict_counts_as_unknown() -> None:
             sigma_attitude_rad=np.tile(np.radians([6.0, 15.0]), (5, 1)),
         ),
     )
-    turned, messages = find_headings(course)
+    turned, messages = find_headings(stated)
 
     assert off_deg(turned, scene).max() < 30.0
     assert [m.code for m in messages] == ["course-contradicted"]
-    assert "gives 1 photos: p3.jpg (1" in messages[0].text
+    assert "in the tags of 1 photo: p3.jpg (1" in messages[0].text
     refined, _ = refine(turned, SolveOptions())
     assert refined.pick_reason == {}
     assert np.abs(scene.pose_errors(refined.adjustment)).max() < 3.0
@@ -115,7 +115,7 @@ def test_a_photo_without_neighbour_or_attitude_is_placed_by_its_picks() -> None:
             track,
             world_from_gimbal=rotation @ from_gimbal.T,
             sigma_attitude_rad=np.radians(np.where(known[:, None], [3.0, 3.0], [6.0, 180.0])),
-            by_course=~known,
+            by_mount=~known,
         ),
     )
     turned, _ = find_headings(stated)

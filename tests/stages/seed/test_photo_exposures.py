@@ -76,16 +76,8 @@ def place(
     poses: PhotoPoses,
     mount: MountOptions | None = None,
     telemetry: TelemetryOptions | None = None,
-    every_s: float = 2.0,
 ) -> tuple[PhotoExposures, tuple[Message, ...]]:
-    """Place photos that were taken so many seconds apart."""
-    return place_photos(
-        poses,
-        ORIGIN,
-        mount or MountOptions(),
-        telemetry or TelemetryOptions(),
-        np.arange(float(len(poses.frame_id))) * every_s,
-    )
+    return place_photos(poses, ORIGIN, mount or MountOptions(), telemetry or TelemetryOptions())
 
 
 def headings_deg(exposures: PhotoExposures) -> Floats:
@@ -159,36 +151,15 @@ def test_a_bias_that_drowns_rtk_is_told(make_poses: Callable[..., PhotoPoses]) -
     assert quiet == ()
 
 
-def test_without_attitude_the_course_gives_the_heading(
+def test_the_course_is_no_heading_as_drones_fly_backwards_too(
     make_poses: Callable[..., PhotoPoses],
 ) -> None:
-    exposures, messages = place(make_poses())
+    exposures, messages = place(make_poses(time_utc_s=np.arange(8.0)))
 
-    # at both ends of the turn the shorter leg, along the line, decides
-    np.testing.assert_allclose(headings_deg(exposures), [0, 0, 0, 0, 180, 180, 180, 180], atol=1e-3)
-    assert exposures.by_course.all()
-    wide = np.degrees(exposures.sigma_attitude_rad[:, 1])
-    np.testing.assert_allclose(wide, [15, 15, 15, 30, 30, 15, 15, 15])
-    assert [m.code for m in messages] == ["attitude-from-course"]
-
-
-def test_times_decide_the_order_where_the_source_has_them(
-    make_poses: Callable[..., PhotoPoses],
-) -> None:
-    shuffled = np.array([3, 0, 5, 1, 7, 2, 6, 4])
-    poses = make_poses(time_utc_s=np.arange(8.0)).rows(shuffled)
-    exposures, _ = place(poses)
-
-    expected = np.array([0, 0, 0, 0, 180, 180, 180, 180])[shuffled]
-    np.testing.assert_allclose(headings_deg(exposures), expected, atol=1e-3)
-
-
-def test_the_mount_turns_the_camera_against_the_course(
-    make_poses: Callable[..., PhotoPoses],
-) -> None:
-    exposures, _ = place(make_poses(), mount=MountOptions(yaw_deg=90.0))
-
-    np.testing.assert_allclose(headings_deg(exposures)[:3], 90.0, atol=1e-3)
+    assert exposures.by_mount.all()
+    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad), [[6.0, 180.0]] * 8)
+    assert [m.code for m in messages] == ["attitude-unknown"]
+    assert "8 photos (the first is p0.jpg)" in messages[0].text
 
 
 @pytest.mark.parametrize("nose_deg", [None, 70.0])
@@ -213,7 +184,7 @@ def test_without_a_gimbal_the_tags_of_the_drone_state_the_heading(
     make_poses: Callable[..., PhotoPoses],
 ) -> None:
     vehicle = np.radians(np.tile([70.0, -12.0, 4.0], (8, 1)))
-    exposures, messages = place(make_poses(vehicle_ypr_rad=vehicle), every_s=60.0)
+    exposures, messages = place(make_poses(vehicle_ypr_rad=vehicle))
 
     np.testing.assert_allclose(headings_deg(exposures), 70.0, atol=1e-3)
     np.testing.assert_allclose(exposures.world_from_gimbal[:, 2, 0], -1.0)  # level, straight down
@@ -239,49 +210,35 @@ def test_a_photo_without_a_believed_altitude_is_placed_and_free_in_height(
     np.testing.assert_allclose(all_free.position_world_m[:, 2], 60.0, atol=1e-3)
 
 
-def test_a_course_over_minutes_is_no_attitude(make_poses: Callable[..., PhotoPoses]) -> None:
-    exposures, messages = place(make_poses(), every_s=10.0)
-
-    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad[:, 1]), 180.0)
-    assert [m.code for m in messages] == ["attitude-unknown"]
-    assert "their heading is unknown" in messages[0].text
-    # nor is one between photos of which nobody knows when they were taken
-    timeless, _ = place(make_poses(), every_s=np.nan)
-    np.testing.assert_allclose(np.degrees(timeless.sigma_attitude_rad[:, 1]), 180.0)
-
-
 def test_an_oblique_camera_without_attitude_has_an_unknown_heading(
     make_poses: Callable[..., PhotoPoses],
 ) -> None:
-    exposures, _ = place(make_poses(), mount=MountOptions(pitch_deg=-20.0), every_s=60.0)
+    exposures, _ = place(make_poses(), mount=MountOptions(pitch_deg=-20.0))
 
     down = exposures.world_from_gimbal[:, 2, 0]
     np.testing.assert_allclose(down, -np.sin(np.radians(20.0)))
     np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad), [[6.0, 180.0]] * 8)
 
 
-def test_a_hovering_drone_has_no_course(make_poses: Callable[..., PhotoPoses]) -> None:
-    exposures, messages = place(make_poses(route=np.zeros((3, 2))))
+def test_photos_without_the_drones_heading_stay_in_and_are_told(
+    make_poses: Callable[..., PhotoPoses],
+) -> None:
+    vehicle = np.zeros((8, 3))
+    vehicle[5:] = np.nan
+    exposures, messages = place(make_poses(vehicle_ypr_rad=vehicle))
 
-    np.testing.assert_allclose(np.degrees(exposures.sigma_attitude_rad[:, 1]), 180.0)
-    assert [m.code for m in messages] == ["attitude-unknown"]
-
-
-def test_photos_without_course_stay_in_and_are_told(make_poses: Callable[..., PhotoPoses]) -> None:
-    route = np.vstack([ROUTE[:3], [[0, 41.0], [0, 42.0], [0, 43.0]]])  # hovers at the end
-    exposures, messages = place(make_poses(route=route))
-
-    assert len(exposures.frame_id) == 6
+    assert len(exposures.frame_id) == 8
     yaw = np.degrees(exposures.sigma_attitude_rad[:, 1])
-    np.testing.assert_allclose(yaw, [15, 15, 15, 180, 180, 180])
+    np.testing.assert_allclose(yaw, [15] * 5 + [180] * 3)
     assert [m.code for m in messages] == ["attitude-from-course", "attitude-unknown"]
 
 
 def test_stated_sigmas_hold_for_a_guessed_attitude_too_but_make_it_no_better(
     make_poses: Callable[..., PhotoPoses],
 ) -> None:
-    wide, _ = place(make_poses(), telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 120.0)))
-    sharp, _ = place(make_poses(), telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 2.0)))
+    poses = make_poses(vehicle_ypr_rad=np.zeros((8, 3)))
+    wide, _ = place(poses, telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 120.0)))
+    sharp, _ = place(poses, telemetry=TelemetryOptions(attitude_sigma_deg=(4.0, 2.0)))
 
     np.testing.assert_allclose(np.degrees(wide.sigma_attitude_rad), [[4.0, 120.0]] * 8)
     np.testing.assert_allclose(np.degrees(sharp.sigma_attitude_rad[0]), [4.0, 15.0])

@@ -256,19 +256,7 @@ def find_next_line(adjustment: Adjustment) -> LineAdvice | None:
     label = _find_outermost(adjustment.state.point[:, :2])
     if len(label) < 3 or not len(used):
         return None
-    world, covariance = adjustment.joint_points(label)
-    first, second = np.triu_indices(len(label), k=1)
-    along = world[second] - world[first]
-    length = np.linalg.norm(along, axis=1)
-    apart = length > 1e-3 * length.max()
-    first, second, along, length = first[apart], second[apart], along[apart], length[apart]
-    unit = along / length[:, None]
-    rows = np.arange(len(length))
-    gradient = np.zeros((len(length), len(label), 3))
-    gradient[rows, first], gradient[rows, second] = -unit, unit
-    flat = gradient.reshape(len(length), -1)
-    # Covariance of the distances between all pairs of points.
-    joint = flat @ covariance @ flat.T
+    first, second, length, joint = _compute_distances(adjustment, label)
     relative = joint / np.outer(length, length)
     sigma = float(np.median(survey.length_sigma_m[used]))
     # Reduction of the sum of relative variances by a reading of each distance.
@@ -289,17 +277,57 @@ def find_next_line(adjustment: Adjustment) -> LineAdvice | None:
     )
 
 
-def compute_distance_changes(adjustment: Adjustment, other: Adjustment) -> tuple[float, float]:
-    """Compute relative changes of distances between labels in another solution: median, largest."""
+class DistanceChanges(NamedTuple):
+    """Changes of the distances between labels in another solution.
+
+    Attributes
+    ----------
+    median, largest
+        As shares of the distances.
+    sigmas
+        The largest, in sigmas of the distance.
+    """
+
+    median: float
+    largest: float
+    sigmas: float
+
+
+def compute_distance_changes(adjustment: Adjustment, other: Adjustment) -> DistanceChanges:
+    """Compute the changes of distances between labels in another solution."""
     label = _find_outermost(adjustment.state.point[:, :2])
+    if len(label) < 2:
+        return DistanceChanges(0.0, 0.0, 0.0)
+    first, second, here, joint = _compute_distances(adjustment, label)
+    world = other.points_with_jacobian(label)[0]
+    change = np.abs(np.linalg.norm(world[first] - world[second], axis=1) - here)
+    sigmas = change / np.sqrt(np.maximum(np.diag(joint), np.finfo(float).tiny))
+    share = change / here
+    return DistanceChanges(float(np.median(share)), float(share.max()), float(sigmas.max()))
+
+
+def _compute_distances(adjustment: Adjustment, label: Ints) -> tuple[Ints, Ints, Floats, Floats]:
+    """Compute the distances (n,) between all pairs of labels that are apart.
+
+    Returns
+    -------
+    first, second
+        (n,) rows of `label`.
+    length, joint
+        (n,) distances [m], and their covariance (n, n).
+    """
+    world, covariance = adjustment.joint_points(label)
     first, second = np.triu_indices(len(label), k=1)
-    here, there = (
-        np.linalg.norm(world[first] - world[second], axis=1)
-        for world in (each.joint_points(label)[0] for each in (adjustment, other))
-    )
-    apart = here > 1e-3 * here.max(initial=0.0)
-    change = np.abs(there[apart] / here[apart] - 1.0)
-    return (float(np.median(change)), float(change.max())) if len(change) else (0.0, 0.0)
+    along = world[second] - world[first]
+    length = np.linalg.norm(along, axis=1)
+    apart = length > 1e-3 * length.max()
+    first, second, along, length = first[apart], second[apart], along[apart], length[apart]
+    unit = along / length[:, None]
+    rows = np.arange(len(length))
+    gradient = np.zeros((len(length), len(label), 3))
+    gradient[rows, first], gradient[rows, second] = -unit, unit
+    flat = gradient.reshape(len(length), -1)
+    return first, second, length, flat @ covariance @ flat.T
 
 
 def _find_outermost(point: Floats) -> Ints:

@@ -33,7 +33,8 @@ ends."""
 
 MAX_UNDAMPED_REDUCTION = 1e-4
 """Undamped predicted reduction (a hundredth of a sigma, squared) up to which a result counts as
-converged; kinks of the interpolated flight keep it from being exactly zero."""
+converged; kinks of the interpolated flight keep it from being exactly zero. In gusts the linear
+model predicts more: then the reduction that is found along the step counts."""
 
 LARGE_SYSTEM = 10_000
 """Number of unknowns of a large system, from which that limit grows with their number."""
@@ -59,6 +60,9 @@ MAX_REFUSED_REDUCTION_EACH = 5e-9
 """Predicted reduction per unknown up to which a step that hardly reduces the sum of squares is the
 last: it fails at kinks of the interpolated flight, and in large systems each try costs a
 factorisation. Smaller if a sharper minimum than `MIN_REDUCTION` is requested."""
+
+STEP_FRACTIONS = tuple(0.5**k for k in range(8))
+"""Fractions of a step along which the minimum is searched where the linear model does not hold."""
 
 MAX_ITERATIONS = 80
 MAX_DAMPING = 1e12
@@ -146,55 +150,116 @@ def minimise(
     blocks = first or evaluate(state)
     if blocks is None:
         raise ValueError("the first values are impossible")
-    normal, cost = (
-        NormalEquations(list(blocks.values()), size, structure),
-        compute_cost(blocks.values()),
-    )
+    normal = NormalEquations(list(blocks.values()), size, structure)
+    cost = compute_cost(blocks.values())
+    now = _Iteration(evaluate, update, size, structure, slack, state, blocks, cost, normal)
     refused = MAX_REFUSED_REDUCTION_EACH * size * min(1.0, at_rest / MIN_REDUCTION)
-    at_rest = max(at_rest, MIN_REDUCTION_EACH * size)
-    damping, growth = 1e-9, 2.0
-    iteration = 0
-    factor: Factor | None = None
-    before = np.inf
-    while iteration < most:
-        iteration += 1
-        fresh = factor is None
-        factor = factor or normal.factor(damping, slack)
-        step = -factor.solve(normal.gradient)
-        predicted = factor.predicted_fall(step, normal.gradient)
-        if predicted < max(at_rest, ROUNDING_SHARE * cost) or damping > MAX_DAMPING:
+    limit = max(at_rest, MAX_UNDAMPED_REDUCTION * max(1.0, size / LARGE_SYSTEM))
+    while True:
+        now.descend(most, max(at_rest, MIN_REDUCTION_EACH * size), refused)
+        factor = now.normal.factor(slack)
+        # Newton's decrement without damping: reduction to the minimum of the linear model.
+        step = -factor.solve(now.normal.gradient)
+        is_at_rest = -float(now.normal.gradient @ step) < limit
+        if is_at_rest or now.count >= most:
             break
-        trial = update(state, step)
-        trial_blocks = evaluate(trial)
-        trial_cost = np.inf if trial_blocks is None else compute_cost(trial_blocks.values())
-        # Gain ratio: actual over predicted reduction.
-        gain = (cost - trial_cost) / predicted
-        if trial_blocks is not None and gain > 0:
-            state, blocks, cost = trial, trial_blocks, trial_cost
-            normal = NormalEquations(list(blocks.values()), size, structure, normal.plan)
-            # Nielsen's update of the damping after an accepted step.
-            damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
-            growth = 2.0
-        elif fresh:
-            damping, growth = damping * growth, 2.0 * growth
-            # With less damping than that the same step would be refused again, each time at the
-            # cost of a factorisation.
-            while size > LARGE_SYSTEM and damping < MAX_REUSE_DAMPING:
+        # Where the model does not hold, as on a flight in gusts, the function itself decides: it
+        # is at its minimum if it hardly decreases along that step.
+        fall = now.search_along(step, limit)
+        is_at_rest = 0.0 < fall < limit
+        if fall < limit:
+            break
+    return Minimum(now.state, now.blocks, factor, now.cost, now.count, is_at_rest)
+
+
+@dataclass(eq=False)
+class _Iteration(Generic[State]):
+    """Present state of an iteration, and the functions that it calls; see `minimise`."""
+
+    evaluate: Callable[[State], dict[str, Block] | None]
+    update: Callable[[State, Floats], State]
+    size: int
+    structure: Structure | None
+    slack: float
+    state: State
+    blocks: dict[str, Block]
+    cost: float
+    normal: NormalEquations
+    count: int = 0
+
+    def _try(self, step: Floats) -> tuple[State, dict[str, Block] | None, float]:
+        """Evaluate a step: state, residuals, and the sum of squares (infinite if impossible)."""
+        state = self.update(self.state, step)
+        blocks = self.evaluate(state)
+        return state, blocks, np.inf if blocks is None else compute_cost(blocks.values())
+
+    def _move(self, state: State, blocks: dict[str, Block], cost: float) -> None:
+        self.state, self.blocks, self.cost = state, blocks, cost
+        plan = self.normal.plan
+        self.normal = NormalEquations(list(blocks.values()), self.size, self.structure, plan)
+
+    def descend(self, most: int, at_rest: float, refused: float) -> None:
+        """Take damped steps until the predicted reduction is small.
+
+        Parameters
+        ----------
+        most
+            Largest number of all steps.
+        at_rest
+            Predicted reduction below which the iteration ends.
+        refused
+            Likewise, where a step hardly reduces the sum of squares.
+        """
+        damping, growth = 1e-9, 2.0
+        factor: Factor | None = None
+        before = np.inf
+        while self.count < most:
+            self.count += 1
+            fresh = factor is None
+            factor = factor or self.normal.factor(damping, self.slack)
+            step = -factor.solve(self.normal.gradient)
+            predicted = factor.predicted_fall(step, self.normal.gradient)
+            if predicted < max(at_rest, ROUNDING_SHARE * self.cost) or damping > MAX_DAMPING:
+                break
+            state, blocks, cost = self._try(step)
+            # Gain ratio: actual over predicted reduction.
+            gain = (self.cost - cost) / predicted
+            if blocks is not None and gain > 0:
+                self._move(state, blocks, cost)
+                # Nielsen's update of the damping after an accepted step.
+                damping *= max(1.0 / 3.0, 1.0 - (2.0 * gain - 1.0) ** 3)
+                growth = 2.0
+            elif fresh:
                 damping, growth = damping * growth, 2.0 * growth
-        if fresh and gain < MIN_ACHIEVED_SHARE and predicted < refused:
-            break
-        crawls = not fresh and predicted > MAX_REDUCTION_RATIO * before
-        # Keep the factor only near the minimum, while its steps achieve the predicted reduction.
-        if (
-            predicted > MAX_REUSE_REDUCTION * size
-            or gain < MIN_ACHIEVED_SHARE
-            or damping > MAX_REUSE_DAMPING
-            or crawls
-        ):
-            factor = None
-        before = predicted
-    factor = normal.factor(slack)
-    # Newton's decrement without damping: reduction to the minimum of the linear model.
-    decrement = float(normal.gradient @ factor.solve(normal.gradient))
-    is_at_rest = decrement < MAX_UNDAMPED_REDUCTION * max(1.0, size / LARGE_SYSTEM)
-    return Minimum(state, blocks, factor, cost, iteration, is_at_rest)
+                # With less damping than that the same step would be refused again, each time at
+                # the cost of a factorisation.
+                while self.size > LARGE_SYSTEM and damping < MAX_REUSE_DAMPING:
+                    damping, growth = damping * growth, 2.0 * growth
+            if fresh and gain < MIN_ACHIEVED_SHARE and predicted < refused:
+                break
+            crawls = not fresh and predicted > MAX_REDUCTION_RATIO * before
+            # Keep the factor only near the minimum, while its steps achieve the predicted
+            # reduction.
+            if (
+                predicted > MAX_REUSE_REDUCTION * self.size
+                or gain < MIN_ACHIEVED_SHARE
+                or damping > MAX_REUSE_DAMPING
+                or crawls
+            ):
+                factor = None
+            before = predicted
+
+    def search_along(self, step: Floats, least: float) -> float:
+        """Move to the smallest sum of squares along a step, if it falls by at least so much.
+
+        Returns
+        -------
+        The reduction; 0 where there is none.
+        """
+        state, blocks, cost = min(
+            (self._try(fraction * step) for fraction in STEP_FRACTIONS), key=lambda one: one[2]
+        )
+        fall = max(self.cost - cost, 0.0)
+        if blocks is not None and fall >= least:
+            self._move(state, blocks, cost)
+        return fall

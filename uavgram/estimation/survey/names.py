@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from uavgram.estimation.survey.adjustment import Adjustment
@@ -16,8 +17,8 @@ from uavgram.model.naming import listed
 
 COUNT_WORDS = ("none", "one", "both", "all three", "all four", "all five", "all six")
 
-MAX_RIVALS = 4
-"""Largest number of other possible blunders that are named."""
+MAX_RIVALS, MAX_CAUSES = 4, 8
+"""Largest numbers of less likely blunders, and of all possible ones, that are named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,10 +54,14 @@ class ObservationNames:
         return self.of(member).unit(member)
 
     def group(self, suspicion: Suspicion) -> str:
-        """List all possible causes: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
+        """List the causes that no test separates."""
+        return self.causes((suspicion.suspect, *suspicion.group))
+
+    def causes(self, members: Sequence[Member]) -> str:
+        """List possible causes: ``length 'a' or the picks of 'P' and 'Q' in 'img1.jpg'``."""
         parts: list[str] = []
         by_frame: dict[str, list[str]] = {}
-        for member in (suspicion.suspect, *suspicion.group):
+        for member in members[:MAX_CAUSES]:
             observation = self.of(member)
             if isinstance(observation, Pixels):
                 frame, label = observation.place(member.row)
@@ -66,6 +71,8 @@ class ObservationNames:
         for frame, labels in by_frame.items():
             picks = "pick" if len(labels) == 1 else "picks"
             parts.append(f"{picks} of {listed(labels, None)} in {frame!r}")
+        if len(members) > MAX_CAUSES:
+            parts[-1] += f" or one of {len(members) - MAX_CAUSES} others"
         return " or the ".join(parts)
 
     def advice(self, suspicion: Suspicion) -> str:

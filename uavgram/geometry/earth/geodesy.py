@@ -205,7 +205,7 @@ def explain_unsuitable_crs(text: str, latitude_deg: float, longitude_deg: float)
     else:
         return ""
     return (
-        f"crs: {text!r} ({crs.name}) {why}; the site is at {latitude_deg:.2f}, "
+        f"{text!r} ({crs.name}) {why}; the site is at {latitude_deg:.2f}, "
         f"{longitude_deg:.2f}. Take {fitting} ({CRS.from_user_input(fitting).name}), or "
         "`crs: auto`, which finds it"
     )

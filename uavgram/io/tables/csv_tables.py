@@ -44,7 +44,6 @@ from uavgram.model.limits import (
 _LINE = re.compile(r"[^\r\n]+")
 _BLOCK = 10_000  # rows at a time
 _MAX_LINE_CHARACTERS = 100_000  # a cell may be as long for the csv module
-_BYTE_ORDER_MARKS_16 = (b"\xff\xfe", b"\xfe\xff")
 
 
 class Block(NamedTuple):
@@ -161,15 +160,7 @@ def _stripped(cells: Sequence[str]) -> list[str]:
 
 def read_text(path: Path) -> str:
     """Read a file in UTF-8, without byte order mark."""
-    if _looks_like_utf_16(input_files.read_bytes(path)[:64]):
-        raise InputError(path, "is UTF-16 text: save it as CSV UTF-8", 1)
     return input_files.read_text(path, "save it as CSV UTF-8")
-
-
-def _looks_like_utf_16(start: bytes) -> bool:
-    """Return whether text is UTF-16: by its mark, or because every other byte is 0."""
-    is_half_empty = b"\0" in start and not (any(start[::2]) and any(start[1::2]))
-    return start.startswith(_BYTE_ORDER_MARKS_16) or is_half_empty
 
 
 _PLAIN_NUMBER = re.compile(r"[-+]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]+)?")

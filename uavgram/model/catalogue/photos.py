@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from uavgram.model.catalogue.entry import NOTE, WARNING, Effect, Entry
+from uavgram.model.catalogue.entry import NOTE, WARNING, WARNING_OR_NOTE, Effect, Entry
 
 TIMES = (
     Entry(
@@ -182,7 +182,7 @@ POSES = (
         WARNING,
         finding=(
             "The directions of the photos are unknown. They were taken from the heading of the "
-            "drone in the photos' tags, or from the course of the flight."
+            "drone in the photos' tags."
         ),
         consequence="Their sigmas are wide.",
         action=(
@@ -194,15 +194,16 @@ POSES = (
         "attitude-unknown",
         WARNING,
         finding=(
-            "The directions of the photos are unknown, and there is no course. Only points in "
-            "several photos, or known points, can show them."
+            "The directions of the photos are unknown. The course of the flight does not show them "
+            "either, as drones fly backwards and sideways too. Only points in several photos, or "
+            "known points, can show them."
         ),
         action="Pick such points, or give `yaw_deg`, `pitch_deg` and `roll_deg` in a CSV file.",
     ),
     Entry(
         "course-contradicted",
         NOTE,
-        finding="By their picks, photos look in another direction than the course of the flight.",
+        finding="By their picks, photos look in another direction than the nose of the drone.",
         consequence="Their headings follow from the picks.",
     ),
     Entry(
@@ -218,21 +219,36 @@ POSES = (
         "gimbal-not-filled",
         WARNING,
         finding=(
-            "All photos state gimbal angles of exactly 0, 0 and 0, as drones do that do not "
-            "measure them."
+            "Photos state gimbal angles of exactly 0, 0 and 0, as drones do that do not measure "
+            "them: all photos, or some, while the others were taken elsewhere and do not look to "
+            "the horizon."
         ),
         consequence="They were not used: the camera is assumed to look as `mount` states.",
         action="State the direction in `mount`, or give the angles in a CSV file.",
     ),
     Entry(
+        "gimbal-zero",
+        NOTE,
+        finding=(
+            "Some photos state gimbal angles of exactly 0, 0 and 0: they look to the horizon in "
+            "the north, or the drone did not fill in the angles."
+        ),
+        consequence="The angles are used.",
+        action="If these photos look elsewhere, give their angles in a CSV file.",
+    ),
+    Entry(
         "odd-altitude",
-        WARNING,
+        WARNING_OR_NOTE,
         finding=(
             "Photos state an altitude or a height above take-off of 0, or one with the wrong sign: "
             "far below the sea while the other photos are as far above it, or all of them far "
             "below it; the same about the place of take-off."
         ),
-        consequence="That height was not used. The horizontal positions were.",
+        consequence=(
+            "That height was not used. Where the photo has two altitudes, in EXIF and in the tags "
+            "of its maker, and one of them can be right, this one was used. Otherwise only the "
+            "horizontal position was."
+        ),
         action="Give the true heights in a CSV file, also if the survey really is below the sea.",
     ),
     Entry(

@@ -233,8 +233,8 @@ class PhotoExposures(FrozenArrays):
         (N, 2) horizontal and vertical.
     sigma_attitude_rad
         (N, 2) of roll and pitch, and of yaw.
-    by_course
-        (N,) True where the yaw is only the course from photo to photo.
+    by_mount
+        (N,) True where nothing but `mount` states the attitude.
     source
         Name of the source.
     """
@@ -245,7 +245,7 @@ class PhotoExposures(FrozenArrays):
     world_from_gimbal: Annotated[Floats, "n", 3, 3]
     sigma_position_m: Annotated[Floats, "n", 2]
     sigma_attitude_rad: Annotated[Floats, "n", 2]
-    by_course: Annotated[Bools, "n"]
+    by_mount: Annotated[Bools, "n"]
     source: str
 
     def rows_of(self, names: Iterable[str]) -> Ints:

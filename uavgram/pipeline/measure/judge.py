@@ -89,8 +89,11 @@ def judge_survey(
     picks, pick_effects = judge_picks(
         examined, inputs.picks, assembled.pick_sigma_px, assembled.pick_index
     )
-    line_results, line_checks, line_effects, line_messages = judge_lines(examined, lines, index)
-    known, known_messages = judge_known(examined, inputs.known)
+    picked = frozenset(inputs.picks.label)
+    line_results, line_checks, line_effects, line_messages = judge_lines(
+        examined, lines, index, picked
+    )
+    known, known_messages = judge_known(examined, inputs.known, picked)
     # Tables show the result; messages report misfits that its suspects do not explain.
     both = tuple(dict.fromkeys((refined.adjustment, examined.without_suspects)))
     point_checks, unseen_messages = _first_and_last(

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from uavgram.config.project import error_of_key
 from uavgram.config.project_text import AssumedOrigin
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.survey.observed import NO_CONTROL
@@ -146,7 +147,7 @@ def _pose(inputs: Inputs) -> PosedFrames:
         posed = list_unposed(inputs)
     place, crs = posed.world.origin, inputs.project.crs
     if place is not None and crs != "auto" and (why := explain_unsuitable_crs(crs, *place[:2])):
-        raise InputError(inputs.project_path, why)
+        raise error_of_key(inputs.project_path, ("crs",), why)
     return posed
 
 
@@ -188,14 +189,7 @@ def _seed_from_photos(inputs: Inputs, poses: PhotoPoses) -> PosedFrames:
     messages: tuple[Message, ...] = ()
     try:
         place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
-        file_time = dict(zip(inputs.photos.frame_id, inputs.photos.file_time_s, strict=True))
-        exposures, more = place_photos(
-            poses,
-            place,
-            project.mount,
-            project.telemetry,
-            np.array([file_time[name] for name in poses.frame_id]),
-        )
+        exposures, more = place_photos(poses, place, project.mount, project.telemetry)
     except UavgramError as fault:  # add the name of the file
         raise InputError(source, str(fault)) from fault
     frames = _photo_frames(inputs, poses, exposures.frame_id)
@@ -248,9 +242,10 @@ def _check_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]
     apart_m = float(np.linalg.norm(np.median(center_world_m, axis=0)[:2]))
     below_m = curvature_drop(apart_m)
     if apart_m > SAME_SITE_M:
-        raise InputError(
+        raise error_of_key(
             inputs.project_path,
-            f"world.origin is {apart_m / 1000:.0f} km from the flight: give a place near it "
+            ("world", "origin"),
+            f"is {apart_m / 1000:.0f} km from the flight: give a place near it "
             "(are latitude and longitude exchanged?), or leave it out",
         )
     if below_m < 0.5 * inputs.project.ground.height_sigma_m:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from typing import cast
 
 import numpy as np
@@ -32,7 +32,7 @@ _COLUMNS = ("adjusted", "adjusted_sigma", "residual", "w", "redundancy", "mdb")
 
 
 def judge_known(
-    examined: TestedSurvey, known: KnownThings
+    examined: TestedSurvey, known: KnownThings, picked: Collection[str] = ()
 ) -> tuple[KnownResults, tuple[Message, ...]]:
     """Judge the fit of each known thing; report unseen ones, and withheld ones that do not fit.
 
@@ -42,6 +42,8 @@ def judge_known(
         The adjusted survey under test.
     known
         All known things of the project.
+    picked
+        Labels that have picks, whether these take part or not.
     """
     if not known.name:
         return NOTHING_KNOWN, ()
@@ -59,7 +61,7 @@ def judge_known(
     for i in range(len(known.name)):
         if all(thing.index != i for thing in things):
             status.append("unseen")
-            messages.append(_unseen(adjustment, known, i))
+            messages.append(_unseen(adjustment, known, i, picked))
         elif not known.adjust[i]:
             status.append("checked")
         elif i not in used:
@@ -185,11 +187,11 @@ def _left_out(results: KnownResults, i: int) -> Message:
     return Message("warning", "known-left-out", text, labels=results.points[i], several=several)
 
 
-def _unseen(adjustment: Adjustment, known: KnownThings, i: int) -> Message:
+def _unseen(adjustment: Adjustment, known: KnownThings, i: int, picked: Collection[str]) -> Message:
     labels = adjustment.survey.label
     missing = [label for label in known.points[i] if label not in labels]
     what = describe_thing(known.kind[i], known.name[i], known.points[i])
-    which = describe_missing_picks(missing, labels)
+    which = describe_missing_picks(missing, labels, picked)
     return Message(
         "warning",
         "known-unseen",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import chain
 
 import numpy as np
@@ -28,7 +28,7 @@ _COLUMNS = ("adjusted_m", "adjusted_sigma_m", "residual_m", "w", "redundancy", "
 
 
 def judge_lines(
-    examined: TestedSurvey, lines: KnownLines, survey_index: Ints
+    examined: TestedSurvey, lines: KnownLines, survey_index: Ints, picked: Collection[str] = ()
 ) -> tuple[LineResults, LineChecks, Effects, tuple[Message, ...]]:
     """Compute adjusted length, residual, w, redundancy and status of every known length.
 
@@ -40,6 +40,8 @@ def judge_lines(
         All L known lengths of the project.
     survey_index
         (L,) rows in the lines of the survey given to refine; -1 for withheld and unseen ones.
+    picked
+        Labels that have picks, whether these take part or not.
 
     Returns
     -------
@@ -70,7 +72,8 @@ def judge_lines(
         missing = [p for p in (lines.start[i], lines.end[i]) if p not in known]
         if missing:
             status.append("unseen")
-            messages.append(_unseen(lines, i, missing, known))
+            which = describe_missing_picks(missing, known, picked)
+            messages.append(_unseen(lines, i, missing, which))
         elif withheld[i]:
             status.append("checked")
             if examined.significant(columns["w"][i]) and examined.significant(unexplained[i]):
@@ -119,18 +122,23 @@ def _fit_of_observed(examined: TestedSurvey, row: Ints, columns: dict[str, Float
     columns["mdb_m"][there] = group.bias(examined.significance)[at, 0]
 
 
-def describe_missing_picks(missing: Sequence[str], labels: Sequence[str]) -> str:
-    """Return ``no usable pick of 'R33' (did you mean 'R3'?)`` for labels not among `labels`."""
+def describe_missing_picks(
+    missing: Sequence[str], labels: Sequence[str], picked: Collection[str]
+) -> str:
+    """Return ``no usable pick of 'R33' (did you mean 'R3'?)`` for labels not among `labels`.
+
+    A label that was picked, and whose picks were left out, is no misspelling.
+    """
     words = []
     for label in missing:
-        hint = f" ({near})" if (near := near_miss(label, labels)) else ""
+        near = "" if label in picked else near_miss(label, labels)
+        hint = f" ({near})" if near else ""
         words.append(f"{label!r}{hint}")
     return f"no usable pick of {' and '.join(words)}"
 
 
-def _unseen(lines: KnownLines, i: int, missing: list[str], known: tuple[str, ...]) -> Message:
+def _unseen(lines: KnownLines, i: int, missing: list[str], which: str) -> Message:
     what = describe_ends(lines.name[i], lines.start[i], lines.end[i])
-    which = describe_missing_picks(missing, known)
     return Message(
         "warning",
         "line-unseen",

@@ -11,6 +11,7 @@ from uavgram.estimation.measuring.propagation import MeasuredValues, compute_val
 from uavgram.estimation.reliability.data_snooping import MAX_SUSPECTS
 from uavgram.estimation.survey.adjustment import LeftOutRows, Refined
 from uavgram.estimation.survey.names import ObservationNames
+from uavgram.estimation.survey.observations.kinds import READINGS
 from uavgram.estimation.survey.observations.known import describe_thing
 from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.observations.observation import Member, Misfit, Suspicion
@@ -21,7 +22,7 @@ from uavgram.model.result.reliability import RemovalRecord
 from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest
 from uavgram.stages.judge.tested_survey import TestedSurvey
-from uavgram.stages.remedies import read_first
+from uavgram.stages.remedies import read_first, report_not_located
 
 
 def judge_suspects(examined: TestedSurvey) -> tuple[Message, ...]:
@@ -80,6 +81,9 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     redundancy = float(group.redundancy[accused.row, accused.axis])
     found = Misfit(accused, suspicion.w, redundancy, off)
     text, item = observation.misfit(found)
+    # A reading that others can be wrong instead of is not accused.
+    if accused.kind in READINGS and len(_members(suspicion)) > 1:
+        return report_not_located(names, suspicion, text)
     others = []
     if suspicion.group:
         others.append(f"The {names.group(suspicion)}: {names.advice(suspicion)}.")

@@ -29,7 +29,7 @@ UNDETECTABLE_SIGMAS = MAX_ERROR_SIGMAS / 10
 KINDS_NEAR_ZERO = frozenset(
     {
         *("coordinate", "height", "vertical_distance", "plane_distance", "line_distance"),
-        *("slope", "volume", "speed"),
+        *("slope", "angle", "volume", "speed"),
     }
 )
 """Kinds of measurements with a possible value of zero."""

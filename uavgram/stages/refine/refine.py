@@ -101,8 +101,13 @@ def refine(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Messag
         robust = adjust_robustly(find_participants(survey, refined), refined)
         found_free = [*found_free, *robust.labels]
         search += robust.messages(survey)
-        survey = robust.survey
-        refined = replace(robust.refined, pick_removed=taken_out)
+        survey, first = robust.survey, refined
+        refined = replace(
+            robust.refined,
+            pick_removed=taken_out,
+            rival_lines=robust.refined.rival_lines | first.rival_lines,
+            rival_clicks={**first.rival_clicks, **robust.refined.rival_clicks},
+        )
     refined = replace(refined, noise=noise, stated=stated_fit)
     refined = add_records(survey, refined)
     refined = replace(

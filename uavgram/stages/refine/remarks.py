@@ -16,6 +16,7 @@ from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.known_frames import count_known_rows
 from uavgram.estimation.first_poses.network import find_seen_lines
 from uavgram.estimation.measuring.scale import (
+    DistanceChanges,
     compute_distance_changes,
     describe_line_faults,
     find_next_line,
@@ -31,7 +32,7 @@ from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, figures, listed
 from uavgram.model.survey.corrections import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.remedies import read_first
+from uavgram.stages.remedies import report_not_located
 
 MIN_HEIGHT_M, MAX_HEIGHT_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground [m], beyond which lengths or log are in question."""
@@ -54,8 +55,8 @@ MAX_LISTED = 12
 
 LOOK_AT_PICKS = "Look at their places and labels."
 
-SAME_SCENE_TOLERANCE = 1e-3
-"""Relative change of distances up to which two solutions differ in their cameras only."""
+SAME_SCENE_SIGMAS = 1.0
+"""Change of distances, in their sigmas, up to which two solutions differ in their cameras only."""
 
 WEAK_SIGMA = 0.01
 """Relative sigma of the scene's distances (root mean square) above which the lengths are weak."""
@@ -249,20 +250,8 @@ def _correction_message(cause: Cause, before: str, after: str) -> Message:
 
 def not_located_message(refined: Refined, suspicion: Suspicion) -> Message:
     """Report a blunder that no test can separate from its neighbours."""
-    names = ObservationNames(refined.adjustment)
-    text = (
-        f"One of these does not fit: the {names.group(suspicion)}; {names.advice(suspicion)}, or "
-        f"tape another line. Nothing was taken out (w = {abs(suspicion.w):.1f})."
-    )
-    members = (suspicion.suspect, *suspicion.group)
-    either = read_first(names.of(member).remedy(member.row) for member in members)
-    return Message(
-        "warning",
-        "blunder-not-located",
-        text,
-        **names.subjects(*members),
-        instead=tuple(one for one in either if one is not None),
-    )
+    kept = f"Nothing was taken out (w = {abs(suspicion.w):.1f})."
+    return report_not_located(ObservationNames(refined.adjustment), suspicion, kept)
 
 
 def indispensable_message(refined: Refined, removal: Removal, why: GeometryError) -> Message:
@@ -304,10 +293,8 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
             f"triangle{also}{how_else}. The results list the measured values of the others under "
             "alternatives."
         )
-        largest = max(largest for _, largest in changes)
-        yield Message(
-            "warning" if largest > SAME_SCENE_TOLERANCE else "info", "ambiguous-pose", text
-        )
+        differs = max(one.sigmas for one in changes) > SAME_SCENE_SIGMAS
+        yield Message("warning" if differs else "info", "ambiguous-pose", text)
     lines = len(refined.adjustment.problem.line_index)
     if survey.telemetry is None and count_known_rows(survey) + lines == 3:
         if survey.known:
@@ -326,11 +313,11 @@ def _report_ambiguity(refined: Refined) -> Iterator[Message]:
         yield Message("warning", "three-lengths", text, labels=ends)
 
 
-def _difference_text(changes: Sequence[tuple[float, float]]) -> str:
+def _difference_text(changes: Sequence[DistanceChanges]) -> str:
     """Describe by how much alternatives change the distances between the points."""
     one_each = "; ".join(
-        f"{figures(100 * median)} % at the median and up to {figures(100 * largest)} %"
-        for median, largest in changes
+        f"{figures(100 * one.median)} % at the median and up to {figures(100 * one.largest)} %"
+        for one in changes
     )
     return f"distances between the points change by {one_each}"
 

@@ -301,13 +301,13 @@ class Candidate:
         if not self.annealed.minimum.converged:
             return False
         gross = sum(len(self.annealed.gross(name)) for name in misfit if name != "roughness")
-        gross += len(self.contradicting)
+        gross += len(self.contradicting) + len(self.first.undetermined)
         if gross > max(1, FEW_GROSS * sum(map(len, misfit.values()))):
             return False
         if gross and not self.checks_lengths():
             return False  # an unchecked length could be wrong instead
         lengths = self.annealed.gross("lengths")
-        if len(lengths) and self._is_placed_by_lengths():
+        if (len(lengths) or not self.fits()) and self._is_placed_by_lengths():
             return False  # in another pose another length may be wrong
         if any(_has_rival(self.annealed, row) for row in lengths):
             return False
@@ -345,9 +345,9 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
         others = _by_cost(taking, _from_softened(rest)) if _are_most_left(taking, rest) else []
         if others and others[0].is_agreed() and others[0].checks_lengths():
             return others[:1]
-    if found and found[0].is_agreed():
+    if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
-    # Several gross errors may be the effects of a single one.
+    # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
     found = _by_cost(taking, chain(found, *map(_with_one_instead, found)))
     if found and found[0].is_agreed():
         return found[:1]
@@ -702,14 +702,15 @@ def _predict(found: Annealed, rows: Mapping[str, Ints]) -> tuple[Floats, Floats,
 
 
 def _with_one_instead(candidate: Candidate) -> Iterator[Candidate]:
-    """Try one gross error in place of several.
+    """Try one gross error in place of several, or of one that leaves a misfit.
 
     A wrong pick turns its photo, and lengths and other picks of the photo no longer fit. All gross
     errors take part again, without the single length or pick that the linear model proposes.
     """
     found = candidate.annealed
     gross = {name: found.gross(name) for name in found.misfit if len(found.gross(name))}
-    if not 1 < sum(map(len, gross.values())) <= MOST_STARTS:
+    number = sum(map(len, gross.values()))
+    if not 0 < number <= MOST_STARTS or (number == 1 and candidate.fits()):
         return
     whole, falls = _falls_with_all(found, gross)
     proposed = sorted(

@@ -22,6 +22,7 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.pose import PhotoExposures
 from uavgram.model.message import Message
+from uavgram.model.naming import counted
 from uavgram.model.survey.survey import Survey
 
 MAX_MISFIT_SIGMAS = 4.0
@@ -101,7 +102,7 @@ UNKNOWN_RAD = 1.0
 """Sigma of a heading [rad] above which it counts as unknown."""
 
 CONTRADICTION_SIGMAS = 4.0
-"""Sigmas by which the points must contradict a course before it counts as unknown."""
+"""Sigmas by which the points must contradict a heading before it counts as unknown."""
 
 MIN_SINE_BELOW_HORIZON = np.sin(np.radians(5.0))
 """Sine of the angle below the horizon under which a ray's place on the ground is unusable."""
@@ -125,7 +126,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
     survey
         Seeds, and the photos' own poses, rotated about the vertical, or entirely.
     messages
-        Photos whose course the picks contradict: their heading counts as unknown. Also those whose
+        Photos whose nose the picks contradict: their heading counts as unknown. Also those whose
         tilt the ties contradict: their attitude counts as unknown.
     """
     track = survey.track
@@ -133,7 +134,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
         return survey, ()
     row = track.rows_of(survey.frame_id)
     sigma = track.sigma_attitude_rad[row, 1]
-    free = track.by_course[row] | (sigma > UNKNOWN_RAD)
+    free = track.by_mount[row] | (sigma > UNKNOWN_RAD)
     if not free.any():
         return survey, ()
     turn = search_headings(_plan(survey, track.sigma_attitude_rad[row, 0], sigma), free)
@@ -148,7 +149,7 @@ def find_headings(survey: Survey) -> tuple[Survey, tuple[Message, ...]]:
         return survey_turned, messages
     off = measure_tilts(tied, survey.seeds.world_from_camera)
     limit = CONTRADICTION_SIGMAS * track.sigma_attitude_rad[row, 0]
-    tilted = track.by_course[row] & (np.nan_to_num(off) > limit)
+    tilted = track.by_mount[row] & (np.nan_to_num(off) > limit)
     if not tilted.any():
         return survey_turned, messages
     return add_attitudes(survey_turned, tied, tilted), (
@@ -200,7 +201,7 @@ def _plan(survey: Survey, tilt_sigma: Floats, turn_sigma: Floats) -> PlanPoints:
 
 
 def _turned(survey: Survey, track: PhotoExposures, turn: Floats, doubted: Bools) -> Survey:
-    """Rotate seeds and exposures about up; a contradicted course gets the sigma of an unknown one.
+    """Rotate seeds and exposures about up; a contradicted heading gets the sigma of an unknown one.
 
     The sigmas of a photo's attitude are those of its tilt and its yaw, and all horizontal axes of
     its position have the same sigma: a rotation about up changes no covariance in the camera's
@@ -240,8 +241,9 @@ def _messages(survey: Survey, turn: Floats, doubted: Bools) -> Iterator[Message]
     if not names:
         return
     text = (
-        f"The picks contradict the heading that the course gives {len(names)} photos: "
-        f"{', '.join(names)}. Their heading was taken as unknown and found from the picks."
+        "The picks contradict the heading of the drone in the tags of "
+        f"{counted(len(names), 'photo')}: {', '.join(names)}. Their heading was taken as unknown "
+        "and found from the picks."
     )
     frames = tuple(survey.frame_id[k] for k in np.flatnonzero(doubted))
     yield Message("info", "course-contradicted", text, frames=frames)

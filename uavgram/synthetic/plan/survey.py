@@ -218,7 +218,7 @@ def _exposures(
         world_from_gimbal=cameras.world_from_gimbal,
         sigma_position_m=np.tile(logged.position_sigma_m, (count, 1)),
         sigma_attitude_rad=np.deg2rad(np.tile(logged.attitude_sigma_deg, (count, 1))),
-        by_course=np.zeros(count, dtype=np.bool_),
+        by_mount=np.zeros(count, dtype=np.bool_),
         source="the plan",
     )
 

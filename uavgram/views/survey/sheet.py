@@ -21,8 +21,9 @@ MAX_STEP = 140.0
 """Largest distance of grid lines; the least is two fifths of that."""
 EDGE, LETTER = 4.0, 5.6
 """Gap between the side of a drawing and text along it; width of a letter there."""
-COMPASS, SCALE_BAR = 90.0, 44.0
-"""Sizes of the areas of north arrow and scale bar, where no line of the grid is named."""
+COMPASS, SCALE_BAR, EASTINGS = 90.0, 44.0, 24.0
+"""Sizes of the areas of north arrow and scale bar, where no line of the grid is named, and of the
+eastings' names along the top, where no northing is."""
 
 INK = {
     "used": "#b0127a",
@@ -134,6 +135,6 @@ def grid_lines(sheet: Sheet, units: Units) -> Iterator[GridLine]:
                 named = half < at < WIDTH - COMPASS - half
                 yield GridLine(at, 0.0, at, sheet.height, at, 10.0, text if named else "")
             else:
-                named = 3 * EDGE < at < sheet.height - SCALE_BAR
+                named = EASTINGS < at < sheet.height - SCALE_BAR
                 at_x = EDGE + half
                 yield GridLine(0.0, at, WIDTH, at, at_x, at - 3.0, text if named else "")

@@ -126,11 +126,31 @@ def test_gimbal_angles_of_zero_in_all_photos_are_not_filled_in(read: Read) -> No
     assert [m.code for m in messages] == ["gimbal-not-filled"]
 
 
-def test_gimbal_angles_of_zero_in_one_photo_are_believed(read: Read) -> None:
-    poses, messages = read(PLACE | ZEROS, PLACE | ZEROS | {"GimbalPitchDegree": "-90.00"})
+NORTH = {"GpsLatitude": "46.5005"}  # 56 m farther
+DOWN = ZEROS | {"GimbalPitchDegree": "-90.00"}
+AHEAD = ZEROS | {"GimbalPitchDegree": "-1.10"}
 
-    np.testing.assert_allclose(np.degrees(poses.ypr_rad[:, 1]), [0.0, -90.0])
-    assert messages == ()
+
+def test_gimbal_angles_of_zero_in_one_photo_are_not_filled_in_where_the_others_look_down(
+    read: Read,
+) -> None:
+    poses, messages = read(PLACE | DOWN, PLACE | NORTH | ZEROS, PLACE | DOWN)
+
+    np.testing.assert_allclose(np.degrees(poses.ypr_rad[:, 1]), [-90.0, np.nan, -90.0])
+    assert [m.code for m in messages] == ["gimbal-not-filled"]
+    assert messages[0].frames == ("DJI_0001.JPG",)
+
+
+@pytest.mark.parametrize("others", [NORTH | AHEAD, DOWN])
+def test_a_camera_that_may_be_level_and_to_the_north_is_believed_with_a_note(
+    read: Read, others: dict[str, str]
+) -> None:
+    """Where the others look to the horizon, or were taken from the same place."""
+    poses, messages = read(PLACE | ZEROS, PLACE | others, {**PLACE, **others, "GpsLatitude": "46"})
+
+    np.testing.assert_array_equal(poses.ypr_rad[0], [0.0, 0.0, 0.0])
+    assert [m.code for m in messages] == ["gimbal-zero"]
+    assert messages[0].frames == ("DJI_0000.JPG",)
 
 
 @pytest.mark.parametrize(
@@ -184,17 +204,32 @@ def test_heights_above_take_off_of_zero_or_of_the_wrong_sign_are_not_used(
         assert f"{heights[odd[0]]:.1f} m" in message.text
 
 
-def test_an_altitude_that_the_maker_left_empty_is_that_of_exif(tmp_path: Path) -> None:
-    gps = ExifGps(latitude_deg=46.8, longitude_deg=-91.9, height_m=198.5, sigma_horizontal_m=2.0)
-    plain = parse_jpeg(tagged_jpeg.jpeg(tagged_jpeg.dji(**PLACE | {"AbsoluteAltitude": "+0.00"})))
+@pytest.mark.parametrize(
+    ("own", "exif", "used", "wrong"),
+    [
+        ("+0.00", 198.5, 198.5, "XMP"),
+        ("-198.50", 198.5, 198.5, "XMP"),
+        ("+198.50", 0.0, 198.5, "EXIF"),
+        ("+198.50", -198.5, 198.5, "EXIF"),
+        ("+198.50", 201.0, 198.5, ""),
+    ],
+)
+def test_of_two_altitudes_the_one_that_can_be_right_is_used_and_the_other_is_named(
+    tmp_path: Path, own: str, exif: float, used: float, wrong: str
+) -> None:
+    gps = ExifGps(latitude_deg=46.8, longitude_deg=-91.9, height_m=exif, sigma_horizontal_m=2.0)
+    plain = parse_jpeg(tagged_jpeg.jpeg(tagged_jpeg.dji(**PLACE | {"AbsoluteAltitude": own})))
     assert plain is not None
     path = tmp_path / "DJI_0000.JPG"
     tags = Segment(APP1, EXIF_HEAD + set_gps(None, gps))
     path.write_bytes(build_jpeg([tags, *plain.segments], plain.scan))
     poses, messages = read_photo_tags(tagged_jpeg.photos([path]))
 
-    assert poses.height_m.tolist() == [198.5]
-    assert messages == ()
+    assert poses.height_m.tolist() == [used]
+    assert [(m.code, m.level) for m in messages] == [("odd-altitude", "info")] * bool(wrong)
+    for message in messages:
+        assert message.frames == ("DJI_0000.JPG",)
+        assert f"the altitude in {'EXIF' if wrong == 'EXIF' else 'their'}" in message.text
 
 
 def test_vehicle_angles_of_zero_in_all_photos_are_not_filled_in(read: Read) -> None:

@@ -56,6 +56,10 @@ class Calibration(Observation):
         camera = self.problem.survey.calibration
         return parameter_names(camera.model, len(camera.parameters))[member.axis]
 
+    def suspect(self, member: Member) -> str:
+        """Return ``camera file (fx)`` and the like."""
+        return f"camera file ({self.axis(member)})"
+
     def unit(self, member: Member) -> tuple[str, float]:
         """Return pixels, or no unit."""
         return get_unit("px" if self.axis(member) in ("fx", "fy", "cx", "cy") else "1")

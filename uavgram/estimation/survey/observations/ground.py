@@ -121,6 +121,11 @@ class Departures(Observation):
         is_height = self.name == "heights"
         return f"height of {label!r}" if is_height else f"departure of {label!r} from the plane"
 
+    def suspect(self, member: Member) -> str:
+        """Return ``ground at 'P'`` or ``height of 'P'``."""
+        (label,) = self.subjects(member.row)["labels"]
+        return f"height of {label!r}" if self.name == "heights" else f"ground at {label!r}"
+
     def subjects(self, row: int) -> Subjects:
         """Return its label."""
         return {"labels": (str(self.problem.survey.label[self.label[row]]),)}

@@ -197,10 +197,13 @@ class Lengths(Observation):
 
     def misfit(self, found: Misfit) -> tuple[str, str]:
         """Describe a length that does not fit."""
-        taped = self.problem.survey.length_m[self.problem.line_index[found.member.row]]
-        adjusted = taped + found.off[0]
+        survey, line = self.problem.survey, self.problem.line_index[found.member.row]
+        taped = survey.length_m[line]
+        # Without the length the rest shows its reading plus the estimated error w sigma / sqrt(r).
+        error = abs(found.w) * survey.length_sigma_m[line] / np.sqrt(found.redundancy)
+        rest = taped + np.copysign(error, found.off[0])
         what = self.named(found.member.row)
-        how = f"taped {taped:.3f} m, adjusted {adjusted:.3f} m (w = {found.w:.1f})"
+        how = f"taped {taped:.3f} m, the rest shows {rest:.3f} m (w = {found.w:.1f})"
         return (
             f"The length {what} does not fit: {how}. Look at the reading, at its ends and at their "
             f"picks.",

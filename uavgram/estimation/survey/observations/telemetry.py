@@ -99,7 +99,7 @@ class Telemetry(Observation):
             world_from_gimbal=gimbal,
             sigma_position_m=sizes[:, [0, 2]],
             sigma_attitude_rad=sizes[:, [3, 5]],
-            by_course=np.zeros(len(center), dtype=np.bool_),
+            by_mount=np.zeros(len(center), dtype=np.bool_),
             source="a simulation",
         )
         now = exposures_by_time(exposures, poses.frame_id)(prior.time_s)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.camera_motion import gimbal_from_nadir
 from uavgram.io.photos.metadata import (
     DJI,
@@ -31,7 +32,7 @@ from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
 from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
-from uavgram.model.naming import counted, listed_photos
+from uavgram.model.naming import listed_photos
 
 Angles = tuple[float, float, float]
 NONE: Angles = (math.nan, math.nan, math.nan)
@@ -42,6 +43,8 @@ RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M = 0.05, 0.10
 # Programs that rotate photos on a click, and leave the pose tags unchanged.
 _EDITORS = re.compile(r"windows|viewer|picasa|photoshop|lightroom|gimp|irfan|photos", re.IGNORECASE)
 _UPSIDE_DOWN_DEG = 90.0
+_LEVEL_DEG = 3.0  # a gimbal's own accuracy
+_MOVED_M = 3.0  # a receiver's: photos farther apart were not taken from one place
 _NEAR_NADIR_DEG = 30.0
 # A barometric altitude may be some tens of metres off, and below the sea by as much.
 _LEAST_DEPTH_M = 30.0
@@ -73,6 +76,7 @@ class TagPose:
     longitude_deg: float
     height_m: float
     height_home_m: float = math.nan
+    exif_height_m: float = math.nan  # where the maker's own tags have a height
     datum: HeightDatum = "msl"
     datum_guess: str = ""
     ypr_deg: Angles = NONE
@@ -108,7 +112,8 @@ def dji_pose(xmp: XmpTags, exif: ExifPlace) -> TagPose | None:
     return TagPose(
         latitude_deg=latitude,
         longitude_deg=longitude,
-        height_m=next((h for h in (altitude, exif.altitude_m) if abs(h) > 0), altitude),
+        height_m=exif.altitude_m if math.isnan(altitude) else altitude,
+        exif_height_m=exif.altitude_m,
         height_home_m=number("RelativeAltitude"),
         datum="ellipsoid" if has_rtk else "msl",
         datum_guess=RTK_GUESS if has_rtk else DJI_GUESS,
@@ -246,33 +251,113 @@ def _without_fillers(
     frame_id: tuple[str, ...], poses: list[TagPose]
 ) -> tuple[list[TagPose], list[Message]]:
     """Remove angles and altitudes that are mere fillers; return messages about them."""
-    messages = []
-    angles = [pose.ypr_deg for pose in poses if _has_attitude(pose)]
-    if angles and not np.any(angles):
-        poses = [replace(pose, ypr_deg=NONE) for pose in poses]
-        text = (
-            f"{counted(len(angles), 'photo')} state gimbal angles of exactly 0, 0 and 0: the drone "
-            "did not fill them in, and they were not used. State `mount` in the project, or the "
-            "angles in a CSV file (`poses`)."
-        )
-        messages.append(Message("warning", "gimbal-not-filled", text))
-    if not np.any([pose.vehicle_ypr_deg for pose in poses]):
-        poses = [replace(pose, vehicle_ypr_deg=NONE) for pose in poses]
+    poses, of_angles = _without_zero_angles(frame_id, poses)
+    poses, of_heights = _with_exif_heights(frame_id, poses)
+    messages = [*of_angles, *of_heights]
     for name, what in _HEIGHTS.items():
-        height = np.array([getattr(pose, name) for pose in poses])
+        height = _column(poses, name)
         odd = np.flatnonzero(_is_odd(name, height, poses))
         if not odd.size:
             continue
         names = tuple(frame_id[k] for k in odd)
-        stated = sorted({f"{height[k]:.1f} m" for k in odd})
         text = (
             f"{listed_photos(names)} cannot have been taken at the {what} that the tags state "
-            f"({', '.join(stated)}): it is missing, 0 or of the wrong sign, and was not used, "
-            "the place was. Give true heights in a CSV file (`poses`)."
-        ).replace("nan m", "none")
+            f"({_listed_heights(height[odd])}): it is missing, 0 or of the wrong sign, and was not "
+            "used, the place was. Give true heights in a CSV file (`poses`)."
+        )
         messages.append(Message("warning", "odd-altitude", text, frames=names))
         unknown: dict[str, Any] = {name: math.nan}
         poses = [replace(p, **unknown) if k in odd else p for k, p in enumerate(poses)]
+    return poses, messages
+
+
+def _column(poses: list[TagPose], name: str) -> Floats:
+    return np.array([getattr(pose, name) for pose in poses], dtype=np.float64)
+
+
+def _listed_heights(height_m: Floats) -> str:
+    """List distinct heights in words; none where missing."""
+    return ", ".join(sorted({f"{h:.1f} m" for h in height_m})).replace("nan m", "none")
+
+
+def _without_zero_angles(
+    frame_id: tuple[str, ...], poses: list[TagPose]
+) -> tuple[list[TagPose], list[Message]]:
+    """Remove angles that are exactly 0, 0 and 0 as the drone did not fill them in.
+
+    A gimbal may truly be level and point to the north. It is taken for not filled in where no photo
+    states anything else, or where the photos that do look elsewhere than to the horizon and were
+    taken at other places.
+    """
+    poses = [p if np.any(p.vehicle_ypr_deg) else replace(p, vehicle_ypr_deg=NONE) for p in poses]
+    angles = np.array([pose.ypr_deg for pose in poses])
+    stated = np.isfinite(angles).all(axis=1)
+    zero, filled = stated & ~angles.any(axis=1), stated & angles.any(axis=1)
+    if not zero.any():
+        return poses, []
+    empty = zero
+    if filled.any():
+        is_level = (np.abs(angles[filled, 1]) <= _LEVEL_DEG).any()
+        empty = zero & _are_elsewhere(poses, filled) & ~is_level
+    messages = []
+    if empty.any():
+        names = tuple(frame_id[k] for k in np.flatnonzero(empty))
+        text = (
+            f"{_stating_zero(names)}: the drone did not fill them in, and they were not used. "
+            "State `mount` in the project, or the angles in a CSV file (`poses`)."
+        )
+        messages.append(Message("warning", "gimbal-not-filled", text, frames=names))
+    if (zero & ~empty).any():
+        names = tuple(frame_id[k] for k in np.flatnonzero(zero & ~empty))
+        text = (
+            f"{_stating_zero(names)}: taken as level and to the north. If the drone did not fill "
+            "them in, give the angles in a CSV file (`poses`)."
+        )
+        messages.append(Message("info", "gimbal-zero", text, frames=names))
+    return [replace(p, ypr_deg=NONE) if empty[k] else p for k, p in enumerate(poses)], messages
+
+
+def _stating_zero(names: tuple[str, ...]) -> str:
+    state = "states" if len(names) == 1 else "state"
+    return f"{listed_photos(names)} {state} gimbal angles of exactly 0, 0 and 0"
+
+
+def _are_elsewhere(poses: list[TagPose], others: Bools) -> Bools:
+    """Mark photos (N,) whose place is known, and near that of none of the others."""
+    placed = np.array([_has_place(pose) for pose in poses])
+    away = placed.copy()
+    if placed.any():
+        degrees = np.array([(pose.latitude_deg, pose.longitude_deg) for pose in poses])
+        origin = (*degrees[placed][0], 0.0)
+        latitude, longitude = degrees[placed].T
+        place = enu_from_geodetic(latitude, longitude, 0.0, origin)[:, :2]
+        apart = np.linalg.norm(place[:, None] - place[None, others[placed]], axis=2)
+        away[placed] = (apart > _MOVED_M).all(axis=1)
+    return away
+
+
+def _with_exif_heights(
+    frame_id: tuple[str, ...], poses: list[TagPose]
+) -> tuple[list[TagPose], list[Message]]:
+    """Replace odd altitudes in the maker's tags by those of EXIF; report either kind of odd one."""
+    own, exif = _column(poses, "height_m"), _column(poses, "exif_height_m")
+    odd_own = _is_odd("height_m", own, poses)
+    odd_exif = _is_odd("height_m", exif, poses) & np.isfinite(exif)
+    from_exif = odd_own & np.isfinite(exif) & ~odd_exif
+    messages = []
+    for which, wrong, right, odd in (
+        (from_exif, "their maker's tags (XMP)", "EXIF", own),
+        (odd_exif & ~odd_own, "EXIF", "their maker's tags (XMP)", exif),
+    ):
+        names = tuple(frame_id[k] for k in np.flatnonzero(which))
+        if names:
+            text = (
+                f"{listed_photos(names)} cannot have been taken at the altitude in {wrong} "
+                f"({_listed_heights(odd[which])}): it is 0 or of the wrong sign. The one in "
+                f"{right} was used."
+            )
+            messages.append(Message("info", "odd-altitude", text, frames=names))
+    poses = [replace(p, height_m=exif[k]) if from_exif[k] else p for k, p in enumerate(poses)]
     return poses, messages
 
 

@@ -187,7 +187,7 @@ def _cause(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> Cause:
     message = hypothesis.message(best.found)
     if rival is not None and rival.hypothesis.message is not None:
         other = rival.hypothesis.message(rival.found).text.split(": ")[0]
-        message = replace(message, text=f"{message.text} Or, just as likely: {other}.")
+        message = _add_alternative(message, f"Or, just as likely: {other}.")
     return Cause(
         message=message,
         # An ambiguous cause is reported, but not corrected.
@@ -225,12 +225,20 @@ def _of_both(message: Message, written: Survey, swapped: SurveyCorrection) -> Me
     """
     pair = [written.label[k] for k in sorted(set(swapped.label_of_pick.values()))]
     named = " and ".join(map(repr, pair))
-    return replace(
+    where = "in all photos" if len(written.frame_id) > 1 else "in the photo"
+    either = _add_alternative(
         message,
-        text=f"{message.text} Or the labels {named} are swapped in all photos, and nothing shows "
-        "which: look which point is which.",
-        labels=tuple(dict.fromkeys((*message.labels, *pair))),
+        f"Or the labels {named} are swapped {where}, and nothing shows which: look which point is "
+        "which.",
     )
+    return replace(either, labels=tuple(dict.fromkeys((*message.labels, *pair))))
+
+
+def _add_alternative(message: Message, sentence: str) -> Message:
+    """Insert another cause behind the first sentence, so that a summary contains both."""
+    first, full_stop, rest = message.text.partition(". ")
+    text = f"{first}. {sentence} {rest}" if full_stop else f"{first} {sentence}"
+    return replace(message, text=text)
 
 
 def _find_likeliest(
