@@ -47,7 +47,7 @@ class Survey:
             raise UavgramError("Nothing is picked yet.")
         return SimpleNamespace(seconds=self.seconds, count=count)
 
-    def linearised(self, base: LiveAdjustment, observed: Observations) -> SimpleNamespace:
+    def update_linearly(self, base: LiveAdjustment, observed: Observations) -> SimpleNamespace:
         self.linearised_.append(len(observed.picks.image))
         return SimpleNamespace(base=base)
 

@@ -43,7 +43,7 @@ class Agreeing(PredictedPlaces):
 
     wrong: ClassVar[Collection[tuple[str, str]]] = ()
 
-    def contradicted(self, rows: Ints, *_: Floats) -> Bools:
+    def mark_contradicted(self, rows: Ints, *_: Floats) -> Bools:
         return np.array([(self.image[k], self.label[k]) in self.wrong for k in rows])
 
 
