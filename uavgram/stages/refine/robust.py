@@ -88,6 +88,9 @@ PROMISING = 0.5
 """Share of the gross error's decrease of the sum of squares that another observation must reach, in
 the linear model, to be tried instead."""
 
+DISORDER_SHARE = 0.25
+"""Ratio of gross errors to picks above which a whole photo may be wrong."""
+
 MOST_PROPOSED = 3
 """Number of single gross errors that are tried in place of several."""
 
@@ -106,6 +109,13 @@ MISPLACED = LeftOut(
     LeftOutCause.MISPLACED_FRAME,
     "most of its picks contradict the other photos, the lengths and the log: look for labels in "
     "disorder, for a photo of another place, or one that was mirrored or turned",
+)
+
+
+EITHER = LeftOut(
+    LeftOutCause.MISPLACED_FRAME,
+    "it and the other photo contradict each other, and nothing shows which of the two is wrong: "
+    "look whether both show the same points, and whether one was mirrored or turned",
 )
 
 
@@ -194,6 +204,8 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
             best = agreed[0]
             rest = best.taking.without_frames(best.misplaced, MISPLACED)
             agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
+        if not agreed or agreed[0].is_in_disorder():
+            agreed = _of_either_photo(taking) or agreed
         robust = _without_outliers(agreed)
         if robust is not None:
             return replace(robust, refined=_with_misplaced(taking.survey, robust.refined))
@@ -202,6 +214,25 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         raise failed
     plain = _with_misplaced(taking.survey, plain)
     return Robust(taking.survey, plain, np.zeros(0, dtype=np.int64))
+
+
+def _of_either_photo(taking: Participants) -> list[Candidate]:
+    """Adjust each of two photos alone, as they contradict each other; return the one that fits.
+
+    Where both fit alone, nothing shows which of them is wrong.
+    """
+    survey = taking.survey
+    frames = np.unique(survey.pick_frame[taking.keep]).tolist()
+    if len(frames) != 2:
+        return []
+    alone = (_most_agreed(taking.without_frame(frame, MISPLACED)) for frame in frames)
+    fitting = [found[0] for found in alone if found and found[0].fits()]
+    fitting.sort(key=lambda one: one.annealed.cost)
+    if len(fitting) < 2 or fitting[1].annealed.cost > fitting[0].annealed.cost + RIVAL:
+        return fitting[:1]
+    taking = fitting[0].taking
+    reason = {pick: EITHER if why is MISPLACED else why for pick, why in taking.reason.items()}
+    return [replace(fitting[0], taking=replace(taking, reason=reason))]
 
 
 def _with_misplaced(survey: Survey, refined: Refined) -> Refined:
@@ -312,6 +343,13 @@ class Candidate:
         if any(_has_rival(self.annealed, row) for row in lengths):
             return False
         return not self._strains_a_prior()
+
+    def is_in_disorder(self) -> bool:
+        """Return whether so much is wrong, in relation to the picks, that a whole photo may be."""
+        wrong = sum(len(self.annealed.gross(name)) for name in self.annealed.misfit)
+        wrong += len(self.contradicting)
+        converged = self.annealed.minimum.converged
+        return not converged or wrong > DISORDER_SHARE * self.taking.keep.sum()
 
     def checks_lengths(self) -> bool:
         """Return whether other observations check every length."""

@@ -25,6 +25,7 @@ from uavgram.stages.refine.causes.label_assignment import (
     project_plane,
 )
 from uavgram.stages.refine.causes.stray_picks import labels_of
+from uavgram.stages.refine.robust import EITHER
 
 MAX_PHOTOS = 12
 """Largest number of left-out photos that are examined."""
@@ -207,11 +208,13 @@ def propose_photos_elsewhere(
         if name in settled:
             continue
         picks = picks_of(diagnosis, frame)
+        reasons = {diagnosis.refined.pick_reason.get(pick) for pick in picks.tolist()}
+        is_either = EITHER in reasons
         mend = SurveyCorrection(without_picks=frozenset(picks.tolist()))
         found.append(
             Cause(
-                message=_elsewhere_message(name),  # no automatic correction
-                mend=mend,
+                message=_either_message(diagnosis, name) if is_either else _elsewhere_message(name),
+                mend=None if is_either else mend,
                 gain=4.0 * PRICE * len(picks),
                 settles=frozenset([name]),
             )
@@ -317,6 +320,21 @@ def _disorder_message(
             ending="Each pick is at the place of another of them: look, and change the labels "
             "there.",
         ),
+    )
+
+
+def _either_message(diagnosis: Diagnosis, frame: str) -> Message:
+    """Report a photo and the one that is used, which contradict each other, but fit alone."""
+    used = diagnosis.adjustment.survey.frame_id
+    frames = (*used, frame)
+    return Message(
+        "warning",
+        "photo-elsewhere",
+        f"One of the photos {' and '.join(map(repr, frames))} shows another place, was mirrored or "
+        "turned, or has its labels in disorder, and nothing shows which: look at both. Only the "
+        f"picks of {listed_photos(used)} are used.",
+        frames=frames,
+        plain="The two photos contradict each other: one of them shows another place.",
     )
 
 
