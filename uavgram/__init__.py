@@ -47,7 +47,7 @@ def __getattr__(name: str) -> Any:  # noqa: ANN401
     if name not in _HOME:
         raise AttributeError(f"module 'uavgram' has no attribute {name!r}")
     if "IPython" in sys.modules:  # from now on, it shows results as people read them
-        importlib.import_module("uavgram.views.notebook.display").register()
+        importlib.import_module("uavgram.views.notebook.display").register_display()
     if name == "plots":
         return importlib.import_module("uavgram.views.notebook.plots")
     return getattr(importlib.import_module(_HOME[name]), name)

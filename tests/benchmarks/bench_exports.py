@@ -24,7 +24,7 @@ import synthetic_survey
 from uavgram.geometry.earth.geodesy import utm_crs
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import FrameResults, PickResults, PickStatus, PoseTable
-from uavgram.pipeline.measure.exports import exports
+from uavgram.pipeline.measure.exports import make_writers
 
 PICKS_A_POINT = 5
 
@@ -83,7 +83,7 @@ def main(frames: int, points: int) -> int:
     """Print seconds and megabytes of each."""
     result = large(frames, points)
     started = time.perf_counter()
-    writers = exports(result)
+    writers = make_writers(result)
     print(f"{'layers':28s} {time.perf_counter() - started:7.2f} s")
     with tempfile.TemporaryDirectory() as scratch:
         for name, write in writers.items():

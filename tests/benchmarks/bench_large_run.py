@@ -30,8 +30,7 @@ from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.photos.exif_insertion import insert_exif
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import SimulatedLog
-from uavgram.pipeline.measure.journal import Journal
-from uavgram.pipeline.measure.run import run
+from uavgram.pipeline.measure.run import Journal, run
 
 HOME = np.array([50.0, 8.0, 200.0])
 HEIGHT_M, SPACING_M, STEP_S = 40.0, 10.0, 2.0

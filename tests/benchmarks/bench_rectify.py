@@ -46,7 +46,7 @@ from uavgram.geometry.ground.top_view import View
 from uavgram.io.digest import photo_files
 from uavgram.io.exports.geotiff import write_colour_geotiff
 from uavgram.model.maps import GroundRaster
-from uavgram.pipeline.ground_picture import warped_windows
+from uavgram.pipeline.ground_picture import warp_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.products.top_view import choose_view, lay_raster
@@ -103,7 +103,7 @@ def ours(view: View, pixel_m: float, path: Path) -> Took:
     """From photo file to GeoTIFF."""
     started, busy = time.perf_counter(), time.process_time()
     raster = lay_raster(view, pixel_m)
-    write_colour_geotiff(raster, warped_windows(view, raster), {}, path)
+    write_colour_geotiff(raster, warp_windows(view, raster), {}, path)
     return Took(time.perf_counter() - started, time.process_time() - busy, np.nan)
 
 

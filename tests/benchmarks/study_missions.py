@@ -26,7 +26,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "support"))
 from mission_files import by_plan, by_pymavlink, stations
 
 from uavgram.model.planned import FlightPlanned
-from uavgram.pipeline.parallel import in_processes
+from uavgram.pipeline.parallel import run_in_processes
 from uavgram.stages.products.mission import flight_mission
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.run import plan
@@ -96,7 +96,7 @@ def main() -> None:
                 there = replace(scenario, flight=replace(scenario.flight, poses=poses))
                 repeat = partial(run_repetition, ScenarioWorld(there))
                 numbers = range(k * asked.repetitions, (k + 1) * asked.repetitions)
-                rows = list(in_processes(repeat, numbers, asked.workers))
+                rows = list(run_in_processes(repeat, numbers, asked.workers))
                 told(f"{name}, {file}", made, rows)
 
 

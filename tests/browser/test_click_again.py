@@ -15,7 +15,7 @@ from playwright.sync_api import expect
 
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.pipeline.pick.live import Adjusted, Observed
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
 
 PLACES = {"New": (700.0, 500.0), "Other": (900.0, 640.0)}
 
@@ -39,7 +39,7 @@ def test_each_point_is_shown_without_a_mark_and_its_second_click_is_kept(
     with served(project) as server:
         survey, adjust = server.picking.survey, server.picking.survey.adjust
 
-        def adjusted(observed: Observed) -> Adjusted:
+        def adjusted(observed: Observations) -> LiveAdjustment:
             found = adjust(observed)
             return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
 
@@ -85,7 +85,7 @@ def test_escape_ends_the_round(
     with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
         survey, adjust = server.picking.survey, server.picking.survey.adjust
 
-        def adjusted(observed: Observed) -> Adjusted:
+        def adjusted(observed: Observations) -> LiveAdjustment:
             found = adjust(observed)
             return replace(found, computed=found.computed._replace(result=unchecked(found.result)))
 

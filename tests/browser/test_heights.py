@@ -16,7 +16,7 @@ from playwright.sync_api import Page, expect
 
 from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.pipeline.pick.live import Adjusted, Observed
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_a_height_that_nobody_stated_is_told_and_freed_by_a_button(
     reason = Reason(cause=told.code, text=text, labels=("R1",), plain=text, mend=mend)
     why = Verdict(level="amber", reasons=(reason,))
 
-    def telling(observed: Observed) -> Adjusted:
+    def telling(observed: Observations) -> LiveAdjustment:
         """What tells of heights is tested elsewhere."""
         found = adjust(observed)
         if observed.picks.is_free.any():

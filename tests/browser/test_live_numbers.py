@@ -16,7 +16,7 @@ from picking_server import Served, served
 from playwright.sync_api import expect
 from unsure import unsure
 
-from uavgram.pipeline.pick.live import Adjusted, Observed
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
 
 GREY = 'body[data-numbers="old"]'
 ADJUSTED = '#mode[data-mode="adjusted"]'
@@ -34,7 +34,7 @@ def slow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Slow]:
         hold.set()
         adjust = survey.adjust
 
-        def held(observed: Observed) -> Adjusted:
+        def held(observed: Observations) -> LiveAdjustment:
             hold.wait(60)
             return adjust(observed)
 
@@ -98,7 +98,7 @@ def test_a_value_that_another_solution_changes_shows_the_other_one_beside_it(
     server, _ = slow
     survey, adjust = server.picking.survey, server.picking.survey.adjust
 
-    def ambiguous(observed: Observed) -> Adjusted:
+    def ambiguous(observed: Observations) -> LiveAdjustment:
         adjusted = adjust(observed)
         result = unsure(adjusted.result, "D1", (12.3456, 45.6789))
         return replace(adjusted, computed=adjusted.computed._replace(result=result))

@@ -17,7 +17,7 @@ from standings import with_status
 from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.pipeline.pick.live import Adjusted, Observed
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, Observations
 
 SWAPPED = Reason(
     cause="labels-swapped",
@@ -65,7 +65,7 @@ def test_a_length_that_does_not_fit_is_read_again_before_it_is_removed(
     with served(write_large_project(tmp_path, 1600, 1200, labels=25)) as server:
         survey, adjust = server.picking.survey, server.picking.survey.adjust
 
-        def adjusted(observed: Observed) -> Adjusted:
+        def adjusted(observed: Observations) -> LiveAdjustment:
             found = adjust(observed)
             off = one_length_off(found.result)
             return replace(found, computed=found.computed._replace(result=off))
@@ -90,7 +90,7 @@ def test_the_light_the_rows_and_the_drawing_follow_the_verdict(
         survey, adjust = server.picking.survey, server.picking.survey.adjust
         judged = contradicted
 
-        def adjusted(observed: Observed) -> Adjusted:
+        def adjusted(observed: Observations) -> LiveAdjustment:
             """What passes the verdict is tested elsewhere."""
             found = adjust(observed)
             return replace(found, computed=found.computed._replace(result=judged(found.result)))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
-from uavgram.views.viewer.proxy import LOOPBACK, ViewerGate
+from uavgram.views.viewer.proxy import LOOPBACK, ViewerProxy
 
 PAGE = """<!doctype html><html><head><title>viewer</title>
 <link rel="preconnect" href="http://ELSEWHERE/">
@@ -55,7 +55,7 @@ class Answer(BaseHTTPRequestHandler):
         pass
 
 
-Gate = tuple[ViewerGate, Talkative]
+Gate = tuple[ViewerProxy, Talkative]
 
 
 @pytest.fixture
@@ -65,7 +65,7 @@ def behind_gate(tmp_path: Path) -> Iterator[Gate]:
     recording.write_bytes(b"RRF2 and more")
     elsewhere = Talkative()
     viewer = Talkative(PAGE.replace("ELSEWHERE", f"{LOOPBACK}:{elsewhere.server_port}"))
-    gate = ViewerGate(viewer.server_port, recording)
+    gate = ViewerProxy(viewer.server_port, recording)
     yield gate, elsewhere
     gate.close()
     for server in (elsewhere, viewer):

@@ -11,7 +11,7 @@ from uavgram.errors import InputError
 from uavgram.estimation.reliability.stated_values import explain_coordinates
 from uavgram.model.survey.survey import Geodetic, World
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.measure.pose import known_in_world
+from uavgram.pipeline.measure.pose import transform_known
 
 WORLD = World(origin=Geodetic(47.3, 8.55, 400.0), height_datum="msl", gauge="world")
 
@@ -24,13 +24,13 @@ def test_a_point_with_latitude_and_longitude_exchanged_is_a_mistake(
     (project / "points.csv").write_text(rows)
     project.set(**{role: "points.csv"})
     right = read_inputs(project.path)
-    known, _ = known_in_world(right, getattr(right, role), WORLD)
+    known, _ = transform_known(right, getattr(right, role), WORLD)
     assert known.world_m[0] == pytest.approx([0.0, 111.2, 0.0], abs=0.1)
 
     (project / "points.csv").write_text(f"{rows}B,8.55,47.301,400,1\n")
     wrong = read_inputs(project.path)
     with pytest.raises(InputError, match=r"point 'B' .* latitude and longitude exchanged"):
-        known_in_world(wrong, getattr(wrong, role), WORLD)
+        transform_known(wrong, getattr(wrong, role), WORLD)
 
 
 @pytest.mark.parametrize("crs", ["auto", "EPSG:25832"])
@@ -46,7 +46,7 @@ def test_a_point_with_easting_and_northing_exchanged_is_a_mistake(
     project.set(**{role: "points.csv", "crs": crs})
     wrong = read_inputs(project.path)
     with pytest.raises(InputError, match=r"point 'B' .* easting and northing exchanged"):
-        known_in_world(wrong, getattr(wrong, role), WORLD)
+        transform_known(wrong, getattr(wrong, role), WORLD)
 
 
 def test_points_that_are_all_of_another_place_are_a_mistake(project: Project) -> None:
@@ -57,7 +57,7 @@ def test_points_that_are_all_of_another_place_are_a_mistake(project: Project) ->
     project.set(control="points.csv")
     wrong = read_inputs(project.path)
     with pytest.raises(InputError, match=r"all known points are far .* 'A' by 111 km"):
-        known_in_world(wrong, wrong.control, WORLD)
+        transform_known(wrong, wrong.control, WORLD)
 
 
 def test_local_coordinates_that_are_exchanged_are_named_by_where_the_points_were_found() -> None:

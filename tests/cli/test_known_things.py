@@ -11,7 +11,7 @@ from small_projects import Command, Project
 
 import uavgram
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.pick.live import LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveSurvey, Observations
 
 
 @pytest.fixture
@@ -115,9 +115,9 @@ def test_the_picking_page_adjusts_with_it(project: Project, truth: dict[str, Flo
     with_known(project, f"skid,distance,P1;P2,{apart(truth, 'P1', 'P2')},0.002,")
     live = LiveSurvey.open(project.path)
     inputs = live.inputs
-    observed = Observed(picks=inputs.picks, lines=inputs.lines, requests=inputs.requests)
+    observed = Observations(picks=inputs.picks, lines=inputs.lines, requests=inputs.requests)
     adjusted = live.adjust(observed)
-    moved = live.linearised(adjusted, observed)
+    moved = live.update_linearly(adjusted, observed)
 
     assert adjusted.result.known.status == ("used",)
     assert moved is not None

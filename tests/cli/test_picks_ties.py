@@ -14,7 +14,7 @@ from uavgram.io.locks import ProjectLock
 from uavgram.io.tables.ties import read_ties
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
-from uavgram.pipeline.measure.tie_points import are_missing, with_ties_found
+from uavgram.pipeline.measure.tie_points import add_found_ties, are_missing
 
 OWN = "p0.png,m1,100,120,0.5,mine\np1.png,m1,200,120,0.5,mine\n"
 HEADER = "image,tie,u_px,v_px,sigma_px,source\n"
@@ -124,7 +124,7 @@ def test_ties_that_are_asked_for_and_missing_are_found_kept_and_read_again(proje
     inputs = read_inputs(project, unfinished=True)
     assert are_missing(inputs)
 
-    found = with_ties_found(inputs, pose_frames(inputs), write=True)
+    found = add_found_ties(inputs, pose_frames(inputs), write=True)
 
     again = read_inputs(project, unfinished=True)
     assert not are_missing(again)

@@ -12,7 +12,7 @@ from typing import Never
 import pytest
 from small_projects import Command, Fails, Project
 
-from uavgram.pipeline.measure.compute import Computed, compute
+from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
 run_module = importlib.import_module("uavgram.pipeline.measure.run")
@@ -21,7 +21,7 @@ exports_module = importlib.import_module("uavgram.pipeline.measure.exports")
 
 
 @pytest.fixture(scope="module")
-def computed(small_survey: Path, tmp_path_factory: pytest.TempPathFactory) -> Computed:
+def computed(small_survey: Path, tmp_path_factory: pytest.TempPathFactory) -> Computation:
     """What would differ from the earlier results in every file: another measurement's name."""
     folder = tmp_path_factory.mktemp("computed") / "survey"
     shutil.copytree(small_survey, folder)
@@ -31,7 +31,7 @@ def computed(small_survey: Path, tmp_path_factory: pytest.TempPathFactory) -> Co
 
 
 @pytest.fixture(autouse=True)
-def _computed_once(monkeypatch: pytest.MonkeyPatch, computed: Computed) -> None:
+def _computed_once(monkeypatch: pytest.MonkeyPatch, computed: Computation) -> None:
     """Nothing is broken off while it is computed, but once; so it need not be done each time."""
     monkeypatch.setattr(run_module, "compute", lambda *_args, **_named: computed)
 

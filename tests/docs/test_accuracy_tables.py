@@ -42,5 +42,5 @@ def test_the_page_has_a_table_of_each_section(monkeypatch: pytest.MonkeyPatch) -
     page = (ROOT / "docs" / "accuracy.md").read_text(encoding="utf-8")
     for name in script.SECTIONS:
         made = page.partition(f"<!-- made: {name} -->")[2].partition(f"<!-- end: {name} -->")[0]
-        assert made.strip().startswith("| what is measured |"), name
+        assert made.strip().startswith("| measured |"), name
         assert replaced(page, name, made.strip("\n")) == page

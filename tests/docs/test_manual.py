@@ -137,8 +137,6 @@ def test_the_readme_is_a_page() -> None:
 def test_commands_that_pages_name_exist() -> None:
     exist = {name for name in app if not name.startswith("-")}
     for page in PAGES:
-        if page.name == "docs/CHANGELOG.md":  # has commands that went
-            continue
         code = "\n".join(re.findall(r"`+[^`]+`+", page.text))
         found = set(re.findall(r"\buavgram ([a-z]+)\b", code)) - {"import"}
         assert found <= exist, page.name

@@ -21,7 +21,7 @@ from uavgram.estimation.survey.observations.kinds import KINDS
 from uavgram.model.catalogue.entry import Effect
 from uavgram.model.catalogue.lookup import CATALOGUE, SUBJECTS
 from uavgram.model.flight.log import FaultKind
-from uavgram.views.explanations import page
+from uavgram.views.explanations import messages_page
 
 KINDS_REMOVED = set(get_args(get_type_hints(Removal)["kind"])) - {"mend"}
 """A mend has the code of the cause that it mends."""
@@ -211,7 +211,7 @@ def test_each_entry_has_the_levels_of_its_messages(
 def test_the_page_is_that_of_the_catalogue(repository: Path) -> None:
     written = (repository / "docs" / "messages.md").read_text(encoding="utf-8")
 
-    assert written == page()  # else: uavgram explain --markdown > docs/messages.md
+    assert written == messages_page()  # else: uavgram explain --markdown > docs/messages.md
     subjects = re.findall(r"^## (.+)$", written, flags=re.MULTILINE)
     anchors = [re.sub(r"[^\w\- ]", "", one.lower()).replace(" ", "-") for one in subjects]
     assert re.findall(r"^- \[.+\]\(#(.+)\)", written, flags=re.MULTILINE) == anchors

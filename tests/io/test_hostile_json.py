@@ -11,16 +11,16 @@ from uavgram.io.cameras.odm import read_odm_camera
 from uavgram.io.imports import read_labelme
 from uavgram.io.json_text import parse_json
 from uavgram.io.results.results_json import load_results
-from uavgram.picking.storage.journal import Left, left_in
+from uavgram.picking.storage.journal import JournalContent, load_journal
 
 DEEP = "[" * 200_000 + "]" * 200_000
 LONG = "9" * 5000
 HUGE = "9" * 400  # an integer to Python, and no float
 
 
-def read_journal(path: Path) -> Left:
+def read_journal(path: Path) -> JournalContent:
     path.write_bytes(path.read_bytes() + b"\n")
-    return left_in(path)
+    return load_journal(path)
 
 
 READERS = (load_results, read_odm_camera, read_labelme, read_journal)
@@ -79,7 +79,7 @@ def test_a_journal_of_other_things_is_one_message_with_the_way_out(
     path = tmp_path / "pick.journal"
     path.write_text(json.dumps(entry) + "\n")
     with pytest.raises(UavgramError, match="is no journal of this program: move it away"):
-        left_in(path)
+        load_journal(path)
 
 
 def test_other_json_is_what_it_was(tmp_path: Path) -> None:

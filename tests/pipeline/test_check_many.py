@@ -16,7 +16,7 @@ from uavgram.pipeline.measure.inputs import Inputs
 def test_hints_stop_where_they_would_take_long(
     monkeypatch: pytest.MonkeyPatch, most: int, hint: str
 ) -> None:
-    monkeypatch.setattr(check, "_MOST_COMPARED", most)
+    monkeypatch.setattr(check, "_MAX_COMPARED", most)
     inputs = SimpleNamespace(  # of what was read, all that is asked for
         picks=SimpleNamespace(label=("A", "B", "C", "P11")),
         lines=SimpleNamespace(name=("L",), start=("A",), end=("P1",)),
@@ -26,7 +26,7 @@ def test_hints_stop_where_they_would_take_long(
         control=SimpleNamespace(label=("Q77",)),
         check=SimpleNamespace(label=np.array([])),
     )
-    texts = [message.text for message in check._unseen(cast("Inputs", inputs))]
+    texts = [message.text for message in check._find_unpicked(cast("Inputs", inputs))]
     way_out = ": pick it, or correct its name."
     assert texts == [
         f"Point 'P1' of line 'L' is never picked{hint}{way_out}",

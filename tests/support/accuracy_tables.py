@@ -37,7 +37,7 @@ def joined(what: str, several: Sequence[Compared]) -> Compared:
     return Compared(what, error, sigma, true)
 
 
-LENGTH_HEADS = ("what is measured", "values", "error", "sigma", "within 1 %", "z", "beyond 3 sigma")
+LENGTH_HEADS = ("measured", "values", "error", "sigma", "within 1 %", "z", "beyond 3 sigma")
 
 
 def length_row(one: Compared) -> tuple[str, ...]:
@@ -54,7 +54,7 @@ def length_row(one: Compared) -> tuple[str, ...]:
     )
 
 
-HEIGHT_HEADS = ("what is measured", "values", "error", "sigma", "z", "beyond 3 sigma")
+HEIGHT_HEADS = ("measured", "values", "error", "sigma", "z", "beyond 3 sigma")
 
 
 def height_row(one: Compared) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from untreated import UNTREATED, nothing_treated
 from uavgram.errors import UavgramError
 from uavgram.model.message import Message
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.compute import Computed, compute
+from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
 REMOVED: Mapping[str, object] = {"solve.outliers": "remove"}
@@ -173,7 +173,7 @@ def make_sound(case: Case, seed: int) -> Sound:
     return Sound(make_survey(case.condition, seed), case.condition, seed, rng)
 
 
-def run_survey(faulty: Faulty, options: Mapping[str, object]) -> tuple[Computed, float]:
+def run_survey(faulty: Faulty, options: Mapping[str, object]) -> tuple[Computation, float]:
     """What is computed, and the seconds that took."""
     with TemporaryDirectory(prefix="causes") as folder:
         project = write_project(faulty.survey, Path(folder), options)

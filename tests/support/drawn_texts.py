@@ -15,12 +15,9 @@ from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import features_of
 from uavgram.stages.products.plan_sheets import lay_plan, surveyed_extent
 from uavgram.stages.products.text_places import overlaps
-from uavgram.views.plan.sheet import THIN_PT, Sheet
-from uavgram.views.plan.surveyed import draw_surveyed
-from uavgram.views.recording.eye import Eye
-from uavgram.views.recording.photo.frame_picks import project_picks
-from uavgram.views.recording.photo.words import HALF_LETTER, LINE_HEIGHT, place_on_photo
-from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.photo import project_picks
+from uavgram.views.recording.photo_overlay import HALF_LETTER, LINE_HEIGHT, place_on_photo
+from uavgram.views.recording.scene import Eye, measure_scene
 from uavgram.views.recording.view_texts import (
     HALF_LETTER_ON_SCREEN,
     LINE_ON_SCREEN,
@@ -29,6 +26,8 @@ from uavgram.views.recording.view_texts import (
 )
 from uavgram.views.recording.world.labels import survey_labels
 from uavgram.views.report import render_annex, render_report
+from uavgram.views.site_plan.drawing import draw_survey
+from uavgram.views.site_plan.sheet import THIN_PT, Sheet
 
 PLAN = re.compile(r'<svg class="(?:drawing|photo)".*?</svg>', re.DOTALL)
 TEXT = re.compile(
@@ -95,7 +94,7 @@ def on_plan(result: Result) -> Drawn:
     """Texts of the plan to scale, as Matplotlib draws them [mm]."""
     plan = lay_plan(surveyed_extent(result), "a4")
     sheet = Sheet(plan, plan.sheets[0])
-    draw_surveyed(sheet, result)
+    draw_survey(sheet, result)
     renderer = FigureCanvasAgg(sheet.figure).get_renderer()  # type: ignore[no-untyped-call]
     mm, boxes = sheet.figure.dpi / 25.4, []
     for one in sheet.axes.texts:
@@ -113,13 +112,13 @@ def on_plan(result: Result) -> Drawn:
 
 def in_space(texts: ViewTexts, eye: Eye) -> Drawn:
     """Texts in a view of the recording, y downwards; Rerun hangs them below their places."""
-    at = eye.on_screen(texts.place_m) * [1.0, -1.0] if texts.words else np.empty((0, 2))
+    at = eye.project_to_screen(texts.place_m) * [1.0, -1.0] if texts.words else np.empty((0, 2))
     half = LINE_ON_SCREEN / 2
     boxes = [
         (x, y + half, HALF_LETTER_ON_SCREEN * len(text), 0.99 * half, 0.0)
         for (x, y), text in zip(at, texts.words, strict=True)
     ]
-    ends = [eye.on_screen(line[1:])[0] * [1.0, -1.0] for line in texts.leaders_m]
+    ends = [eye.project_to_screen(line[1:])[0] * [1.0, -1.0] for line in texts.leaders_m]
     return Drawn(
         list(texts.words),
         np.reshape(boxes, (-1, 5)),

@@ -13,7 +13,7 @@ from uavgram.picking.document.commands import ProjectAction
 from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import OpenProject
 from uavgram.picking.storage.tables import Tables
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 Json = dict[str, Any]
 

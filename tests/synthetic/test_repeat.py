@@ -16,7 +16,7 @@ from uavgram.errors import InputError
 from uavgram.model.simulation import Repetitions
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.parallel import in_processes
+from uavgram.pipeline.parallel import run_in_processes
 from uavgram.synthetic.autopilot import draw_biases
 from uavgram.synthetic.files import write_demo
 from uavgram.synthetic.inputs import ScenarioWorld, make_inputs, make_project
@@ -35,8 +35,7 @@ from uavgram.synthetic.simulate import (
     write_outputs,
 )
 from uavgram.synthetic.survey import simulate
-from uavgram.views.simulation.page import render_simulation_page
-from uavgram.views.simulation.text import simulation_lines
+from uavgram.views.simulation import render_simulation_page, simulation_lines
 
 
 @pytest.fixture(scope="module")
@@ -249,12 +248,12 @@ def test_a_drone_of_the_table_is_a_camera(tmp_path: Path) -> None:
 
 def test_work_that_cannot_be_sent_is_an_error_at_once() -> None:
     with pytest.raises((AttributeError, TypeError), match="pickle"):
-        list(in_processes(lambda item: item, range(20)))
+        list(run_in_processes(lambda item: item, range(20)))
 
 
 def test_results_come_in_order() -> None:
     squares = [4.0, 9.0, 16.0, 25.0, 36.0]
-    assert list(in_processes(math.sqrt, squares)) == [2.0, 3.0, 4.0, 5.0, 6.0]
+    assert list(run_in_processes(math.sqrt, squares)) == [2.0, 3.0, 4.0, 5.0, 6.0]
 
 
 def test_what_is_drawn_otherwise_than_stated_is_told_and_can_be_drawn_as_stated() -> None:

@@ -13,9 +13,7 @@ from pyproj import Geod
 from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
 from uavgram.model.batch import Batch, Fit, ParameterUpdate, SurveyRow
 from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
-from uavgram.views.batch_map import batch_map
-from uavgram.views.batch_page import render_batch_page
-from uavgram.views.batch_words import headline
+from uavgram.views.batch import batch_map, render_batch_page, summarise_batch
 
 ROWS = (
     SurveyRow(
@@ -76,10 +74,10 @@ def test_the_page_names_every_survey_and_what_is_wrong(batch: Batch) -> None:
 def test_the_headline_is_as_bad_as_the_worst(batch: Batch) -> None:
     good = replace(batch, rows=ROWS[:2], pooled=())
 
-    assert headline(batch).level == "red"
-    assert any("not measured: c" in text for text in headline(batch).reasons)
-    assert headline(replace(batch, rows=ROWS[:2])).level == "amber"
-    assert headline(good) == ("green", headline(good).sentence, [])
+    assert summarise_batch(batch).level == "red"
+    assert any("not measured: c" in text for text in summarise_batch(batch).reasons)
+    assert summarise_batch(replace(batch, rows=ROWS[:2])).level == "amber"
+    assert summarise_batch(good) == ("green", summarise_batch(good).sentence, [])
 
 
 def test_distances_on_the_map_are_those_on_the_earth(batch: Batch) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import jinja2
 import pytest
 
-from uavgram.views.compiled_templates import CompiledTemplates
+from uavgram.views.pages import CompiledTemplates
 
 
 def _rendered(templates: dict[str, str], name: str) -> str:

@@ -19,11 +19,11 @@ from recording_contents import Contents
 from uavgram.io.results.results_json import load_results, write_results
 from uavgram.model.naming import IMPERIAL
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.exports import exports
+from uavgram.pipeline.measure.exports import make_writers
 from uavgram.views.recording import write_recording
 from uavgram.views.report import render_annex, render_report
+from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.terminal import measurement_table
-from uavgram.views.unit_words import in_units
 from uavgram.views.units import units_of
 
 METRIC = re.compile(r"\d\s(mm|cm|m|km|km/h|m/s|m²|m³)(?![\w²³/])|\[m\]|, m\b|\bcentimetres?\b")
@@ -70,8 +70,8 @@ def test_ten_centimetres_of_relief_are_not_taken_for_a_length_of_the_survey(
 def test_the_terminal_is_in_feet_and_inches(result: Result) -> None:
     lines = measurement_table(result).splitlines()
 
-    assert left_in("\n".join(in_units(line, IMPERIAL) for line in lines)) == []
-    assert in_units(lines[2], IMPERIAL) == lines[2]  # so that columns stay below each other
+    assert left_in("\n".join(convert_sentence(line, IMPERIAL) for line in lines)) == []
+    assert convert_sentence(lines[2], IMPERIAL) == lines[2]  # so that columns stay below each other
 
 
 def test_the_recording_is_in_feet_and_inches(result: Result, tmp_path: Path) -> None:
@@ -97,7 +97,7 @@ def texts_of(value: Any) -> Iterator[str]:  # noqa: ANN401 (whatever a recording
 
 def test_a_drawing_has_texts_in_feet_and_lies_in_metres(result: Result, tmp_path: Path) -> None:
     path = tmp_path / "survey.dxf"
-    exports(result)["survey_local.dxf"](path)
+    make_writers(result)["survey_local.dxf"](path)
     document = ezdxf.readfile(path)  # type: ignore[attr-defined]  # not exported by its module
     space = document.modelspace()
     texts = [text.dxf.text for text in space.query("TEXT DIMENSION")]

@@ -6,7 +6,7 @@ import numpy as np
 
 from uavgram.model.survey.observations import Picks
 from uavgram.stages.match import Matches, Record
-from uavgram.views.matches import match_lines
+from uavgram.views.terminal import match_lines
 
 
 def nothing(turned_rad: float) -> Matches:

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 
 import synthetic_survey as survey
 
-from uavgram.views.page_parts import DRAWING, PHOTO, take_apart
+from uavgram.views.pages_pdf import DRAWING, PHOTO, split_page
 from uavgram.views.report import render_report
 
 JPEG = b"\xff\xd8 not quite \xff\xd9"
@@ -19,7 +19,7 @@ def test_a_photo_in_a_drawing_is_a_file_that_the_drawing_names() -> None:
         "<style>p svg.photo { width: 9px }</style><p>svg"
         f'<svg class="photo" viewBox="0 0 9 6" aria-label="R&amp;1"><image href="{INSIDE}"/></svg>'
     )
-    apart = take_apart(html)
+    apart = split_page(html)
 
     assert apart.html == (
         "<style>p img.photo { width: 9px }</style><p>svg"
@@ -33,7 +33,7 @@ def test_a_photo_in_a_drawing_is_a_file_that_the_drawing_names() -> None:
 
 def test_every_drawing_of_a_report_is_a_drawing_by_itself() -> None:
     html = render_report(survey.build(label="\"<&>'"))
-    apart = take_apart(html)
+    apart = split_page(html)
     drawings = [part.content for part in apart.parts.values() if part.kind == DRAWING]
 
     assert len(drawings) == html.count("<svg")

@@ -7,14 +7,14 @@ import synthetic_survey as survey
 from html_page import Page
 
 from uavgram.views import result_tables
-from uavgram.views.recording.pages.tables import measured_page
+from uavgram.views.recording.pages import measured_page
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.result_tables import TABLES, ShownColumn, result_table
+from uavgram.views.result_tables import TABLES, TableColumn, result_table
 from uavgram.views.terminal import measurement_table
 from uavgram.views.units import spread_text
 
 TITLE = "sigma, as stated"
-COLUMN = ShownColumn(
+COLUMN = TableColumn(
     TITLE,
     lambda source, row: spread_text(
         float(source.result.measurements.sigma_stated[row]),

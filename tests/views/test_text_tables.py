@@ -7,7 +7,7 @@ from html import unescape
 
 import pytest
 
-from uavgram.views.text_tables import LEAST_PT, MOST_ROWS, with_text_tables
+from uavgram.views.pages_pdf import MAX_ROWS, MIN_PT, convert_tables_to_text
 
 HEAD = '<tr><th>photo</th><th class="n">largest residual [px]</th></tr>'
 
@@ -28,7 +28,7 @@ def test_columns_stand_below_their_heads_to_the_left_or_the_right() -> None:
     rows = (
         '<tr><td>a &amp; b</td><td class="n">1.25</td></tr><tr><td>c</td><td class="n">–</td></tr>'
     )
-    told = lines(with_text_tables(table(rows)))
+    told = lines(convert_tables_to_text(table(rows)))
 
     assert told == [
         "         largest",
@@ -45,7 +45,7 @@ def test_what_catches_the_eye_in_a_cell_does_so_in_a_line() -> None:
         '<tr><td class="tag good">ok</td><td class="n">2</td></tr>'
     )
 
-    assert '><span class="tag look">not &lt;</span>  1.25\nok        2<' in with_text_tables(
+    assert '><span class="tag look">not &lt;</span>  1.25\nok        2<' in convert_tables_to_text(
         table(rows, "")
     )
 
@@ -62,14 +62,14 @@ def test_what_catches_the_eye_in_a_cell_does_so_in_a_line() -> None:
     ids=["markup", "marked row", "wide letters", "another number of cells", "too wide"],
 )
 def test_what_lines_cannot_show_stays_a_table(rows: str) -> None:
-    assert with_text_tables(table(rows)) == table(rows)
+    assert convert_tables_to_text(table(rows)) == table(rows)
 
 
 def test_the_head_is_repeated_on_each_page_and_no_row_is_lost() -> None:
     rows = "".join(f'<tr><td>IMG_{k}</td><td class="n">{k}.5</td></tr>' for k in range(95))
-    made = with_text_tables(table(rows))
+    made = convert_tables_to_text(table(rows))
 
-    assert made.count("<tr><td>") == -(-95 // MOST_ROWS)
+    assert made.count("<tr><td>") == -(-95 // MAX_ROWS)
     assert re.search(r'<thead><tr><th><pre class="head".*?</thead><tbody>', made, re.DOTALL)
     told = [line.split() for line in lines(made) if line.startswith("IMG")]
     assert told == [[f"IMG_{k}", f"{k}.5"] for k in range(95)]
@@ -78,7 +78,7 @@ def test_the_head_is_repeated_on_each_page_and_no_row_is_lost() -> None:
 def test_letters_are_as_large_as_the_paper_lets_them_be() -> None:
     for letters in (20, 100, 140):
         row = f"<tr><td>{'a' * letters}</td><td>1</td></tr>"
-        size = re.search(r"font-size: ([\d.]+)pt", with_text_tables(table(row, "")))
+        size = re.search(r"font-size: ([\d.]+)pt", convert_tables_to_text(table(row, "")))
         assert size is not None
-        assert float(size[1]) >= LEAST_PT
+        assert float(size[1]) >= MIN_PT
         assert float(size[1]) * 0.602 * (letters + 3) <= 182 / 25.4 * 72

@@ -11,7 +11,7 @@ from drawn_texts import check_texts, in_annex, in_cad, in_recording, in_report, 
 from planned_sample import sample_plan
 
 from uavgram.model.result.result import Result
-from uavgram.views.field_sheet.page import field_sheet
+from uavgram.views.field_sheet import field_sheet
 
 SURVEYS = 4
 

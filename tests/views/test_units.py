@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uavgram.model.naming import IMPERIAL, METRIC, Units, units_from_options
-from uavgram.views.unit_words import in_units
+from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.units import (
     feet_inches,
     quantity,
@@ -125,8 +125,8 @@ def test_options_without_units_are_metric_and_a_result_keeps_them() -> None:
     ],
 )
 def test_a_sentence_is_told_in_other_units(text: str, feet: str, inches: str) -> None:
-    assert in_units(text, FEET) == feet
-    assert in_units(text, IMPERIAL) == inches
+    assert convert_sentence(text, FEET) == feet
+    assert convert_sentence(text, IMPERIAL) == inches
 
 
 @pytest.mark.parametrize(
@@ -142,28 +142,28 @@ def test_a_sentence_is_told_in_other_units(text: str, feet: str, inches: str) ->
     ],
 )
 def test_what_is_no_length_stays(text: str) -> None:
-    assert in_units(text, IMPERIAL) == text
+    assert convert_sentence(text, IMPERIAL) == text
 
 
 def test_names_that_look_like_lengths_stay_where_they_are_known() -> None:
     text = "wall 4.10 m: 4.12 m found"
 
-    assert in_units(text, FEET, ("wall 4.10 m",)) == "wall 4.10 m: 13.52 ft found"
+    assert convert_sentence(text, FEET, ("wall 4.10 m",)) == "wall 4.10 m: 13.52 ft found"
 
 
 @given(st.text(alphabet="0123456789.,±+- abmckhs/²'\"to", max_size=40))
 def test_metres_stay_metres_and_what_was_told_is_not_told_again(text: str) -> None:
     metric = Units(speed="m/s")
-    once = in_units(text, IMPERIAL)
+    once = convert_sentence(text, IMPERIAL)
 
-    assert in_units(text, metric) == text or "km/h" in text
-    assert in_units(once, IMPERIAL) == once
+    assert convert_sentence(text, metric) == text or "km/h" in text
+    assert convert_sentence(once, IMPERIAL) == once
 
 
 @given(st.floats(0.01, 5000.0), st.integers(0, 3))
 def test_a_length_told_in_feet_is_the_same_length(metres: float, places: int) -> None:
     text = f"{metres:.{places}f} m"
-    told, unit = in_units(text, FEET).split()
+    told, unit = convert_sentence(text, FEET).split()
 
     assert unit == "ft"
     assert abs(float(told) * 0.3048 - float(text.split(maxsplit=1)[0])) <= 0.51 * 10.0**-places

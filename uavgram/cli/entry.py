@@ -24,7 +24,6 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     new,
     pick,
     picks,
-    picks_ties,
     plan,
     rectify,
     run,
@@ -104,7 +103,7 @@ def _neither(typed: str) -> str:
     near = get_close_matches(typed, commands, cutoff=LIKE)
     path = Path(typed)
     with suppress(OSError, ValueError):
-        inside = {one.name.casefold(): one for one in islice(path.parent.iterdir(), MOST_ENTRIES)}
+        inside = {one.name.casefold(): one for one in islice(path.parent.iterdir(), MAX_ENTRIES)}
         for name in get_close_matches(path.name.casefold(), inside, cutoff=LIKE):
             near.append(str(path.parent / inside[name].name))
     meant = f". Did you mean {' or '.join(near)}?" if near else ""
@@ -113,4 +112,4 @@ def _neither(typed: str) -> str:
 
 LIKE = 0.6
 """Similarity from 0 to 1 above which a name is proposed for a mistyped one."""
-MOST_ENTRIES = 5000
+MAX_ENTRIES = 5000

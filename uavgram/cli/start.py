@@ -38,10 +38,10 @@ def _run(arguments: Sequence[str] | None) -> int:
     # pydantic searches every installed package for plugins; none is used.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     if arguments is None:
-        from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
+        from uavgram.pipeline.process_settings import avoid_modules, collect_garbage_rarely
 
-        load_little()
-        seldom_look_for_cycles()
+        avoid_modules()
+        collect_garbage_rarely()
     from uavgram.cli.entry import called
 
     return called(arguments)

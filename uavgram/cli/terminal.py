@@ -42,10 +42,10 @@ def tell_in(units: Units) -> None:
 
 def tell_of(result: Result) -> None:
     """Convert lengths of this result from their exact values from now on; keep names unchanged."""
-    from uavgram.views.unit_words import exact_lengths, names_like_lengths
+    from uavgram.views.sentence_units import exact_lengths, list_names_like_lengths
 
     if _UNITS.get() != METRIC:
-        _KNOWN.set((names_like_lengths(result), exact_lengths(result)))
+        _KNOWN.set((list_names_like_lengths(result), exact_lengths(result)))
 
 
 def tell_as(project: Path) -> Units:
@@ -65,9 +65,9 @@ def tell_as(project: Path) -> Units:
 
 def as_told(text: str) -> str:
     """Return a text with its lengths and speeds in the units of the project."""
-    from uavgram.views.unit_words import in_units
+    from uavgram.views.sentence_units import convert_sentence
 
-    return in_units(text, _UNITS.get(), *_KNOWN.get())
+    return convert_sentence(text, _UNITS.get(), *_KNOWN.get())
 
 
 def say(*lines: str) -> None:

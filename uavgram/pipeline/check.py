@@ -10,28 +10,27 @@ from pathlib import Path
 from uavgram.errors import near_miss
 from uavgram.estimation.survey.known_kinds.kinds import determine_scale
 from uavgram.model.message import Message, MessagePlural
-from uavgram.pipeline.measure.ground_below import has_place
-from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
-from uavgram.pipeline.measure.observations import with_sides
-from uavgram.pipeline.measure.pose import Posed, pose_frames
+from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, read_inputs
+from uavgram.pipeline.measure.observations import append_plate_sides
+from uavgram.pipeline.measure.pose import PosedFrames, has_place, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 
-_MOST_COMPARED = 1_000_000
+_MAX_COMPARED = 1_000_000
 """Largest number of pairs of names that are compared for typing errors, 2 microseconds each."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Checked:
+class CheckedProject:
     """Content of a project, and its anomalies."""
 
     inputs: Inputs
-    posed: Posed
+    posed: PosedFrames
     messages: tuple[Message, ...]
 
 
 @with_one_blas_thread
-def check(project: str | os.PathLike[str]) -> Checked:
+def check(project: str | os.PathLike[str]) -> CheckedProject:
     """Read and validate every input of a project.
 
     Raises
@@ -41,14 +40,18 @@ def check(project: str | os.PathLike[str]) -> Checked:
     """
     inputs = read_inputs(Path(project), unpicked=True)
     posed = pose_frames(inputs)
-    twice = duplicates_of(inputs).messages
+    twice = find_project_duplicates(inputs).messages
     messages = order_messages(
-        *inputs.messages, *twice, *posed.messages, *missing(inputs), *_unseen(inputs)
+        *inputs.messages,
+        *twice,
+        *posed.messages,
+        *find_missing_inputs(inputs),
+        *_find_unpicked(inputs),
     )
-    return Checked(inputs=inputs, posed=posed, messages=messages)
+    return CheckedProject(inputs=inputs, posed=posed, messages=messages)
 
 
-def missing(inputs: Inputs) -> Iterator[Message]:
+def find_missing_inputs(inputs: Inputs) -> Iterator[Message]:
     """Report inputs that a project lacks for measurements, or for good ones."""
     project = inputs.project
     if not inputs.picks.image:
@@ -60,7 +63,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
     if not inputs.requests:
         text = "No measurement is asked for yet: add some on the picking page, or in `measure`."
         yield Message("info", "nothing-to-measure", text)
-    lines = with_sides(inputs.lines, inputs.picks, project.targets)
+    lines = append_plate_sides(inputs.lines, inputs.picks, project.targets)
     known = len(lines.name) or len(inputs.control.label) or determine_scale(inputs.known)
     known = known or len(inputs.control_lines.name)
     if not known and project.log is None and project.poses is None:
@@ -82,7 +85,7 @@ def missing(inputs: Inputs) -> Iterator[Message]:
         yield Message("info", "no-known-length", text)
 
 
-def _unseen(inputs: Inputs) -> list[Message]:
+def _find_unpicked(inputs: Inputs) -> list[Message]:
     """Report labels in lengths, measurements or known points without a pick."""
     picked = set(inputs.picks.label)
     named = [
@@ -98,7 +101,7 @@ def _unseen(inputs: Inputs) -> list[Message]:
     named += [("the control points", label) for label in inputs.control.label]
     named += [("the check points", label) for label in inputs.check.label]
     missing = [(what, label) for what, label in named if label not in picked]
-    few = len({label for _, label in missing}) * len(picked) <= _MOST_COMPARED
+    few = len({label for _, label in missing}) * len(picked) <= _MAX_COMPARED
     known = sorted(picked) if few else []
     hints = {
         label: near_miss(label, known) for label in dict.fromkeys(label for _, label in missing)

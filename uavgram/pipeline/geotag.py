@@ -15,7 +15,7 @@ from uavgram.io.photos.tagging import write_tagged_photo
 from uavgram.model.flight.pose import GeoTags, PoseChoice
 from uavgram.model.message import Message
 from uavgram.pipeline.measure.compute import compute
-from uavgram.pipeline.measure.exports import geotags_of
+from uavgram.pipeline.measure.exports import make_geotags
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.progress import Progress, silent
@@ -28,7 +28,7 @@ TAGGED = "tagged"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Geotagged:
+class GeotagOutput:
     """Written files and tags, and messages."""
 
     folder: Path
@@ -45,7 +45,7 @@ def geotag(
     *,
     exif: bool = False,
     progress: Progress = silent,
-) -> Geotagged:
+) -> GeotagOutput:
     """Write geo.txt, pix4d.csv and, on request, tagged copies of the photos.
 
     Parameters
@@ -83,16 +83,16 @@ def geotag(
             for k, name in enumerate(progress(tags.frame_id, "tagging", len(tags.frame_id))):
                 write_tagged_photo(tags, k, staging / TAGGED / name)
             files.append(f"{TAGGED}/ ({len(tags.frame_id)} photos)")
-    return Geotagged(folder=folder, files=tuple(files), tags=tags, messages=messages)
+    return GeotagOutput(folder=folder, files=tuple(files), tags=tags, messages=messages)
 
 
 def _tags(inputs: Inputs, choice: PoseChoice) -> tuple[GeoTags, tuple[Message, ...]]:
     if choice == "refined":
         result = compute(inputs).result
-        tags, messages = geotags_of(result), result.messages
+        tags, messages = make_geotags(result), result.messages
     else:
         tags, messages = _seeds(inputs)
-    return tags, (*messages, *_left_out(inputs, tags, choice))
+    return tags, (*messages, *_report_left_out(inputs, tags, choice))
 
 
 def _seeds(inputs: Inputs) -> tuple[GeoTags, tuple[Message, ...]]:
@@ -110,7 +110,7 @@ def _seeds(inputs: Inputs) -> tuple[GeoTags, tuple[Message, ...]]:
     return tags, order_messages(*inputs.messages, *posed.messages)
 
 
-def _left_out(inputs: Inputs, tags: GeoTags, choice: PoseChoice) -> Iterator[Message]:
+def _report_left_out(inputs: Inputs, tags: GeoTags, choice: PoseChoice) -> Iterator[Message]:
     without = [name for name in inputs.photos.frame_id if name not in set(tags.frame_id)]
     if without:
         text = (

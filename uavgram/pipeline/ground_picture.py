@@ -19,7 +19,7 @@ from uavgram.pipeline.parallel import prefetch
 from uavgram.stages.products.top_view import boxes, reductions
 
 
-def photos_for(view: View, raster: GroundRaster, gains: Floats | None = None) -> PhotoCache:
+def select_photos(view: View, raster: GroundRaster, gains: Floats | None = None) -> PhotoCache:
     """Return photos of a view, no finer than a raster can show.
 
     Parameters
@@ -39,7 +39,7 @@ def photos_for(view: View, raster: GroundRaster, gains: Floats | None = None) ->
     )
 
 
-def warped_windows(
+def warp_windows(
     view: View, raster: GroundRaster, photos: PhotoCache | None = None
 ) -> Iterator[tuple[Window, Pixels]]:
     """Yield every window of the raster in the order of the file; a few are computed ahead.
@@ -54,10 +54,10 @@ def warped_windows(
         By index of the view; by default unchanged.
     """
     reach = boxes(view, raster)
-    cache = photos_for(view, raster) if photos is None else photos
+    cache = select_photos(view, raster) if photos is None else photos
 
     def warp(window: Window) -> Pixels:
-        return warp_window(view, raster, window, _within(reach, window), cache)
+        return warp_window(view, raster, window, _select_in_window(reach, window), cache)
 
     windows = [
         (column, row, min(WINDOW_PX, raster.width - column), min(WINDOW_PX, raster.height - row))
@@ -67,7 +67,7 @@ def warped_windows(
     yield from prefetch(warp, windows)
 
 
-def whole_picture(view: View, raster: GroundRaster, photos: PhotoCache) -> Pixels:
+def render_picture(view: View, raster: GroundRaster, photos: PhotoCache) -> Pixels:
     """Return RGB and opacity (H, W, 4) of a raster that fits into memory.
 
     Parameters
@@ -80,12 +80,12 @@ def whole_picture(view: View, raster: GroundRaster, photos: PhotoCache) -> Pixel
         By index of the view.
     """
     out = np.zeros((raster.height, raster.width, 4), np.uint8)
-    for (column, row, width, height), pixels in warped_windows(view, raster, photos):
+    for (column, row, width, height), pixels in warp_windows(view, raster, photos):
         out[row : row + height, column : column + width] = pixels
     return out
 
 
-def _within(reach: Floats, window: Window) -> Ints:
+def _select_in_window(reach: Floats, window: Window) -> Ints:
     """Return photos that may show part of a window."""
     column, row, width, height = window
     with np.errstate(invalid="ignore"):

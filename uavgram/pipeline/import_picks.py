@@ -42,7 +42,7 @@ class ControlFiles:
 
 
 @dataclass(frozen=True)
-class Imported:
+class ImportCounts:
     """Numbers of imported items, and messages."""
 
     picks: int
@@ -57,7 +57,7 @@ def import_picks(
     files: Sequence[Path],
     output: Path,
     control: ControlFiles | None = None,
-) -> Imported:
+) -> ImportCounts:
     """Write a new picks.csv from LabelMe's JSON files and gcp_list.txt of OpenDroneMap.
 
     Parameters
@@ -90,7 +90,7 @@ def import_picks(
     for path, content in contents.items():
         replace_bytes(path, content)
     checks = 0 if control is None else len(control.check)
-    return Imported(
+    return ImportCounts(
         picks=len(together.image),
         labels=len(set(together.label)),
         images=len(set(together.image)),

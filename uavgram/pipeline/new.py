@@ -30,11 +30,15 @@ from uavgram.io.tables.updates import CONTROL_HEADER, LINES_HEADER, MEASURE_HEAD
 from uavgram.model.flight.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
-from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
-from uavgram.pipeline.check import missing
-from uavgram.pipeline.measure.ground_below import ABOVE_GROUND_SIGMA_M, ground_below, has_place
+from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
+from uavgram.pipeline.check import find_missing_inputs
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.measure.pose import (
+    ABOVE_GROUND_SIGMA_M,
+    assume_ground_below,
+    has_place,
+    pose_frames,
+)
 from uavgram.stages.messages import order_messages
 from uavgram.stages.seed.photo_exposures import DEFAULT_HEIGHT_M
 
@@ -95,7 +99,7 @@ def choose_photos(
         named = {
             path
             for pattern in choices.images
-            for path in find_matching_files(absolute(folder, pattern), "correct --images")
+            for path in find_matching_files(make_absolute(folder, pattern), "correct --images")
         }
         groups = group_photos(sorted(named))
         if not groups:
@@ -106,14 +110,14 @@ def choose_photos(
         raise InputError(
             folder,
             "holds no photo (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
-            f"flight, or copy the photos there. {passed_over(holdings)}".rstrip(),
+            f"flight, or copy the photos there. {describe_unused(holdings)}".rstrip(),
         )
     if len({group.size_px for group in groups}) > 1:
         raise InputError(folder, _sizes(folder, groups))
     return groups
 
 
-def passed_over(holdings: FolderContents) -> str:
+def describe_unused(holdings: FolderContents) -> str:
     """Describe files without a use in a new project, by kind and number; empty without any."""
     kinds = [(path, unread_format(path)) for path in holdings.others]
     names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
@@ -172,12 +176,12 @@ def pattern_of(folder: Path, group: PhotoGroup) -> str:
     return f"{start}*{group.suffix}"
 
 
-def absolute(folder: Path, pattern: str) -> str:
+def make_absolute(folder: Path, pattern: str) -> str:
     """Return a pattern relative to the folder as an absolute one, for `read_photos`."""
     return pattern if Path(pattern).is_absolute() else f"{glob.escape(str(folder))}/{pattern}"
 
 
-def only_one(
+def choose_only(
     folder: Path, what: str, option: str, candidates: Sequence[Path], chosen: Path | None
 ) -> str | None:
     """Return the only candidate, or the chosen one, relative to the folder.
@@ -258,12 +262,12 @@ def choose_camera(
             f"{size[0]} x {size[1]}."
         )
         notes.warn("camera-passed-over", text, candidate)
-    name = None if of_photos else only_one(folder, "camera", "camera", fitting, chosen)
+    name = None if of_photos else choose_only(folder, "camera", "camera", fitting, chosen)
     if name is not None:
         notes.found.append(f"camera: {name}")
         return name
     try:
-        camera_of_photos(photos)
+        assume_photo_camera(photos)
     except InputError:
         if of_photos:
             raise
@@ -281,7 +285,7 @@ def _unknown_camera(photos: Photos, notes: Notes) -> str:
         No ordinary camera can replace it, or those of all photos.
     """
     try:
-        camera_of_photos(photos, may_be_unknown=True)
+        assume_photo_camera(photos, may_be_unknown=True)
     except InputError as why:
         way = "Put a camera file beside the photos, or choose photos with --images; then try again"
         raise InputError(why.path, f"{why.message}. {way}") from why
@@ -383,7 +387,7 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
     if project.exists():
         raise InputError(project, "is there already: edit it, or move it away first")
     notes = Notes()
-    text, photos = _described(folder, choices, notes)
+    text, photos = _describe_project(folder, choices, notes)
     made = _make_files(folder, text)
     try:
         _try(project, text, photos, notes)
@@ -396,12 +400,12 @@ def new_project(folder: Path, choices: Choices | None = None) -> NewProject:
     )
 
 
-def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, Photos]:
+def _describe_project(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectText, Photos]:
     """Return the content of the project file, with poses only attempted; and the photos."""
     holdings = search_folder(folder)
     groups = choose_photos(folder, holdings, choices)
     images = choices.images or tuple(pattern_of(folder, group) for group in groups)
-    photos, _ = read_photos(tuple(absolute(folder, image) for image in images), TimeOptions())
+    photos, _ = read_photos(tuple(make_absolute(folder, image) for image in images), TimeOptions())
     width, height = groups[0].size_px
     count, listed = len(photos.frame_id), ", ".join(images)
     what = "photo" if count == 1 else "photos"
@@ -409,12 +413,12 @@ def _described(folder: Path, choices: Choices, notes: Notes) -> tuple[ProjectTex
     camera = choose_camera(folder, holdings.cameras, choices.camera, photos, notes)
     log = None
     if choices.log != "none":
-        log = only_one(folder, "flight log", "log", holdings.logs, choices.log)
-    poses = None if log else only_one(folder, "poses", "poses", holdings.poses, choices.poses)
+        log = choose_only(folder, "flight log", "log", holdings.logs, choices.log)
+    poses = None if log else choose_only(folder, "poses", "poses", holdings.poses, choices.poses)
     for what, name in (("flight log", log), ("poses", poses)):
         if name is not None:
             notes.found.append(f"{what}: {name}")
-    if others := passed_over(holdings):
+    if others := describe_unused(holdings):
         notes.messages.append(Message("info", "files-passed-over", others))
     text = ProjectText(
         name=folder.name or "survey",
@@ -478,32 +482,32 @@ def _try(project: Path, text: ProjectText, photos: Photos, notes: Notes) -> None
             notes.messages.append(note)
         if last and attempt.log is None and attempt.poses is None and has_place(photos):
             notes.warn("poses-unusable", f"The photos state where they were taken, but: {last}.")
-        notes.messages += [*inputs.messages, *posed.messages, *missing(inputs)]
+        notes.messages += [*inputs.messages, *posed.messages, *find_missing_inputs(inputs)]
         return
     replace_text(project, project_text(text))
     inputs = read_inputs(project, unpicked=True)
     notes.warn("not-posed", f"The photos cannot be placed yet: {why}")
-    notes.messages += [*inputs.messages, *missing(inputs)]
+    notes.messages += [*inputs.messages, *find_missing_inputs(inputs)]
 
 
 def _attempts(text: ProjectText, photos: Photos) -> list[Attempt]:
     """List project files to try, of which the first that works is taken; with their messages."""
     if text.log is not None:
-        return [(text, None), _on_utc(text, ""), *_by_names(text, photos.frame_id)]
+        return [(text, None), _on_utc(text, ""), *_attempts_by_names(text, photos.frame_id)]
     if text.poses is not None:
-        return [(text, None), *_above_ground(text, photos, "")]
+        return [(text, None), *_attempt_above_ground(text, photos, "")]
     why = "The photos state where they were taken: `poses: exif` uses that."
     posed = replace(text, poses=FROM_PHOTOS)
     return [
         (posed, Message("info", "poses-found", why)),
-        *_above_ground(posed, photos, f"{why} "),
+        *_attempt_above_ground(posed, photos, f"{why} "),
         (text, None),
     ]
 
 
-def _above_ground(text: ProjectText, photos: Photos, also: str) -> list[Attempt]:
+def _attempt_above_ground(text: ProjectText, photos: Photos, also: str) -> list[Attempt]:
     """Return an attempt with an assumed height above the ground, for poses without one."""
-    origin = ground_below(str(text.poses), photos)
+    origin = assume_ground_below(str(text.poses), photos)
     if origin is None:
         return []
     why = (
@@ -524,7 +528,7 @@ def _on_utc(text: ProjectText, also: str) -> Attempt:
     return replace(text, offset_s=0.0), Message("warning", "clock-assumed", why)
 
 
-def _by_names(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
+def _attempts_by_names(text: ProjectText, names: Sequence[str]) -> list[Attempt]:
     """Return attempts with times from the photos' names, if these contain any."""
     form = name_format([Path(name).stem for name in names])
     if form is None:

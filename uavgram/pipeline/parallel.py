@@ -31,11 +31,11 @@ def prefetch(work: Callable[[Item], Made], items: Iterable[Item]) -> Iterator[tu
             yield first, future.result()
 
 
-FEW = 4
+FEW_ITEMS = 4
 """Number of items up to which processes do not pay."""
 
 
-def in_processes(
+def run_in_processes(
     work: Callable[[Item], Made], items: Sequence[Item], workers: int = 0
 ) -> Iterator[Made]:
     """Yield results in order, computed by processes; few items by this one.
@@ -55,7 +55,7 @@ def in_processes(
         An item ended each process that tried it.
     """
     count = workers or cores()
-    if count < 2 or len(items) <= FEW:
+    if count < 2 or len(items) <= FEW_ITEMS:
         yield from map(work, items)
         return
     from uavgram.pipeline.executor.processes import in_workers  # noqa: PLC0415 - slow to load

@@ -78,7 +78,7 @@ def print_targets(
     if family.split(":", maxsplit=1)[0] == BOARD_PLATE:
         sheets, side_m = [_board(family)], None
     else:
-        side_m = _checked(family, plates, side_m, paper)
+        side_m = _check_side(family, plates, side_m, paper)
         sheets = [_plate(family, plate, side_m) for plate in plates]
     replace_bytes(path, sheets_pdf(sheets, paper))
     return PrintedTargets(
@@ -89,7 +89,7 @@ def print_targets(
     )
 
 
-def _checked(family: str, plates: Sequence[int], side_m: float | None, paper: str) -> float:
+def _check_side(family: str, plates: Sequence[int], side_m: float | None, paper: str) -> float:
     """Return the side to print, after checks of all arguments."""
     if family not in FAMILIES:
         hint = near_miss(family, FAMILIES) or "such as aruco-4x4-50 or apriltag-36h11"

@@ -26,16 +26,16 @@ from uavgram.io.own_files import check_folder_of_project
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 from uavgram.model.message import Message
-from uavgram.pipeline.ground_picture import warped_windows
+from uavgram.pipeline.ground_picture import warp_windows
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 from uavgram.stages.products.top_view import boxes, choose_view, lay_raster
-from uavgram.views.unit_words import in_units
+from uavgram.views.formatting import BRIGHTENED
+from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.units import round_bar, units_of
-from uavgram.views.wording import BRIGHTENED
 
 PICTURE, SHEET, SIGMA = "rectified.tif", "rectified.png", "rectified_sigma.tif"
 SHEET_PX = 3000
@@ -46,7 +46,7 @@ SIGMA_STEP_PX = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class Rectified:
+class TopViewOutput:
     """Written top view.
 
     Attributes
@@ -72,7 +72,7 @@ def rectify(
     frame: str | None = None,
     pixel_m: float | None = None,
     progress: Progress = silent,
-) -> Rectified:
+) -> TopViewOutput:
     """Write rectified.tif, rectified.png and rectified_sigma.tif.
 
     Parameters
@@ -103,32 +103,32 @@ def rectify(
     tags = _tags(view)
     with staged_output(folder, inputs.files, inputs.photos.path) as staging:
         count = -(-raster.width // WINDOW_PX) * -(-raster.height // WINDOW_PX)
-        windows = progress(warped_windows(view, raster), "rectifying", count)
+        windows = progress(warp_windows(view, raster), "rectifying", count)
         write_colour_geotiff(raster, windows, tags, staging / PICTURE)
         coarse = raster.coarser(SIGMA_STEP_PX)
-        known = _knowledge(computed.refined.adjustment, view, inputs.project.picks_sigma_px)
+        known = _frame_covariance(computed.refined.adjustment, view, inputs.project.picks_sigma_px)
         sigma = _sigma(view, coarse, boxes(view, coarse), known)
         write_float_geotiff(coarse, {"sigma_m": sigma}, tags | _SIGMA_TAGS, staging / SIGMA)
         picture = read_reduced(staging / PICTURE, SHEET_PX)
         pixel = raster.pixel_m * raster.width / picture.shape[1]
         bar = partial(round_bar, units=inputs.project.units)
-        shown, tone = _to_be_seen(picture)
+        shown, tone = _render_for_display(picture)
         caption = _caption(view, raster) + ("" if tone.is_identity else f", {BRIGHTENED}")
         sheet = draw_map_sheet(shown, pixel, caption, SHEET_PX, bar)
         (staging / SHEET).write_bytes(sheet)
-    return Rectified(
+    return TopViewOutput(
         folder=folder.absolute(),
         raster=raster,
         frames=view.frame_id,
         covered=float((picture[..., 3] > 0).mean()),
-        sigma_m=_usual_and_large(sigma),
+        sigma_m=_quantiles(sigma),
         messages=order_messages(
             *computed.result.messages, *_other_planes(view), *_brightened_messages(tone)
         ),
     )
 
 
-def _usual_and_large(sigma_m: Floats) -> tuple[float, float]:
+def _quantiles(sigma_m: Floats) -> tuple[float, float]:
     median, large = np.nanquantile(sigma_m, [0.5, 0.95])
     return float(median), float(large)
 
@@ -162,7 +162,7 @@ def _other_planes(view: View) -> tuple[Message, ...]:
     return (Message("warning", "rectified-on-one-plane", text),)
 
 
-def _to_be_seen(picture: Pixels) -> tuple[Pixels, Tone]:
+def _render_for_display(picture: Pixels) -> tuple[Pixels, Tone]:
     """Return RGB and opacity (H, W, 4) for display, and the applied tone."""
     rgb = np.ascontiguousarray(picture[..., :3])
     tone = choose_tone(rgb[picture[..., 3] > 0][:, None, ::-1])
@@ -182,11 +182,11 @@ def _brightened_messages(tone: Tone) -> tuple[Message, ...]:
 
 def _caption(view: View, raster: GroundRaster) -> str:
     where = raster.crs or "local metres, north is arbitrary"
-    pixel = in_units(f"{raster.pixel_m:.3g} m", units_of(view.result))
+    pixel = convert_sentence(f"{raster.pixel_m:.3g} m", units_of(view.result))
     return f"{view.result.name}: {where}, pixel {pixel}, ground plane"
 
 
-def _knowledge(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameCovariance:
+def _frame_covariance(adjustment: Adjustment, view: View, pick_sigma_px: float) -> FrameCovariance:
     row_of = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
     frames = np.array([row_of[name] for name in view.frame_id])
     motion = compute_motion(adjustment.survey, adjustment.state)

@@ -26,14 +26,14 @@ from uavgram.model.message import Message
 from uavgram.model.options import TargetOptions
 from uavgram.model.survey.observations import Picks, RejectedPlate, SeenPlate
 from uavgram.model.target_families import plate_of
-from uavgram.pipeline.match.adjusting import begun
-from uavgram.pipeline.match.looking import Photos, grey_photos
-from uavgram.pipeline.match.search import searched
-from uavgram.pipeline.measure.inputs import NO_PICKS, Inputs, duplicates_of, read_inputs
+from uavgram.pipeline.match.adjustment import adjust_manual_picks
+from uavgram.pipeline.match.patch_search import Photos, load_grey_photos
+from uavgram.pipeline.match.search import search_all_photos
+from uavgram.pipeline.measure.inputs import NO_PICKS, Inputs, find_project_duplicates, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.parallel import prefetch
+from uavgram.pipeline.picks_table import lock_tables, save_picks
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import Pair, Record
 from uavgram.stages.messages import order_messages
@@ -82,7 +82,7 @@ class UncodedTargets:
 NO_UNCODED = UncodedTargets(picks=NO_PICKS)
 
 
-def uncoded_targets(inputs: Inputs, progress: Progress) -> UncodedTargets:
+def find_uncoded(inputs: Inputs, progress: Progress) -> UncodedTargets:
     """Search for picked targets in the other photos.
 
     Parameters
@@ -92,42 +92,42 @@ def uncoded_targets(inputs: Inputs, progress: Progress) -> UncodedTargets:
     progress
         Shows long loops.
     """
-    photos = grey_photos(dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True)))
-    own = _recognised(inputs, photos)
+    photos = load_grey_photos(dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True)))
+    own = _recognise(inputs, photos)
     if not own or len(inputs.photos.frame_id) < 2:
         return UncodedTargets(picks=inputs.picks)
     kinds = _kinds(inputs.picks, own)
     try:
-        record = _searched(inputs, photos, own, kinds, progress)
+        record = _search(inputs, photos, own, kinds, progress)
     except UavgramError as why:
         kind_names = {label: kind.value for label, kind in kinds.items()}
         return UncodedTargets(
             picks=inputs.picks, kinds=kind_names, messages=(_not_placed(kind_names, why),)
         )
-    rows, missed = _measured(inputs, photos, kinds, record)
+    rows, missed = _measure(inputs, photos, kinds, record)
     found = {label: tuple(r.image for r in rows if r.label == label) for label in kinds}
     return UncodedTargets(
-        picks=with_rows(_without_matches(inputs.picks, rows), rows),
+        picks=with_rows(_remove_matches(inputs.picks, rows), rows),
         kinds={label: kind.value for label, kind in kinds.items()},
         found=found,
         messages=tuple(_missed(missed, kinds)),
     )
 
 
-def _recognised(inputs: Inputs, photos: Photos) -> dict[int, UncodedTarget]:
+def _recognise(inputs: Inputs, photos: Photos) -> dict[int, UncodedTarget]:
     """Recognise targets at picks by people, by number of the pick."""
     picks, found = inputs.picks, {}
     for i in np.flatnonzero(picks.of_source("hand")).tolist():
         if picks.image[i] not in inputs.photos.frame_id:
             continue
         photo, sigma = photos.get(picks.image[i]), float(picks.sigma_px[i])
-        target = picked_target(photo, picks.label[i], picks.pixel_px[i], sigma)
+        target = recognise_picked(photo, picks.label[i], picks.pixel_px[i], sigma)
         if target is not None:
             found[i] = target
     return found
 
 
-def picked_target(
+def recognise_picked(
     photo: Image, label: str, pixel_px: Floats, sigma_px: float
 ) -> UncodedTarget | None:
     """Recognise a picked target; None where the pick is on none, or on a coded plate.
@@ -149,7 +149,7 @@ def picked_target(
     return target if is_on else None
 
 
-def same_target(
+def recognise_same(
     photo: Image, kind: Kind, place_px: Floats, sigma_px: float
 ) -> UncodedTarget | None:
     """Recognise a target of a kind where its surroundings were found; None if it is not clear.
@@ -170,7 +170,7 @@ def same_target(
     return target if off <= SAME_PX + 3.0 * sigma_px else None
 
 
-def measured_row(image: str, label: str, target: UncodedTarget, focal_px: float) -> TargetRow:
+def make_pick_row(image: str, label: str, target: UncodedTarget, focal_px: float) -> TargetRow:
     """Return a pick of a target's centre.
 
     Parameters
@@ -195,7 +195,7 @@ def _kinds(picks: Picks, own: Mapping[int, UncodedTarget]) -> dict[str, Kind]:
     return {label: next(iter(some)) for label, some in kinds.items() if len(some) == 1}
 
 
-def _searched(
+def _search(
     inputs: Inputs,
     photos: Photos,
     own: Mapping[int, UncodedTarget],
@@ -219,16 +219,16 @@ def _searched(
     picks = replace(inputs.picks, pixel_px=pixel)
     picks = chosen(picks, ~picks.of_source("match"))
     there = set(zip(picks.image, picks.label, strict=True))
-    copies = set(duplicates_of(inputs).photos)
-    base = begun(replace(inputs, picks=picks), pose_frames(inputs))
+    copies = set(find_project_duplicates(inputs).photos)
+    base = adjust_manual_picks(replace(inputs, picks=picks), pose_frames(inputs))
 
     def wanted(pair: Pair) -> bool:
         return pair[1] in kinds and pair not in there and pair[0] not in copies
 
-    return searched(base, photos, wanted, progress, ON_GROUND).record
+    return search_all_photos(base, photos, wanted, progress, ON_GROUND).record
 
 
-def _measured(
+def _measure(
     inputs: Inputs, photos: Photos, kinds: Mapping[str, Kind], record: Record
 ) -> tuple[list[TargetRow], dict[Pair, str]]:
     """Return rows of clear targets at the finds, and reasons for the others.
@@ -246,15 +246,15 @@ def _measured(
     for pair, found in sorted(record.found.items()):
         image, label = pair
         place = np.array(found.pixel_px)
-        target = same_target(photos.get(image), kinds[label], place, found.sigma_px)
+        target = recognise_same(photos.get(image), kinds[label], place, found.sigma_px)
         if target is None:
             missed[pair] = NOT_CLEAR
             continue
-        rows.append(measured_row(image, label, target, float(inputs.calibration.parameters[0])))
+        rows.append(make_pick_row(image, label, target, float(inputs.calibration.parameters[0])))
     return rows, missed
 
 
-def _without_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
+def _remove_matches(picks: Picks, rows: list[TargetRow]) -> Picks:
     """Remove matches where the target itself is now picked, which is better."""
     new = {(row.image, row.label) for row in rows}
     pairs = zip(picks.image, picks.label, strict=True)
@@ -336,15 +336,15 @@ def find_targets(
         A problem that the user can solve. The table is unchanged.
     """
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
-    with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
+    with nullcontext() if dry_run else lock_tables(inputs.project, inputs.project_path):
         seen = dict(_seen(inputs, progress))
         numbers = {
             p.plate for plates in seen.values() for p in plates if p.left_out is RejectedPlate.NO
         }
-        named, known = named_points(inputs)
+        named, known = list_named_points(inputs)
         centers = asked_centers(numbers, named, known, inputs.picks)
         rows = add_targets(inputs.picks, seen, centers)
-        uncoded = uncoded_targets(replace(inputs, picks=rows.picks), progress)
+        uncoded = find_uncoded(replace(inputs, picks=rows.picks), progress)
         if inputs.project.targets is None and not uncoded.kinds:
             raise _no_targets(inputs)
         path = Path(inputs.project.picks) if dry_run else save_picks(inputs, uncoded.picks)
@@ -378,7 +378,7 @@ def undo_targets(project: str | os.PathLike[str], *, dry_run: bool = False) -> F
     path = Path(inputs.project.picks)
     after = remove_targets(inputs.picks)
     if not dry_run:
-        with sole_writer(inputs.project, inputs.project_path):
+        with lock_tables(inputs.project, inputs.project_path):
             path = save_picks(inputs, after)
     removed = len(inputs.picks.image) - len(after.image)
     return FoundTargets(path=path, rows=0, removed=removed, plates={}, photos=0, messages=())
@@ -410,7 +410,7 @@ def _seen(inputs: Inputs, progress: Progress) -> Iterator[tuple[str, tuple[SeenP
         yield photos[path], plates
 
 
-def named_points(inputs: Inputs) -> tuple[set[str], set[str]]:
+def list_named_points(inputs: Inputs) -> tuple[set[str], set[str]]:
     """Return labels in lengths, measurements and known things, and those of known coordinates."""
     lines, known = inputs.lines, inputs.known
     points_of = (*known.points, *inputs.control_lines.points)

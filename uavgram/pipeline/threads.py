@@ -1,4 +1,4 @@
-"""One thread for the linear algebra, during calls of this program.
+"""One thread for the linear algebra during calls of this program.
 
 Sums over blocks of another size are rounded differently, and BLAS divides blocks by the number of
 its threads: for equal results on every machine one thread is used. Besides, most matrices here are

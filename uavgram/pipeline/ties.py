@@ -62,7 +62,7 @@ class Scene:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Found:
+class TieSearch:
     """Tie points, and their pairs of photos.
 
     Attributes
@@ -78,7 +78,7 @@ class Found:
     matched: Ints
 
 
-def find_ties(scene: Scene, progress: Progress = silent) -> Found:
+def find_ties(scene: Scene, progress: Progress = silent) -> TieSearch:
     """Find the tie points of a project's photos.
 
     Parameters
@@ -99,7 +99,7 @@ def find_ties(scene: Scene, progress: Progress = silent) -> Found:
     work = _PairWork(scene.calibration, features, seen)
     compared = prefetch(work.compare, pairs.tolist())
     matched = [found for _, found in progress(compared, "comparing photos", len(pairs))]
-    return _joined(scene, features, pairs, matched)
+    return _join(scene, features, pairs, matched)
 
 
 class _Seeds(NamedTuple):
@@ -144,7 +144,7 @@ def _seeds(scene: Scene) -> _Seeds | None:
     return _Seeds(everything, row) if (row >= 0).any() else None
 
 
-class _Matched(NamedTuple):
+class _VerifiedMatches(NamedTuple):
     """Verified matches (M, 2) of two photos, as rows of theirs, and the distance (M,) of each."""
 
     rows: Ints
@@ -162,35 +162,35 @@ class _PairWork:
         self._rays = [back_project(*lens, found.pixel_px) for found in features]
         self._scale = scale_of(calibration)
 
-    def compare(self, pair: tuple[int, int]) -> _Matched:
+    def compare(self, pair: tuple[int, int]) -> _VerifiedMatches:
         """Return matches of two photos, by their rows."""
         one, other = pair
-        guide = self._guide(one, other)
-        found = self._verified(one, other, guide)
+        guide = self._predict(one, other)
+        found = self._verify(one, other, guide)
         if guide is None:
             # an unguided comparison has a few matches by chance
             return (
                 found
                 if len(found.rows) >= 2 * MIN_MATCHES
-                else _Matched(found.rows[:0], np.empty(0))
+                else _VerifiedMatches(found.rows[:0], np.empty(0))
             )
         if len(found.rows) < 2 * MIN_MATCHES:
             # the seeds may be worse than stated
-            free = self._verified(one, other, None)
+            free = self._verify(one, other, None)
             found = free if len(free.rows) > 2 * MIN_MATCHES else found
         return found
 
-    def _guide(self, one: int, other: int) -> Guide | None:
+    def _predict(self, one: int, other: int) -> Guide | None:
         if self._seeds is None or min(rows := self._seeds.row[[one, other]].tolist()) < 0:
             return None
         predicted = predict(self._seeds.seen, rows[0], rows[1], self._features[one].pixel_px)
         return None if predicted is None else Guide(predicted.pixel_px, predicted.radius_px)
 
-    def _verified(self, one: int, other: int, guide: Guide | None) -> _Matched:
+    def _verify(self, one: int, other: int, guide: Guide | None) -> _VerifiedMatches:
         rows = match_features(self._features[one], self._features[other], guide)
         rays = self._rays[one][rows[:, 0]], self._rays[other][rows[:, 1]]
         tested = verify_matches(*rays, float(self._calibration.parameters[0]), self._scale)
-        return _Matched(rows[tested.good], tested.across_px[tested.good])
+        return _VerifiedMatches(rows[tested.good], tested.across_px[tested.good])
 
 
 def scale_of(calibration: Calibration) -> float:
@@ -198,9 +198,9 @@ def scale_of(calibration: Calibration) -> float:
     return max(1.0, max(calibration.width_px, calibration.height_px) / WORKING_PX)
 
 
-def _joined(
-    scene: Scene, features: Sequence[Features], pairs: Ints, matched: Sequence[_Matched]
-) -> Found:
+def _join(
+    scene: Scene, features: Sequence[Features], pairs: Ints, matched: Sequence[_VerifiedMatches]
+) -> TieSearch:
     """Join matches to points over all photos, and thin them out."""
     counts = [len(found.pixel_px) for found in features]
     first = np.cumsum([0, *counts])
@@ -243,7 +243,7 @@ def _joined(
         pixel_px=pixel[feature].round(DECIMALS),
         sigma_px=sigma[feature].round(DECIMALS),
     )
-    return Found(ties=ties, compared=pairs, matched=pairs[[len(m.rows) > 0 for m in matched]])
+    return TieSearch(ties=ties, compared=pairs, matched=pairs[[len(m.rows) > 0 for m in matched]])
 
 
 def _names(point: Ints) -> Iterator[str]:

@@ -22,7 +22,7 @@ from uavgram.model.options import (
     TimeOptions,
 )
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.measure.pose import Posed
+from uavgram.pipeline.measure.pose import PosedFrames
 from uavgram.synthetic.autopilot import make_flight_log
 from uavgram.synthetic.scenario import PLATE_FAMILY, Scenario
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
@@ -213,7 +213,7 @@ class DrawnSurvey(NamedTuple):
     """
 
     inputs: Inputs
-    posed: Posed | None
+    posed: PosedFrames | None
     name: tuple[str, ...]
     unit: tuple[str, ...]
     true: Floats

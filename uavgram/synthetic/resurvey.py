@@ -24,10 +24,10 @@ from uavgram.model.survey.observations import (
     KnownWorldPoints,
 )
 from uavgram.model.survey.survey import Survey
-from uavgram.pipeline.measure.compute import compute, stated_observations
+from uavgram.pipeline.measure.compute import collect_observations, compute
 from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
-from uavgram.pipeline.measure.observations import with_sides
-from uavgram.pipeline.measure.pose import Posed, pose_frames
+from uavgram.pipeline.measure.observations import append_plate_sides
+from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.inputs import DrawnSurvey
 from uavgram.synthetic.observe import MeanGenerator
@@ -48,7 +48,7 @@ class ProjectWorld:
 
     spec: RepeatedSurvey
     inputs: Inputs
-    posed: Posed
+    posed: PosedFrames
     survey: Survey
     pivot_m: Floats
     line_used: Bools
@@ -79,7 +79,7 @@ class ProjectWorld:
         placed = KnownWorldPoints(
             label=control.label, world_m=control.coordinates, sigma_m=control.sigma_m
         )
-        observed = stated_observations(inputs, self.posed, placed)
+        observed = collect_observations(inputs, self.posed, placed)
         problem = SurveyProblem(self.survey, self.pivot_m, self.line_used)
         for kind, rng in zip(OBSERVATIONS, rngs, strict=True):
             observed = kind.draw(observed, SimulatedTruth(problem, self.state, rng))
@@ -153,7 +153,7 @@ def make_project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | No
         raise InputError(
             inputs.project_path, "has no measurement that could be repeated: give some (measure)"
         )
-    lines = with_sides(inputs.lines, inputs.picks, inputs.project.targets)
+    lines = append_plate_sides(inputs.lines, inputs.picks, inputs.project.targets)
     inputs = replace(
         inputs,
         lines=_add_lengths(scenario, lines, spec, adjustment.survey.label),
@@ -175,7 +175,7 @@ def make_project_world(spec: RepeatedSurvey, inputs: Inputs, scenario: Path | No
     )
 
 
-def _select_telemetry(posed: Posed, frame_id: tuple[str, ...]) -> Posed:
+def _select_telemetry(posed: PosedFrames, frame_id: tuple[str, ...]) -> PosedFrames:
     """Return the telemetry of the adjusted frames alone, in their order."""
     telemetry = posed.telemetry
     if telemetry is None:

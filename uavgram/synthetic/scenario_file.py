@@ -14,7 +14,7 @@ from uavgram.io.tables.measure import PARAMETERS, points_fault
 from uavgram.model.camera.calibration import ORDINARY_EQUIVALENTS_MM, Calibration
 from uavgram.model.camera.tags import CameraTags, DroneCamera
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.pipeline.cameras.read import camera_of_drone, read_camera
+from uavgram.pipeline.cameras.read import assume_drone_camera, read_camera
 from uavgram.stages.camera import assume_camera, find_camera
 from uavgram.synthetic.errors import LOST_EXPOSURE_INDEX, USUAL_SECTIONS
 from uavgram.synthetic.inputs import ScenarioWorld
@@ -176,7 +176,7 @@ def read_scenario_camera(path: Path, camera: CameraSpec) -> Calibration | None:
         return read_camera(camera.file).calibration
     if camera.drone is None:
         return None
-    by_name = None if camera.focal_mm is not None else camera_of_drone(camera.drone)
+    by_name = None if camera.focal_mm is not None else assume_drone_camera(camera.drone)
     if by_name is not None:
         return by_name
     known = read_drone_cameras()

@@ -23,13 +23,13 @@ from uavgram.model.simulation import (
     Variant,
 )
 from uavgram.pipeline.measure.compute import compute
-from uavgram.pipeline.parallel import in_processes
+from uavgram.pipeline.parallel import run_in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.errors import FixedErrors
 from uavgram.synthetic.inputs import DrawnSurvey, ScenarioWorld, World
 from uavgram.synthetic.scenario import GroundSpec, Scenario
-from uavgram.views.simulation.page import render_simulation_page
+from uavgram.views.simulation import render_simulation_page
 
 LOG_KEYS = {
     "position_bias_m": "position_bias_sigma_m",
@@ -159,7 +159,7 @@ def repeat_survey(
     """
     name, unit, sigma = predict_sigmas(world)
     rows: list[Repetition] = []
-    made = in_processes(partial(run_repetition, world), range(count))
+    made = run_in_processes(partial(run_repetition, world), range(count))
     for row in progress(made, what, count):
         rows.append(row)
         if heard is not None and len(rows) in _milestones(count):

@@ -11,7 +11,7 @@ from uavgram.model.catalogue.entry import Effect, Entry
 from uavgram.model.catalogue.lookup import CATALOGUE, SUBJECTS
 
 TERMINAL_COLUMNS, PAGE_COLUMNS = 79, 118
-MOST_SUGGESTED = 4
+MAX_SUGGESTED = 4
 LEVEL_WORDS = {"error": "error", "warning": "warning", "info": "note"}
 
 INTRODUCTION = (
@@ -53,7 +53,7 @@ def explanation(code: str) -> list[str]:
     return lines
 
 
-def overview() -> list[str]:
+def list_codes() -> list[str]:
     """Return one line for each code, by subject: the first sentence of its finding."""
     width = max(map(len, CATALOGUE))
     lines = []
@@ -64,21 +64,21 @@ def overview() -> list[str]:
     return lines[1:]
 
 
-def page() -> str:
+def messages_page() -> str:
     """Return docs/messages.md: every entry, by subject."""
     titles = [subject.title for subject in SUBJECTS]
     index = "\n".join(f"- [{title}](#{_anchor(title)})" for title in titles)
-    intro = [one if one.startswith("-") else _filled(one) for one in INTRODUCTION]
+    intro = [one if one.startswith("-") else _fill(one) for one in INTRODUCTION]
     blocks = ["# Messages", *intro, index]
     for subject in SUBJECTS:
         blocks.append(f"## {subject.title}")
         if subject.introduction:
-            blocks.append(_filled(subject.introduction))
+            blocks.append(_fill(subject.introduction))
         for entry in subject.entries:
             (_, finding), *rest = _parts(entry)
             level = _levels(entry)
-            blocks += [f"### {entry.code}", _filled(f"*{level.capitalize()}.* {finding}")]
-            blocks.append("\n".join(_filled(f"- *{head}:* {text}", "  ") for head, text in rest))
+            blocks += [f"### {entry.code}", _fill(f"*{level.capitalize()}.* {finding}")]
+            blocks.append("\n".join(_fill(f"- *{head}:* {text}", "  ") for head, text in rest))
     return "\n\n".join(blocks) + "\n"
 
 
@@ -100,7 +100,7 @@ def _levels(entry: Entry) -> str:
 
 def _unknown(code: str) -> str:
     by_look = {alike(known): known for known in CATALOGUE}
-    near = get_close_matches(alike(code), by_look, n=MOST_SUGGESTED, cutoff=0.5)
+    near = get_close_matches(alike(code), by_look, n=MAX_SUGGESTED, cutoff=0.5)
     listed = ", ".join(by_look[one] for one in near)
     return (
         f"No message has the code {code!r}. "
@@ -114,7 +114,7 @@ def _anchor(title: str) -> str:
     return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
 
 
-def _filled(text: str, indent: str = "") -> str:
+def _fill(text: str, indent: str = "") -> str:
     """Return a paragraph in lines of the page's width, all but the first indented."""
     return textwrap.fill(
         text,

@@ -16,19 +16,12 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
-from uavgram.views.survey.departures import departures
-from uavgram.views.survey.limits import line_limits
-from uavgram.views.survey.off_ground import height_of
-from uavgram.views.survey.reliability import effect_words
-from uavgram.views.survey.sources import has_found, measured_alone, points_made
-from uavgram.views.survey.verdict import status_text
-from uavgram.views.units import column, spread_text, units_of
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     LINE_STATUS_WORDS,
     MeasurementText,
     axes_text,
+    format_interval,
     height_text,
-    interval,
     measurement_text,
     number,
     plus_minus,
@@ -36,6 +29,18 @@ from uavgram.views.wording import (
     shift_text,
     size_text,
 )
+from uavgram.views.survey.off_ground import collect_departures, height_of
+from uavgram.views.survey.reliability import (
+    effect_words,
+    line_limits,
+)
+from uavgram.views.survey.sources import (
+    has_automatic_picks,
+    note_automatic_values,
+    point_origins,
+)
+from uavgram.views.survey.verdict import status_text
+from uavgram.views.units import spread_text, table_unit, units_of
 
 Place = Literal["terminal", "first page", "report", "annex", "recording"]
 TableName = Literal["measured", "lengths", "points"]
@@ -90,7 +95,7 @@ class Source:
     @cached_property
     def alone(self) -> Sequence[str]:
         """(M,) note on measurements that depend on no pick of a person."""
-        return measured_alone(self.result)
+        return note_automatic_values(self.result)
 
     @cached_property
     def limits(self) -> Floats:
@@ -100,7 +105,7 @@ class Source:
     @cached_property
     def made(self) -> Sequence[str]:
         """(K,) origin of the picks of each point; empty if a person made all."""
-        return points_made(self.result) if has_found(self.result) else ()
+        return point_origins(self.result) if has_automatic_picks(self.result) else ()
 
     @cached_property
     def sigma_m(self) -> Floats:
@@ -111,7 +116,7 @@ class Source:
     @cached_property
     def is_uneven(self) -> bool:
         """Whether the ground is uneven."""
-        return departures(self.result) is not None
+        return collect_departures(self.result) is not None
 
     @property
     def is_on_earth(self) -> bool:
@@ -134,7 +139,7 @@ class Source:
 
     def length(self, value_m: float, *, signed: bool = False) -> str:
         """Return a length in the unit of the titles."""
-        return number(column(self.units).factor * float(value_m), signed=signed)
+        return number(table_unit(self.units).factor * float(value_m), signed=signed)
 
     def length_with_sigma(self, value_m: float, sigma_m: float, *, signed: bool = False) -> str:
         """Return a length and its sigma in the unit of the titles.
@@ -146,7 +151,7 @@ class Source:
         signed
             Whether a positive length has a plus sign.
         """
-        factor = column(self.units).factor
+        factor = table_unit(self.units).factor
         return plus_minus(factor * float(value_m), factor * float(sigma_m), signed=signed)
 
 
@@ -155,7 +160,7 @@ def _always(_: Source) -> bool:
 
 
 @dataclass(frozen=True)
-class ShownColumn:
+class TableColumn:
     """Column of a table for people.
 
     Attributes
@@ -183,7 +188,7 @@ class ShownColumn:
     when: Callable[[Source], bool] = _always
 
 
-class ShownTable(NamedTuple):
+class TableContent(NamedTuple):
     """Table as a place shows it.
 
     Attributes
@@ -246,7 +251,7 @@ def _sampled_interval(source: Source, row: int) -> str:
     if sampled is None:
         return "–"
     low, high = map(float, sampled.interval_95[row])
-    return interval(low, high, float(rows.sigma[row]), rows.unit[row], source.units)
+    return format_interval(low, high, float(rows.sigma[row]), rows.unit[row], source.units)
 
 
 def _relief(source: Source, row: int) -> str:
@@ -264,50 +269,50 @@ _SHORT = {"first page": "value ± standard uncertainty", "report": "value ± sta
 _SHORT_95 = dict.fromkeys(("first page", "report"), "true in 19 of 20 cases within")
 
 MEASURED = (
-    ShownColumn(
+    TableColumn(
         "measured", lambda source, row: source.measured(row).name, titles={"annex": "name"}
     ),
-    ShownColumn("what", _what, ("first page",)),
-    ShownColumn("kind", _kind, _WHAT_ELSE),
-    ShownColumn("points", lambda source, row: " – ".join(source.measured(row).points), _WHAT_ELSE),
-    ShownColumn("value ± 1 sigma", _value, titles=_SHORT, is_number=True),  # type: ignore[arg-type]
-    ShownColumn("status", _status, ("recording",)),
-    ShownColumn(
+    TableColumn("what", _what, ("first page",)),
+    TableColumn("kind", _kind, _WHAT_ELSE),
+    TableColumn("points", lambda source, row: " – ".join(source.measured(row).points), _WHAT_ELSE),
+    TableColumn("value ± 1 sigma", _value, titles=_SHORT, is_number=True),  # type: ignore[arg-type]
+    TableColumn("status", _status, ("recording",)),
+    TableColumn(
         "95 % interval",
         lambda source, row: source.measured(row).interval,
         titles=_SHORT_95,  # type: ignore[arg-type]
         is_number=True,
     ),
-    ShownColumn(
+    TableColumn(
         "sigma/value",
         lambda source, row: source.measured(row).relative,
         ("terminal", "annex"),
         is_number=True,
     ),
-    ShownColumn("status", _status, ("terminal", *PAPER)),
-    ShownColumn(
+    TableColumn("status", _status, ("terminal", *PAPER)),
+    TableColumn(
         "fits as well",
         lambda source, row: source.measured(row).others,
         ("terminal",),
         when=lambda source: bool(source.result.measurements.is_ambiguous.any()),
     ),
-    ShownColumn("kind", _kind, ("recording",)),
-    ShownColumn(
+    TableColumn("kind", _kind, ("recording",)),
+    TableColumn(
         "sampled sigma",
         _sampled_sigma,
         ("annex",),
         is_number=True,
         when=lambda source: source.result.monte_carlo is not None,
     ),
-    ShownColumn(
+    TableColumn(
         "sampled 95 % interval",
         _sampled_interval,
         ("annex",),
         is_number=True,
         when=lambda source: source.result.monte_carlo is not None,
     ),
-    ShownColumn("[relief] of relief", _relief, ("annex",), is_number=True),
-    ShownColumn("1 % of tape", _tape, ("annex",), is_number=True),
+    TableColumn("[relief] of relief", _relief, ("annex",), is_number=True),
+    TableColumn("1 % of tape", _tape, ("annex",), is_number=True),
 )
 """Columns of the measurements."""
 
@@ -346,42 +351,42 @@ def _line_status(source: Source, row: int) -> Cell:
 
 _LENGTH_PLACES: tuple[Place, ...] = ("report", *FULL)
 LENGTHS = (
-    ShownColumn(
+    TableColumn(
         "name and ends",
         lambda source, row: Cell(source.result.lines.name[row], below=_ends(source, row)),
         ("annex",),
     ),
-    ShownColumn(
+    TableColumn(
         "between",
         lambda source, row: f"{source.result.lines.name[row]}: {_ends(source, row)}",
         ("report",),
     ),
-    ShownColumn("length", lambda source, row: source.result.lines.name[row], ("recording",)),
-    ShownColumn("ends", _ends, ("recording",)),
-    ShownColumn("taped [m]", _taped, _LENGTH_PLACES, is_number=True),
-    ShownColumn("found [m]", _found, _LENGTH_PLACES, is_number=True),
-    ShownColumn(
+    TableColumn("length", lambda source, row: source.result.lines.name[row], ("recording",)),
+    TableColumn("ends", _ends, ("recording",)),
+    TableColumn("taped [m]", _taped, _LENGTH_PLACES, is_number=True),
+    TableColumn("found [m]", _found, _LENGTH_PLACES, is_number=True),
+    TableColumn(
         "difference [m]",
         lambda source, row: source.length(source.result.lines.residual_m[row], signed=True),
         _LENGTH_PLACES,
         is_number=True,
     ),
-    ShownColumn("w", _w, FULL, is_number=True),
-    ShownColumn("status", _line_status, ("recording",)),
-    ShownColumn(
+    TableColumn("w", _w, FULL, is_number=True),
+    TableColumn("status", _line_status, ("recording",)),
+    TableColumn(
         "redun\u00addancy",
         lambda source, row: number(float(source.result.lines.redundancy[row]), 2),
         FULL,
         is_number=True,
     ),
-    ShownColumn(
+    TableColumn(
         "smallest error that shows [m]",
         lambda source, row: source.length(source.result.lines.mdb_m[row]),
         FULL,
         is_number=True,
     ),
-    ShownColumn("which, unseen, would move", _line_effect, FULL),
-    ShownColumn("status", _line_status, PAPER),
+    TableColumn("which, unseen, would move", _line_effect, FULL),
+    TableColumn("status", _line_status, PAPER),
 )
 """Columns of the known lengths."""
 
@@ -440,36 +445,36 @@ def _photos(source: Source, row: int) -> Cell:
 
 
 POINTS = (
-    ShownColumn("label", lambda source, row: source.result.points.label[row], FULL),
-    ShownColumn(
+    TableColumn("label", lambda source, row: source.result.points.label[row], FULL),
+    TableColumn(
         "east, north, up [m]",
         _place,
         FULL,
         is_number=True,
         when=lambda source: not source.has_three_sigmas,
     ),
-    ShownColumn(
+    TableColumn(
         "east, north, up, and their sigmas on the earth [m]",
         _place_with_sigmas,
         FULL,
         is_number=True,
         when=lambda source: source.has_three_sigmas and source.is_on_earth,
     ),
-    ShownColumn(
+    TableColumn(
         "east, north, up, and their sigmas against photo 1 [m]",
         _place_with_sigmas,
         FULL,
         is_number=True,
         when=lambda source: source.has_three_sigmas and not source.is_on_earth,
     ),
-    ShownColumn(
+    TableColumn(
         "height over the ground",
         _height,
         ("annex",),
         is_number=True,
         when=lambda source: source.has_heights,
     ),
-    ShownColumn(
+    TableColumn(
         "above the ground",
         lambda source, row: (
             height_of(source.result.points, row) if source.result.points.is_off_ground[row] else "–"
@@ -478,28 +483,28 @@ POINTS = (
         is_number=True,
         when=lambda source: source.has_heights,
     ),
-    ShownColumn(
+    TableColumn(
         "ground off its plane [m]",
         _off_plane,
         FULL,
         is_number=True,
         when=lambda source: source.is_uneven,
     ),
-    ShownColumn(
+    TableColumn(
         "latitude, longitude [°]",
         _latitude_longitude,
         ("annex",),
         is_number=True,
         when=lambda source: source.is_on_earth,
     ),
-    ShownColumn("± to its neighbours", _to_neighbours, FULL, is_number=True),
-    ShownColumn(
+    TableColumn("± to its neighbours", _to_neighbours, FULL, is_number=True),
+    TableColumn(
         "95 % half axes within the survey",
         lambda source, row: axes_text(source.result.points.relative.ellipse_95_m[row]),
         FULL,
         is_number=True,
     ),
-    ShownColumn(
+    TableColumn(
         "azimuth",
         lambda source, row: (
             f"{np.degrees(source.result.points.relative.ellipse_azimuth_rad[row]):.0f}°"
@@ -507,33 +512,35 @@ POINTS = (
         FULL,
         is_number=True,
     ),
-    ShownColumn(
+    TableColumn(
         "95 % half axes on the earth",
         lambda source, row: axes_text(source.result.points.ellipse_95_m[row]),
         FULL,
         is_number=True,
         when=lambda source: source.is_on_earth,
     ),
-    ShownColumn(
+    TableColumn(
         "95 % half axes against photo 1",
         lambda source, row: axes_text(source.result.points.ellipse_95_m[row]),
         FULL,
         is_number=True,
         when=lambda source: not source.is_on_earth,
     ),
-    ShownColumn("photos", _photos, FULL, is_number=True),
+    TableColumn("photos", _photos, FULL, is_number=True),
 )
 """Columns of the ground points."""
 
 
-TABLES: dict[TableName, tuple[ShownColumn, ...]] = {
+TABLES: dict[TableName, tuple[TableColumn, ...]] = {
     "measured": MEASURED,
     "lengths": LENGTHS,
     "points": POINTS,
 }
 
 
-def result_table(name: TableName, result: Result, rows: Sequence[int], where: Place) -> ShownTable:
+def result_table(
+    name: TableName, result: Result, rows: Sequence[int], where: Place
+) -> TableContent:
     """Assemble a table.
 
     Parameters
@@ -549,9 +556,9 @@ def result_table(name: TableName, result: Result, rows: Sequence[int], where: Pl
     """
     source = Source(result)
     own = [one for one in TABLES[name] if where in one.places and one.when(source)]
-    unit, relief = f"[{column(source.units).symbol}]", relief_text(source.units)
+    unit, relief = f"[{table_unit(source.units).symbol}]", relief_text(source.units)
     cells = [[one.cell(source, int(row)) for one in own] for row in rows]
-    return ShownTable(
+    return TableContent(
         titles=tuple(
             one.titles.get(where, one.title).replace("[m]", unit).replace("[relief]", relief)
             for one in own
@@ -568,3 +575,30 @@ def _is_bad(name: TableName, result: Result, row: int) -> bool:
     if name == "lengths":
         return result.lines.status[row] in BAD_LINES
     return name == "measured" and not np.isfinite(result.measurements.value[row])
+
+
+MAX_ROWS = 1_000
+"""Largest number of rows of one table."""
+
+
+def select_most_doubtful(doubt: Floats) -> tuple[int, ...]:
+    """Select the rows with the most doubt, in their order.
+
+    Parameters
+    ----------
+    doubt
+        (N,) amount of doubt; NaN is none.
+    """
+    first = np.argsort(-np.nan_to_num(doubt, nan=-np.inf), kind="stable")[:MAX_ROWS]
+    return tuple(np.sort(first).tolist())
+
+
+def select_rows(result: Result) -> dict[str, tuple[int, ...]]:
+    """Select rows of photos, those without a place first; of points, least certain; of files."""
+    frames = result.frames
+    is_lost = np.array([status in ("rejected", "unmatched") for status in frames.status])
+    return {
+        "photos_told": select_most_doubtful(is_lost.astype(np.float64)),
+        "points_told": select_most_doubtful(result.points.relative.ellipse_95_m[:, 0]),
+        "files_told": select_most_doubtful(np.zeros(len(result.provenance.inputs))),
+    }

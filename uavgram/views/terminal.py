@@ -1,28 +1,31 @@
-"""Plain text for a terminal: the measurements, worst first, and the messages."""
+"""Plain text for a terminal: measurements, messages, checks, and matches of picks."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.flight.frames import Frames, Pairing, Photos
 from uavgram.model.flight.pose import GeoTags
 from uavgram.model.message import Message
-from uavgram.model.naming import METRIC, Units
+from uavgram.model.naming import METRIC, Units, counted, listed
 from uavgram.model.result.result import Result
-from uavgram.views.result_tables import result_table
-from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence
-from uavgram.views.unit_words import in_units
-from uavgram.views.units import units_of, value_text
-from uavgram.views.wording import (
+from uavgram.stages.match import Matches, Pair
+from uavgram.views.formatting import (
     LEVEL_RANK,
     NOT_UNIQUE,
+    format_with_sigma,
     number,
+    order_worst_first,
     utc,
-    with_sigma,
-    worst_first,
 )
+from uavgram.views.result_tables import result_table
+from uavgram.views.sentence_units import convert_sentence
+from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence
+from uavgram.views.units import units_of, value_text
 
 
 def measurement_table(result: Result, most: int = 0) -> str:
@@ -42,12 +45,14 @@ def measurement_table(result: Result, most: int = 0) -> str:
     rows = result.measurements
     if not rows.name:
         return "No measurements were requested (measure: in the project file)."
-    shown = result_table("measured", result, worst_first(rows)[: most or None].tolist(), "terminal")
+    shown = result_table(
+        "measured", result, order_worst_first(rows)[: most or None].tolist(), "terminal"
+    )
     cells = [shown.titles, *(tuple(cell.text for cell in row) for row in shown.rows)]
     right = tuple(
         k for k, title in enumerate(shown.titles) if shown.numbers[k] or title == "status"
     )
-    return aligned(cells, right) + (f"\n{NOT_UNIQUE}" if rows.is_ambiguous.any() else "")
+    return align_columns(cells, right) + (f"\n{NOT_UNIQUE}" if rows.is_ambiguous.any() else "")
 
 
 def light_line(result: Result) -> str:
@@ -60,7 +65,7 @@ def light_line(result: Result) -> str:
     return "\n".join(filter(None, [f"Verdict: {level}.", scale_sentence(result)]))
 
 
-def unshown_rows(result: Result, most: int, folder: Path) -> list[str]:
+def hidden_rows_line(result: Result, most: int, folder: Path) -> list[str]:
     """Return the line on the rows that a table cut after `most` rows omits; empty if it has all.
 
     Parameters
@@ -92,7 +97,7 @@ def message_lines(messages: Sequence[Message], *, verbose: bool = True) -> list[
     return [f"{message.level}: {message.text} [{message.code}]" for message in ordered]
 
 
-def aligned(cells: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
+def align_columns(cells: Sequence[tuple[str, ...]], right: tuple[int, ...]) -> str:
     """Format rows of text as columns two blanks apart, with a rule below the first row."""
     widths = [max(len(row[c]) for row in cells) for c in range(len(cells[0]))]
     lines = [
@@ -117,13 +122,13 @@ def truth_table(result: Result, truth: Mapping[str, float]) -> str:
             (
                 name,
                 " ".join(rows.points[i]),
-                with_sigma(value, sigma, unit, units),
+                format_with_sigma(value, sigma, unit, units),
                 value_text(known, sigma, unit, units),
                 ("+" if off > 0 else "") + value_text(off, sigma, unit, units),
                 number(off / sigma, 1, signed=True),
             )
         )
-    return aligned(cells, right=(2, 3, 4, 5))
+    return align_columns(cells, right=(2, 3, 4, 5))
 
 
 def check_lines(
@@ -147,7 +152,7 @@ def check_lines(
         instant = utc(float(frames.time_utc_s[i]))
         cells.append((name, size, instant, matched, *_event_cells(pairing, i)))
     notes = message_lines(messages)
-    return [*aligned(cells, right=(5,)).splitlines(), "", *notes, "every input can be read"]
+    return [*align_columns(cells, right=(5,)).splitlines(), "", *notes, "every input can be read"]
 
 
 def _event_cells(pairing: Pairing | None, row: int) -> tuple[str, str]:
@@ -176,7 +181,97 @@ def geotag_lines(tags: GeoTags, messages: Sequence[Message], units: Units = METR
     for k, name in enumerate(tags.frame_id):
         sigmas = f"{tags.sigma_horizontal_m[k]:.2f} m, {tags.sigma_vertical_m[k]:.2f} m"
         place = (f"{tags.latitude_deg[k]:.7f}", f"{tags.longitude_deg[k]:.7f}")
-        height, spread = (in_units(t, units) for t in (f"{tags.height_m[k]:.2f} m", sigmas))
+        height, spread = (convert_sentence(t, units) for t in (f"{tags.height_m[k]:.2f} m", sigmas))
         cells.append((name, tags.pose[k], *place, height, spread))
     notes = message_lines(messages)
-    return [*aligned(cells, right=(2, 3, 4, 5)).splitlines(), "", f"heights are {datum}", *notes]
+    return [
+        *align_columns(cells, right=(2, 3, 4, 5)).splitlines(),
+        "",
+        f"heights are {datum}",
+        *notes,
+    ]
+
+
+MAX_NAMED = 8
+"""Largest number of names in a line; the others are counted only."""
+
+ENOUGH = 3
+"""Number of points in a photo from which its pose depends on them and not on the log alone."""
+
+
+def match_lines(done: Matches) -> list[str]:
+    """List the matches of each photo, failed searches with reasons, and picks to make by hand."""
+    found, missed = done.record.found, done.record.in_vain
+    looked = len(found) + len(missed)
+    lines = [f"found:     {_found(len(found), looked, done)}"]
+    lines += _by_photo(found, missed)
+    lines += _reasons(missed)
+    if done.not_sought:
+        lines.append(
+            f"not looked for: {listed(done.not_sought, MAX_NAMED)}: their picks are not used in "
+            "the adjustment; `uavgram run` gives the reason"
+        )
+    if done.turned_rad:
+        lines.append(
+            f"the camera pointed some {math.degrees(done.turned_rad):.0f} degrees away from its "
+            "direction by the flight log and `mount` in the project, so points may have been "
+            "looked for in wrong places: if few were found, remove them (`uavgram picks match "
+            "--undo`), write `ties: auto` into the project, which orients the photos to each "
+            "other, and run this again"
+        )
+    if done.unplaced:
+        lines.append(
+            f"not looked in: {listed(done.unplaced, MAX_NAMED)}: its pose is unknown; "
+            "pick three points or more there"
+        )
+    return lines + _list_useful_picks(done)
+
+
+def _found(found: int, looked: int, done: Matches) -> str:
+    if looked:
+        return f"{found} of {looked} places, of {counted(len(done.labels), 'label')}"
+    if done.kept:
+        return "no further search: earlier matches are kept"
+    return "nothing was looked for: no other photo should show these labels"
+
+
+def written_line(done: Matches) -> str:
+    """Describe the written table: new matches, and earlier matches that were kept or removed."""
+    line = f"written:   {done.path}, new matches: {len(done.record.found)}"
+    if done.kept:
+        line += f", earlier ones kept: {done.kept}"
+    if done.replaced:
+        line += f", taken out: {done.replaced} (their pick was moved, or they fit no longer)"
+    return line
+
+
+def _by_photo(found: Iterable[Pair], missed: Iterable[Pair]) -> list[str]:
+    good = Counter(image for image, _ in found)
+    every = good + Counter(image for image, _ in missed)
+    width = max(map(len, every), default=0)
+    return [f"  {image:<{width}}  {good[image]:>4} of {every[image]}" for image in sorted(every)]
+
+
+def _reasons(missed: dict[Pair, str]) -> list[str]:
+    by_reason: dict[str, list[str]] = defaultdict(list)
+    for (image, label), why in sorted(missed.items()):
+        by_reason[why].append(f"{label} in {image}")
+    ordered = sorted(by_reason.items(), key=lambda one: -len(one[1]))
+    return [
+        "not found:",
+        *(f"  {len(places):>4}  {why}: {listed(places, MAX_NAMED)}" for why, places in ordered),
+    ] * bool(by_reason)
+
+
+def _list_useful_picks(done: Matches) -> list[str]:
+    """List the labels and photos for which a pick by hand would add most information."""
+    alone = [label for label, count in done.sightings.items() if count < 2]
+    looked = {image for image, _ in (*done.record.found, *done.record.missed)}
+    there = Counter(done.picks.image)
+    few = sorted(image for image in looked if there[image] < ENOUGH)
+    lines = []
+    if alone:
+        lines.append(f"  labels that one photo alone shows: {listed(alone, MAX_NAMED)}")
+    if few:
+        lines.append(f"  photos with fewer than {ENOUGH} points: {listed(few, MAX_NAMED)}")
+    return ["better picked by you (`uavgram pick`):", *lines] if lines else []

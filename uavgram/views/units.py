@@ -25,7 +25,7 @@ _STEPS_IN = ((0.1, 1 / 16), (0.3, 1 / 8), (0.75, 1 / 4), (1.5, 1 / 2), (12.0, 1.
 _SIXTEENTHS = 16
 
 
-class Shown(NamedTuple):
+class DisplayUnit(NamedTuple):
     """Display of a unit of results.json: factor, symbol, least and largest number of decimals."""
 
     factor: float
@@ -34,17 +34,21 @@ class Shown(NamedTuple):
     most: int
 
 
-_SAME = {"m": Shown(1.0, "m", 2, 4), "m2": Shown(1.0, "m²", 0, 4), "m3": Shown(1.0, "m³", 0, 4)}
-_FEET = {
-    "m": Shown(1 / FOOT_M, "ft", 2, 4),
-    "m2": Shown(FOOT_M**-2, "ft²", 0, 4),
-    "m3": Shown(FOOT_M**-3, "ft³", 0, 4),
+_SAME = {
+    "m": DisplayUnit(1.0, "m", 2, 4),
+    "m2": DisplayUnit(1.0, "m²", 0, 4),
+    "m3": DisplayUnit(1.0, "m³", 0, 4),
 }
-_YARDS = Shown(FOOT_M**-3 / YARD_FT3, "yd³", 0, 4)
+_FEET = {
+    "m": DisplayUnit(1 / FOOT_M, "ft", 2, 4),
+    "m2": DisplayUnit(FOOT_M**-2, "ft²", 0, 4),
+    "m3": DisplayUnit(FOOT_M**-3, "ft³", 0, 4),
+}
+_YARDS = DisplayUnit(FOOT_M**-3 / YARD_FT3, "yd³", 0, 4)
 _SPEEDS = {
-    "km/h": Shown(3.6, "km/h", 0, 4),
-    "mph": Shown(3600 / (5280 * FOOT_M), "mph", 0, 4),
-    "m/s": Shown(1.0, "m/s", 0, 4),
+    "km/h": DisplayUnit(3.6, "km/h", 0, 4),
+    "mph": DisplayUnit(3600 / (5280 * FOOT_M), "mph", 0, 4),
+    "m/s": DisplayUnit(1.0, "m/s", 0, 4),
 }
 
 
@@ -53,7 +57,7 @@ def units_of(result: Result) -> Units:
     return units_from_options(result.provenance.options)
 
 
-def shown(unit: str, units: Units, value: float = math.inf) -> Shown:
+def display_unit(unit: str, units: Units, value: float = math.inf) -> DisplayUnit:
     """Return how values of a unit are shown; feet and inches become feet with decimals.
 
     Parameters
@@ -68,12 +72,12 @@ def shown(unit: str, units: Units, value: float = math.inf) -> Shown:
     if unit == "m/s":
         return _SPEEDS[units.speed]
     table = _SAME if units.length == "m" else _FEET
-    found = table.get(unit, Shown(1.0, "°" if unit == "deg" else unit, 0, 4))
+    found = table.get(unit, DisplayUnit(1.0, "°" if unit == "deg" else unit, 0, 4))
     is_large = unit == "m3" and found.symbol == "ft³" and abs(value) * found.factor >= YARD_FT3
     return _YARDS if is_large else found
 
 
-def decimals(sigma: float, one: Shown) -> int:
+def decimals(sigma: float, one: DisplayUnit) -> int:
     """Return the decimals that show two significant digits of a sigma, given in the shown unit."""
     if not math.isfinite(sigma) or sigma <= 0:
         return max(one.least, 2)
@@ -96,9 +100,11 @@ def quantity(value: float, sigma: float, unit: str, units: Units = METRIC) -> st
         return "–"
     if unit == "m" and units.length == "ft-in":
         return _with_inches(value / INCH_M, sigma / INCH_M)
-    one = shown(unit, units, value)
+    one = display_unit(unit, units, value)
     places = decimals(sigma * one.factor, one)
-    return f"{fixed(value * one.factor, places)} ± {sigma * one.factor:.{places}f} {one.symbol}"
+    return (
+        f"{format_fixed(value * one.factor, places)} ± {sigma * one.factor:.{places}f} {one.symbol}"
+    )
 
 
 def value_text(value: float, sigma: float, unit: str, units: Units = METRIC) -> str:
@@ -132,7 +138,7 @@ def spread_text(sigma: float, unit: str, units: Units = METRIC) -> str:
         return "–"
     if unit == "m" and units.length == "ft-in":
         return _spread_in(sigma / INCH_M)
-    one = shown(unit, units)
+    one = display_unit(unit, units)
     return f"{sigma * one.factor:.{decimals(sigma * one.factor, one)}f} {one.symbol}"
 
 
@@ -153,21 +159,21 @@ def values(several: Iterable[float], sigma: float, unit: str, units: Units, betw
     all_of = tuple(several)
     if unit == "m" and units.length == "ft-in":
         return between.join(_length_in(v / INCH_M, sigma / INCH_M) for v in all_of)
-    one = shown(unit, units, max(map(abs, all_of), default=0.0))
+    one = display_unit(unit, units, max(map(abs, all_of), default=0.0))
     places = decimals(sigma * one.factor, one)
-    return f"{between.join(fixed(v * one.factor, places) for v in all_of)} {one.symbol}"
+    return f"{between.join(format_fixed(v * one.factor, places) for v in all_of)} {one.symbol}"
 
 
 def _with_inches(value_in: float, sigma_in: float) -> str:
     spread = _spread_in(sigma_in)
     if abs(value_in) < INCHES and sigma_in < INCHES:
-        return f"{fixed(value_in, _places_in(sigma_in))} ± {spread}"
+        return f"{format_fixed(value_in, _places_in(sigma_in))} ± {spread}"
     return f"{feet_inches(value_in, step_in_of(sigma_in))} ± {spread}"
 
 
 def _length_in(value_in: float, sigma_in: float) -> str:
     if abs(value_in) < INCHES and sigma_in < INCHES:
-        return f"{fixed(value_in, _places_in(sigma_in))} in"
+        return f"{format_fixed(value_in, _places_in(sigma_in))} in"
     return feet_inches(value_in, step_in_of(sigma_in))
 
 
@@ -215,12 +221,12 @@ def feet_inches(value_in: float, step_in: float, *, signed: bool = False) -> str
     return f"{sign}{feet} ft {told} in" if feet else f"{sign}{told} in"
 
 
-def column(units: Units) -> Shown:
+def table_unit(units: Units) -> DisplayUnit:
     """Return how lengths are shown in a table with the unit in its head: feet have decimals."""
-    return shown("m", units)
+    return display_unit("m", units)
 
 
-def fixed(value: float, places: int) -> str:
+def format_fixed(value: float, places: int) -> str:
     """Format a number with fixed decimals and without a negative zero."""
     text = f"{value:.{places}f}"
     return text if float(text) else f"{0:.{places}f}"
@@ -236,11 +242,11 @@ def round_bar(most_m: float, units: Units) -> tuple[float, str]:
     units
         Units of the project.
     """
-    one = column(units)
+    one = table_unit(units)
     if one.symbol == "m" and most_m < 1.0:
-        one = Shown(100.0, "cm", 0, 0)
+        one = DisplayUnit(100.0, "cm", 0, 0)
     elif units.length == "ft-in" and most_m < FOOT_M:
-        one = Shown(1 / INCH_M, "in", 0, 0)
+        one = DisplayUnit(1 / INCH_M, "in", 0, 0)
     power = 10.0 ** math.floor(math.log10(most_m * one.factor))
     length = power * max(f for f in (1, 2, 5) if f * power <= most_m * one.factor * (1 + 1e-9))
     return length / one.factor, f"{length:g} {one.symbol}"

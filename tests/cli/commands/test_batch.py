@@ -17,8 +17,14 @@ from uavgram.io.results.batch_state import append_record, read_records
 from uavgram.model.batch import SurveyRecord, SurveyStatus
 from uavgram.pipeline.batch import run as batch_run
 from uavgram.pipeline.batch import survey
-from uavgram.pipeline.batch.survey import Asked, Outcome, Task, measure_survey, with_results
-from uavgram.pipeline.executor.processes import Ended
+from uavgram.pipeline.batch.survey import (
+    Outcome,
+    Requests,
+    Task,
+    add_present_results,
+    measure_survey,
+)
+from uavgram.pipeline.executor.processes import ItemOutcome
 
 
 def table(folder: Path) -> dict[str, dict[str, str]]:
@@ -69,9 +75,9 @@ def _in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def here(
         work: Callable[[Task], Outcome], items: Sequence[Task], *_: object
-    ) -> Iterator[Ended[Outcome]]:
+    ) -> Iterator[ItemOutcome[Outcome]]:
         for number, item in enumerate(items):
-            yield Ended(number, work(item), 1)
+            yield ItemOutcome(number, work(item), 1)
 
     monkeypatch.setattr(batch_run, "in_workers", here)
 
@@ -83,14 +89,14 @@ def measured(
     """A survey that a batch measured, and what it keeps of it."""
     folder = tmp_path_factory.mktemp("measured") / "survey"
     shutil.copytree(small_survey, folder)
-    outcome = measure_survey(Task(project=str(folder / "project.yaml"), asked=Asked()))
+    outcome = measure_survey(Task(project=str(folder / "project.yaml"), asked=Requests()))
     assert outcome.record is not None
     return folder, outcome.record
 
 
-def again(record: SurveyRecord, asked: Asked | None = None) -> str:
+def again(record: SurveyRecord, asked: Requests | None = None) -> str:
     """Status of a survey that is asked for again; ``run`` where that would run it."""
-    task = Task(project=record.row.project, asked=asked or Asked(), before=record)
+    task = Task(project=record.row.project, asked=asked or Requests(), before=record)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(survey, "run", refuse)
         row = measure_survey(task).row
@@ -135,7 +141,7 @@ def test_other_options_and_another_version_are_measured_again(
 ) -> None:
     _, record = measured
 
-    assert again(record, Asked(pdf="a4")) == "run"
+    assert again(record, Requests(pdf="a4")) == "run"
     monkeypatch.setattr(survey, "stamp", lambda: {"version": "99"})
     assert again(record) == "run"
 
@@ -161,7 +167,7 @@ def test_a_full_disk_is_named_and_leaves_earlier_results(
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, hard))
     try:
-        row = measure_survey(Task(project=record.row.project, asked=Asked())).row
+        row = measure_survey(Task(project=record.row.project, asked=Requests())).row
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
@@ -176,7 +182,7 @@ def test_what_a_worker_made_that_could_not_tell_is_not_measured_again(
 ) -> None:
     folder, record = measured
     left = folder / "out" / survey.LEFT
-    task = with_results(Task(project=record.row.project, asked=Asked(), before=None))
+    task = add_present_results(Task(project=record.row.project, asked=Requests(), before=None))
     append_record(left, record)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(survey, "run", refuse)
@@ -193,7 +199,7 @@ def test_a_worker_that_begins_late_measures_nothing_that_another_has_measured(
 ) -> None:
     folder, record = measured
     results = folder / "out" / "results.json"
-    task = with_results(Task(project=record.row.project, asked=Asked(), before=None))
+    task = add_present_results(Task(project=record.row.project, asked=Requests(), before=None))
     os.utime(results)  # another worker wrote them meanwhile
     before = results.read_bytes()
 
@@ -248,10 +254,11 @@ def test_an_interrupted_batch_says_what_waits_and_goes_on(
 def test_two_surveys_never_write_into_one_folder(project: Project) -> None:
     shutil.copy(project.path, project / "other.yaml")
     tasks = [
-        Task(project=str(project / name), asked=Asked()) for name in ("project.yaml", "other.yaml")
+        Task(project=str(project / name), asked=Requests())
+        for name in ("project.yaml", "other.yaml")
     ]
 
-    clashes = batch_run._clashes(tasks)
+    clashes = batch_run._find_clashes(tasks)
 
     assert list(clashes) == [str(project / "other.yaml")]
     assert str(project.path) in clashes[str(project / "other.yaml")].row.message

@@ -15,7 +15,7 @@ from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
 from uavgram.model.survey.survey import Survey
-from uavgram.pipeline.measure.compute import assembled_survey
+from uavgram.pipeline.measure.compute import assemble_survey
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.stages.refine import refine
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
@@ -79,7 +79,7 @@ def known_but_the_pose(survey: Survey, *, shared: bool) -> Survey:
 def adjusted(repetition: int, *, shared: bool) -> tuple[Survey, Adjustment]:
     drawn = scenario(CAMERA_SIGMA if shared else (1e-9,) * 9)
     inputs = make_inputs(simulate(drawn, repetition=repetition))
-    survey = assembled_survey(inputs, pose_frames(inputs)).survey
+    survey = assemble_survey(inputs, pose_frames(inputs)).survey
     survey = known_but_the_pose(survey, shared=shared)
     options = dataclasses.replace(inputs.project.solve, noise="stated", significance=1e-12)
     return survey, refine(survey, options)[0].adjustment

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from uavgram.estimation.repeated.turns import rotate
+from uavgram.estimation.repeated.photo_step import rotate
 from uavgram.estimation.solver.batched import backward, cholesky, forward
 
 

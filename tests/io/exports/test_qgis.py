@@ -19,8 +19,8 @@ from rasterio.transform import xy
 from uavgram.geometry.earth.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
-from uavgram.pipeline.measure.exports import exports
-from uavgram.views.wording import NOT_COMPUTED, measurement_text
+from uavgram.pipeline.measure.exports import make_writers
+from uavgram.views.formatting import NOT_COMPUTED, measurement_text
 
 TEXTURE = GroundTexture(
     rgb=np.arange(4 * 6 * 3, dtype=np.uint8).reshape(4, 6, 3),
@@ -39,7 +39,7 @@ def folder(result: Result, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def written(result: Result, folder: Path, texture: GroundTexture | None) -> None:
-    writers = exports(result, texture)
+    writers = make_writers(result, texture)
     for name in {"survey.gpkg", "survey.qgs", "ground.tif"} & set(writers):
         writers[name](folder / name)
 

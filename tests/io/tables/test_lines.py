@@ -11,8 +11,8 @@ from uavgram.errors import InputError
 from uavgram.io.tables.known import read_lines
 from uavgram.io.tables.updates import update_lines
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.history import changed
-from uavgram.picking.document.state import State, observations_of, state_of
+from uavgram.picking.document.history import apply_change
+from uavgram.picking.document.state import State, make_observations, make_state
 
 TABLE = (
     "name,from,to,length_m,sigma_m,tape,along\n"
@@ -26,21 +26,21 @@ def read(folder: Path, text: str) -> State:
     lines = read_lines(folder / "lines.csv")
     assert lines.tape == ("red", "")
     assert lines.along == ("horizontal", "slope")
-    none, _ = observations_of(State())
-    return state_of(none, lines, ())
+    none, _ = make_observations(State())
+    return make_state(none, lines, ())
 
 
 def test_tape_and_along_come_back_from_the_page_as_they_were(tmp_path: Path) -> None:
     state = read(tmp_path, TABLE)
-    _, before = observations_of(state)
+    _, before = make_observations(state)
     change = c.SetLine(
         was="L1", name="L1", start="A", end="B", length_m=11.6, sigma_m=0.01, adjust=True
     )
-    _, after = observations_of(changed(state, change))
+    _, after = make_observations(apply_change(state, change))
 
     assert (after.tape, after.along) == (before.tape, before.along)
     assert update_lines(TABLE.encode(), before, after) == TABLE.replace("11.5", "11.6").encode()
-    _, blue = observations_of(changed(state, replace(change, tape="blue", along="slope")))
+    _, blue = make_observations(apply_change(state, replace(change, tape="blue", along="slope")))
     written = update_lines(TABLE.encode(), before, blue)
     assert written == TABLE.replace("11.5,0.01,red,horizontal", "11.6,0.01,blue,").encode()
 

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from uavgram.model.survey.observations import MeasurementKind
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.history import Session, apply
-from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import Pick, State, observations_of, state_of
+from uavgram.picking.document.state import Pick, State, make_observations, make_state
 
 LABELS = st.sampled_from(["A", "B", "C", "D"])
 IMAGES = st.sampled_from(["1.jpg", "2.jpg"])
@@ -247,9 +247,9 @@ def test_the_program_never_changes_a_persons_pick() -> None:
 
 def test_who_made_a_pick_goes_to_the_adjustment_and_back() -> None:
     state = with_matches().state
-    picks, lines = observations_of(state)
+    picks, lines = make_observations(state)
     assert picks.source == ("hand", "hand", "match", "match")
-    assert state_of(picks, lines, ()) == state
+    assert make_state(picks, lines, ()) == state
 
 
 def test_forgetting_a_label_takes_its_lengths_and_measurements_along() -> None:
@@ -301,7 +301,7 @@ def test_a_click_that_is_made_again_stands_beside_the_first_and_goes_with_it() -
     first, _, again = session.state.picks
     assert (again.key, again.u_px, again.height_m, again.again) == (first.key, 11.0, 0.5, 1)
     assert session.state.pick("1.jpg", "A") is first
-    assert state_of(*observations_of(session.state), ()).picks == session.state.picks
+    assert make_state(*make_observations(session.state), ()).picks == session.state.picks
 
     swapped = apply(session, c.Swap(image="1.jpg", label="A", other="B")).state.picks
     assert [(pick.label, pick.u_px) for pick in swapped] == [("B", 10.0), ("A", 30.0), ("B", 11.0)]

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.history import changed
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.history import apply_change
 from uavgram.picking.document.state import Line, Pick, State
 
 HIGH: dict[str, Any] = {"height_m": 1.4, "area": "kerb"}
@@ -25,7 +25,7 @@ STATE = State(
 
 
 def swapped(state: State, image: str, label: str = "A", other: str = "B") -> State:
-    return changed(state, c.Swap(image=image, label=label, other=other))
+    return apply_change(state, c.Swap(image=image, label=label, other=other))
 
 
 def places(state: State, label: str) -> list[tuple[str, float]]:

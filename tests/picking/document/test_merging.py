@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from uavgram.io.tables.measure import REPEATED_POINT_KINDS, points_fault
 from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.history import Session, apply, changed
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.history import Session, apply, apply_change
 from uavgram.picking.document.state import Line, Pick, State
 
 PHOTOS = ("1.jpg", "2.jpg", "3.jpg")
@@ -70,10 +70,10 @@ def test_where_both_are_picked_in_a_photo_somebody_says_which_pick_stays() -> No
     first = pick(1, "A", 1.0)
     before = state(first, match(2, "A", first, 6.0), pick(1, "B", 9.0), pick(3, "B", 4.0))
     with pytest.raises(RefusedError, match="are both picked in 1"):
-        changed(before, c.Merge(label="B", into="A"))
-    kept = changed(before, c.Merge(label="B", into="A", keep="A"))
+        apply_change(before, c.Merge(label="B", into="A"))
+    kept = apply_change(before, c.Merge(label="B", into="A", keep="A"))
     assert seen(kept) == {("1", "A", 1.0), ("2", "A", 6.0), ("3", "A", 4.0)}
-    other = changed(before, c.Merge(label="B", into="A", keep="B"))
+    other = apply_change(before, c.Merge(label="B", into="A", keep="B"))
     assert seen(other) == {("1", "A", 9.0), ("3", "A", 4.0)}  # nor what was found from the other
 
 
@@ -91,20 +91,20 @@ def test_what_measures_between_two_labels_keeps_them_apart(
 ) -> None:
     before = state(pick(1, "A"), pick(2, "B"), pick(1, "C"), **more)
     with pytest.raises(RefusedError, match=f"as two points in {named}"):
-        changed(before, c.Merge(label="B", into="A"))
+        apply_change(before, c.Merge(label="B", into="A"))
 
 
 @pytest.mark.parametrize(("label", "into"), [("A", "A"), ("A", "X"), ("X", "A")])
 def test_a_label_is_merged_into_another_one_that_is_there(label: str, into: str) -> None:
     with pytest.raises(RefusedError):
-        changed(state(pick(1, "A")), c.Merge(label=label, into=into))
+        apply_change(state(pick(1, "A")), c.Merge(label=label, into=into))
 
 
 def test_a_height_or_area_of_one_label_is_that_of_the_point_and_two_must_agree() -> None:
     stated: dict[str, Any] = {"height_m": 0.4, "height_sigma_m": 0.02, "area": "verge"}
     nothing: dict[str, Any] = {}
     for one, other in ((stated, nothing), (nothing, stated), (stated, stated)):
-        after = changed(
+        after = apply_change(
             state(pick(1, "A", **one), pick(2, "B", **other)), c.Merge(label="B", into="A")
         )
         assert [(p.height_m, p.height_sigma_m, p.area) for p in after.picks] == [
@@ -112,11 +112,11 @@ def test_a_height_or_area_of_one_label_is_that_of_the_point_and_two_must_agree()
         ] * 2
     for two in ({"height_m": 0.5}, {"is_free": True}):
         with pytest.raises(RefusedError, match="not the same height"):
-            changed(
+            apply_change(
                 state(pick(1, "A", **stated), pick(2, "B", **two)), c.Merge(label="B", into="A")
             )
     with pytest.raises(RefusedError, match="not the same area"):
-        changed(
+        apply_change(
             state(pick(1, "A", **stated), pick(2, "B", area="road")), c.Merge(label="B", into="A")
         )
 
@@ -137,17 +137,17 @@ def test_what_was_found_from_a_split_pick_goes_with_it_and_a_split_match_is_a_pe
     first = pick(1, "A", 1.0)
     found = match(2, "A", first, 6.0)
     before = state(first, found, pick(3, "A", 9.0))
-    with_it = changed(before, c.Split(label="A", new="B", images=("1.jpg",)))
+    with_it = apply_change(before, c.Split(label="A", new="B", images=("1.jpg",)))
     assert seen(with_it) == {("1", "B", 1.0), ("2", "B", 6.0), ("3", "A", 9.0)}
     assert with_it.picks[1] == replace(found, label="B")
-    alone = changed(before, c.Split(label="A", new="B", images=("2.jpg",)))
+    alone = apply_change(before, c.Split(label="A", new="B", images=("2.jpg",)))
     assert alone.picks[1] == pick(2, "B", 6.0)
 
 
 def test_both_sides_of_a_split_keep_the_height_though_one_row_stated_it() -> None:
     before = state(pick(1, "A", height_m=0.4), pick(2, "A"), pick(3, "A", area="verge"))
     for images in (("1.jpg",), ("2.jpg", "3.jpg")):
-        after = changed(before, c.Split(label="A", new="B", images=images))
+        after = apply_change(before, c.Split(label="A", new="B", images=images))
         assert {(one.height_m, one.area) for one in after.picks} == {(0.4, "verge")}
 
 
@@ -164,7 +164,7 @@ def test_a_split_that_leaves_nothing_on_one_side_is_refused(
 ) -> None:
     before = state(pick(1, "A"), pick(2, "A"), pick(3, "C"))
     with pytest.raises(RefusedError, match=why):
-        changed(before, c.Split(label="A", new=new, images=images))
+        apply_change(before, c.Split(label="A", new=new, images=images))
 
 
 PICKS = st.lists(

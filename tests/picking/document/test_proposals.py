@@ -7,17 +7,17 @@ from dataclasses import replace
 import pytest
 
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import (
     BY_HAND,
     ENOUGH,
     Outcome,
-    accepted,
-    refused,
-    surely_found,
-    that_hold,
+    make_accept_command,
+    refuse,
+    select_certain,
+    select_valid,
 )
-from uavgram.picking.document.refused import RefusedError
 from uavgram.picking.document.state import Pick, State
 
 HAND = Pick(image="1.jpg", label="A", u_px=1.0, v_px=2.0, height_m=0.5)
@@ -50,7 +50,7 @@ OUTCOMES = {
 
 def test_accepted_ones_are_picks_of_one_step_with_what_they_were_found_from() -> None:
     before = Session(state=STATE)
-    after = apply(before, accepted(OUTCOMES, STATE, [("2.jpg", "A"), ("3.jpg", "A")]))
+    after = apply(before, make_accept_command(OUTCOMES, STATE, [("2.jpg", "A"), ("3.jpg", "A")]))
     new = after.state.pick("3.jpg", "A")
     assert new is not None
     assert (new.source, new.sigma_px, new.score, new.from_image) == ("match", 0.06, 0.9, "1.jpg")
@@ -63,7 +63,7 @@ def test_accepted_ones_are_picks_of_one_step_with_what_they_were_found_from() ->
 def test_what_is_picked_meanwhile_stays_as_it_is() -> None:
     own = Pick(image="2.jpg", label="A", u_px=5.0, v_px=5.0)
     state = State(picks=(HAND, own))
-    do = accepted(OUTCOMES, state, [("2.jpg", "A"), ("3.jpg", "A")])
+    do = make_accept_command(OUTCOMES, state, [("2.jpg", "A"), ("3.jpg", "A")])
     assert [place.image for place in do.places] == ["3.jpg"]
     # Also where it is picked between the command and its doing, as when a journal is played.
     everything = c.PlaceAll(places=tuple(one.found for one in OUTCOMES.values() if one.found))
@@ -73,24 +73,24 @@ def test_what_is_picked_meanwhile_stays_as_it_is() -> None:
 @pytest.mark.parametrize("pair", [("4.jpg", "A"), ("5.jpg", "A"), ("2.jpg", "B")])
 def test_what_was_not_found_cannot_be_accepted(pair: tuple[str, str]) -> None:
     with pytest.raises(RefusedError, match="not proposed"):
-        accepted(OUTCOMES, STATE, [pair])
+        make_accept_command(OUTCOMES, STATE, [pair])
 
 
 def test_it_holds_only_while_its_pick_is_where_it_was() -> None:
     moved = State(picks=(Pick(image="1.jpg", label="A", u_px=1.5, v_px=2.0),))
-    assert that_hold(OUTCOMES, STATE) == OUTCOMES
-    assert not that_hold(OUTCOMES, moved)
+    assert select_valid(OUTCOMES, STATE) == OUTCOMES
+    assert not select_valid(OUTCOMES, moved)
     with pytest.raises(RefusedError):
-        accepted(OUTCOMES, moved, [("2.jpg", "A")])
+        make_accept_command(OUTCOMES, moved, [("2.jpg", "A")])
 
 
 def test_what_is_refused_is_asked_for_and_once_more_is_not() -> None:
-    once = refused(OUTCOMES, [("2.jpg", "A"), ("4.jpg", "A"), ("9.jpg", "Z")])
+    once = refuse(OUTCOMES, [("2.jpg", "A"), ("4.jpg", "A"), ("9.jpg", "Z")])
     asked = once["2.jpg", "A"]
     assert (asked.found, asked.why, asked.is_asked, asked.is_over) == (None, BY_HAND, True, True)
     assert not once["4.jpg", "A"].is_asked
     assert once["3.jpg", "A"] == OUTCOMES["3.jpg", "A"]
-    assert not refused(once, [("2.jpg", "A")])["2.jpg", "A"].is_asked
+    assert not refuse(once, [("2.jpg", "A")])["2.jpg", "A"].is_asked
 
 
 def test_a_match_is_sure_where_enough_photos_show_its_surroundings_alike() -> None:
@@ -98,9 +98,9 @@ def test_a_match_is_sure_where_enough_photos_show_its_surroundings_alike() -> No
     alike = {(image, "A"): replace(found(image), is_alike=True) for image in images[:ENOUGH]}
     rest = {(image, "A"): found(image) for image in images[ENOUGH:]}
 
-    assert surely_found(alike | rest) == set(alike)
+    assert select_certain(alike | rest) == set(alike)
     alike.pop((images[0], "A"))
-    assert surely_found(alike | rest) == set()  # what is left agrees with too few
+    assert select_certain(alike | rest) == set()  # what is left agrees with too few
 
 
 def test_a_target_is_sure_by_itself() -> None:
@@ -108,4 +108,4 @@ def test_a_target_is_sure_by_itself() -> None:
     assert match.found is not None
     target = replace(match, found=replace(match.found, source="target"))
 
-    assert surely_found({("2.jpg", "A"): target, ("3.jpg", "A"): match}) == {("2.jpg", "A")}
+    assert select_certain({("2.jpg", "A"): target, ("3.jpg", "A"): match}) == {("2.jpg", "A")}

@@ -9,7 +9,7 @@ import pytest
 from uavgram.model.survey.ties import TiePicks
 from uavgram.picking.document.commands import Place, Snap, Ties
 from uavgram.picking.protocol.encode_answers import snap_json, ties_json
-from uavgram.pipeline.pick.other_photos import ExpectedPlace
+from uavgram.pipeline.pick.places import ExpectedPlace
 
 LEFT, RIGHT = 90.0, 126.0
 

@@ -7,7 +7,7 @@ import pytest
 
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import Track
-from uavgram.picking.protocol.encode_flight import MOST_VERTICES, around
+from uavgram.picking.protocol.encode_flight import MAX_VERTICES, cut_track
 
 
 def track(time_s: Floats) -> Track:
@@ -34,9 +34,9 @@ def track(time_s: Floats) -> Track:
 def test_it_goes_a_little_beyond_the_photos(
     photos_s: list[float], first_s: float, last_s: float
 ) -> None:
-    vertices = around(track(np.arange(0.0, 1000.5, 0.5)), np.array(photos_s))
+    vertices = cut_track(track(np.arange(0.0, 1000.5, 0.5)), np.array(photos_s))
 
     assert vertices[0, 0] == first_s
     assert vertices[-1, 0] == last_s
-    assert len(vertices) <= MOST_VERTICES
+    assert len(vertices) <= MAX_VERTICES
     np.testing.assert_array_equal(vertices[:, 1], 10.0 * vertices[:, 0])

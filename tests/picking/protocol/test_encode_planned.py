@@ -7,7 +7,7 @@ from dataclasses import replace
 from planned_sample import sample_plan, sample_plates
 
 from uavgram.model.naming import METRIC, Units
-from uavgram.picking.protocol.encode_planned import planned_json
+from uavgram.picking.protocol.encode_flight import planned_json
 
 FEET = Units(length="ft", speed="mph")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from uavgram.model.naming import FOOT_M, IMPERIAL, METRIC, Units
 from uavgram.picking.document.state import Line, State
-from uavgram.picking.protocol.encode_units import in_project_units, lengths_of, names_to_keep
+from uavgram.picking.protocol.encode_units import collect_lengths, convert_units, list_kept_names
 
 MESSAGE = {
     "t": "live",
@@ -20,7 +20,7 @@ MESSAGE = {
 
 
 def test_sentences_are_told_in_feet_and_nothing_else_is_changed() -> None:
-    told = in_project_units(MESSAGE, IMPERIAL, ("wall 4.10 m",))
+    told = convert_units(MESSAGE, IMPERIAL, ("wall 4.10 m",))
 
     assert told["verdict"]["words"] == "off by 1.26 in"
     assert told["verdict"]["why"][0]["text"] == "wall 4.10 m: 4 ft 7 in high"
@@ -44,7 +44,7 @@ def test_sentences_tell_what_was_typed_and_not_what_its_rounded_metres_are() -> 
             {"words": "Free it, 3.05 m up", "changes": [{"t": "height"}]},
         ],
     }
-    exact = lengths_of(message, state)
+    exact = collect_lengths(message, state)
 
     for units, text, words in (
         (
@@ -54,19 +54,19 @@ def test_sentences_tell_what_was_typed_and_not_what_its_rounded_metres_are() -> 
         ),
         (IMPERIAL, "taped 10 ft 6 in, found 10 ft 6 3/8 in; D1 is 7 ft 3 in", "10 ft 0 in"),
     ):
-        first, button, other = in_project_units(message, units, (), exact)["why"]
+        first, button, other = convert_units(message, units, (), exact)["why"]
         assert first["text"] == text
         assert button["words"] == f"Correct L1 to {words}"
         assert other["words"].startswith("Free it, 10")
-    assert lengths_of({"t": "saved"}, state) == (0.01, 10.5 * FOOT_M)
+    assert collect_lengths({"t": "saved"}, state) == (0.01, 10.5 * FOOT_M)
 
 
 def test_in_metres_only_speeds_are_told_anew() -> None:
-    told = in_project_units(MESSAGE, METRIC, ())
+    told = convert_units(MESSAGE, METRIC, ())
 
     assert told["messages"][0]["text"] == "at 50.0 km/h"
     assert {**told, "messages": MESSAGE["messages"]} == MESSAGE
 
 
 def test_names_of_an_empty_project_need_no_care() -> None:
-    assert names_to_keep(State()) == ()
+    assert list_kept_names(State()) == ()

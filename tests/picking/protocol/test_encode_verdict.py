@@ -11,11 +11,11 @@ from standings import with_status
 from uavgram.model.message import Correction, Message, Remedy
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.picking.document.state import Line, State, observations_of
+from uavgram.picking.document.state import Line, State, make_observations
 from uavgram.picking.protocol.encode_remarks import Remarks
 from uavgram.picking.protocol.encode_verdict import (
     Json,
-    measurement_standings,
+    encode_measurement_statuses,
     verdict_json,
 )
 
@@ -31,7 +31,7 @@ ENDS = ("P01", "P02")
 
 def told_of(result: Result) -> Json:
     """The verdict where no length is known, and every photo."""
-    _, lines = observations_of(State())
+    _, lines = make_observations(State())
     return verdict_json(result, lines, {name: k for k, name in enumerate(result.frames.frame_id)})
 
 
@@ -71,7 +71,7 @@ def test_what_is_known_stands_beside_an_amber_light() -> None:
 
 def test_each_measurement_has_its_own_reason() -> None:
     made = with_status(survey.build(), "contradicted", "doubtful", "doubtful", "ok")
-    standings = measurement_standings(
+    standings = encode_measurement_statuses(
         replace(made, verdict=Verdict(level="red", reasons=(SWAPPED, OTHER)), evidence=None)
     )
 
@@ -121,7 +121,7 @@ def test_a_length_is_shown_in_a_photo_of_both_its_ends() -> None:
     off = np.zeros_like(picks.residual_px)
     off[[*zip(picks.image, picks.label, strict=True)].index((names[alone], ENDS[0]))] = 70.0
     line = Line(name="L1", start=ENDS[0], end=ENDS[1], length_m=1.0, sigma_m=0.01)
-    _, lines = observations_of(State(lines=(line,)))
+    _, lines = make_observations(State(lines=(line,)))
     told = Remarks(
         replace(picks, label=label, residual_px=off),
         lines,

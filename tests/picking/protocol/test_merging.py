@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.history import changed
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.history import apply_change
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
-from uavgram.picking.storage.journal import Journal, left_in
+from uavgram.picking.storage.journal import Journal, load_journal
 
 NAMES = ("P1.jpg", "P2.jpg")
 PHOTOS = tuple(PhotoSize(name, 640, 480) for name in NAMES)
@@ -52,7 +52,7 @@ def test_both_are_found_again_after_a_crash(body: Json, tmp_path: Path) -> None:
     journal.open(state, {}, resumed=False)
     journal.record(command, 0)
     journal.close()
-    left = left_in(journal.path).session
+    left = load_journal(journal.path).session
 
     assert left is not None
-    assert left.state == changed(state, command)
+    assert left.state == apply_change(state, command)

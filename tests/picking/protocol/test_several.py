@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.history import changed
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.history import apply_change
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
-from uavgram.picking.storage.journal import Journal, left_in
+from uavgram.picking.storage.journal import Journal, load_journal
 
 PHOTOS = (PhotoSize("P1.jpg", 640, 480), PhotoSize("P2.jpg", 640, 480))
 STATE = State(
@@ -59,8 +59,8 @@ def test_several_changes_are_found_again_after_a_crash(tmp_path: Path) -> None:
     journal.open(STATE, {}, resumed=False)
     journal.record(command, 0)
     journal.close()
-    left = left_in(journal.path).session
+    left = load_journal(journal.path).session
 
     assert left is not None
-    assert left.state == changed(STATE, command)
+    assert left.state == apply_change(STATE, command)
     assert len(left.past) == 1

@@ -12,8 +12,8 @@ from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.commands import SideView
 from uavgram.picking.protocol.encode_answers import side_json
 from uavgram.picking.protocol.encode_survey import Json, adjusted_json, linearised_json
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
-from uavgram.pipeline.pick.side_view import side_view
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
+from uavgram.pipeline.pick.side_view import make_side_view
 
 FREE, ALONE = "R2", "alone"
 REQUESTS = (
@@ -26,7 +26,7 @@ REQUESTS = (
 
 
 @pytest.fixture(scope="module")
-def survey(data_dir: Path) -> tuple[LiveSurvey, Observed]:
+def survey(data_dir: Path) -> tuple[LiveSurvey, Observations]:
     """A survey in which one height is free, and another that only one photo shows."""
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     picks = live.inputs.picks
@@ -34,17 +34,17 @@ def survey(data_dir: Path) -> tuple[LiveSurvey, Observed]:
     label[next(i for i, name in enumerate(label) if name == "P12")] = ALONE
     is_free = np.isin(label, [FREE, ALONE])
     picks = replace(picks, label=tuple(label), is_free=is_free)
-    return live, Observed(picks=picks, lines=live.inputs.lines, requests=REQUESTS)
+    return live, Observations(picks=picks, lines=live.inputs.lines, requests=REQUESTS)
 
 
 @pytest.fixture(scope="module")
-def adjusted(survey: tuple[LiveSurvey, Observed]) -> Adjusted:
+def adjusted(survey: tuple[LiveSurvey, Observations]) -> LiveAdjustment:
     live, observed = survey
     return live.adjust(observed)
 
 
 def test_the_page_is_told_how_high_free_points_stand_and_whose_height_is_not_found(
-    adjusted: Adjusted,
+    adjusted: LiveAdjustment,
 ) -> None:
     index = {name: k for k, name in enumerate(adjusted.result.frames.frame_id)}
     told: Json = adjusted_json(adjusted, index)
@@ -60,13 +60,13 @@ def test_the_page_is_told_how_high_free_points_stand_and_whose_height_is_not_fou
 
 
 def test_heights_follow_a_drag_to_first_order(
-    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+    survey: tuple[LiveSurvey, Observations], adjusted: LiveAdjustment
 ) -> None:
     live, observed = survey
     pixel = observed.picks.pixel_px.copy()
     pixel[observed.picks.label.index(FREE)] += (0.0, 0.5)
     moved = replace(observed, picks=replace(observed.picks, pixel_px=pixel))
-    quick = live.linearised(adjusted, moved)
+    quick = live.update_linearly(adjusted, moved)
     assert quick is not None
     told = linearised_json(quick, {name: k for k, name in enumerate(live.inputs.photos.frame_id)})
     (row,) = np.flatnonzero(adjusted.result.points.is_off_ground)
@@ -76,20 +76,20 @@ def test_heights_follow_a_drag_to_first_order(
     assert told["heights_m"] == {FREE: pytest.approx(after, abs=0.03 * abs(after - before))}
 
 
-def test_a_side_view_has_the_numbers_of_a_profile(adjusted: Adjusted) -> None:
-    found, profile = side_view(adjusted, "P"), adjusted.result.profiles
+def test_a_side_view_has_the_numbers_of_a_profile(adjusted: LiveAdjustment) -> None:
+    found, profile = make_side_view(adjusted, "P"), adjusted.result.profiles
     assert found is not None
     assert found.label == profile.label == ("R1", "R7", FREE)
     np.testing.assert_array_equal(found.place_m, profile.place_m)
     np.testing.assert_array_equal(found.sigma_m, profile.sigma_m)
 
 
-def test_what_is_no_profile_is_seen_across_its_longest_line(adjusted: Adjusted) -> None:
+def test_what_is_no_profile_is_seen_across_its_longest_line(adjusted: LiveAdjustment) -> None:
     points = adjusted.result.points
     place = dict(zip(points.label, points.position_world_m, strict=True))
     around = [place[label] for label in REQUESTS[1].points]
     away = [float(np.hypot(*(one - around[0])[:2])) for one in around]
-    found = side_view(adjusted, "A")
+    found = make_side_view(adjusted, "A")
     assert found is not None
     assert sorted(found.label) == sorted(REQUESTS[1].points)
     assert found.label[0] == "R1"
@@ -99,7 +99,7 @@ def test_what_is_no_profile_is_seen_across_its_longest_line(adjusted: Adjusted) 
     np.testing.assert_allclose(found.place_m[:, 2], up, atol=1e-9)
 
 
-def test_a_side_view_of_what_is_not_adjusted_is_empty(adjusted: Adjusted) -> None:
+def test_a_side_view_of_what_is_not_adjusted_is_empty(adjusted: LiveAdjustment) -> None:
     for name in ("height", "unseen", "nobody asked for this"):
         assert side_json(adjusted, SideView(name=name)) == {"points": []}
     assert side_json(None, SideView(name="D")) == {"points": []}

@@ -13,24 +13,24 @@ from uavgram.errors import UavgramError
 from uavgram.model.arrays import Bools, Ints
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
-from uavgram.pipeline.pick.other_photos import same_ground
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
+from uavgram.pipeline.pick.places import project_ground
 
 
 @pytest.fixture(scope="module")
-def survey(data_dir: Path) -> tuple[LiveSurvey, Observed]:
+def survey(data_dir: Path) -> tuple[LiveSurvey, Observations]:
     live = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     inputs = live.inputs
-    return live, Observed(picks=inputs.picks, lines=inputs.lines, requests=inputs.requests[:12])
+    return live, Observations(picks=inputs.picks, lines=inputs.lines, requests=inputs.requests[:12])
 
 
 @pytest.fixture(scope="module")
-def adjusted(survey: tuple[LiveSurvey, Observed]) -> Adjusted:
+def adjusted(survey: tuple[LiveSurvey, Observations]) -> LiveAdjustment:
     live, observed = survey
     return live.adjust(observed)
 
 
-def moved(observed: Observed, shift_px: ArrayLike, length_m: float = 0.0) -> Observed:
+def moved(observed: Observations, shift_px: ArrayLike, length_m: float = 0.0) -> Observations:
     pixel = observed.picks.pixel_px.copy()
     pixel[20] += shift_px
     length = observed.lines.length_m.copy()
@@ -42,7 +42,7 @@ def moved(observed: Observed, shift_px: ArrayLike, length_m: float = 0.0) -> Obs
     )
 
 
-def only(observed: Observed, rows: Ints | Bools) -> Observed:
+def only(observed: Observations, rows: Ints | Bools) -> Observations:
     picks = observed.picks
     return replace(
         observed,
@@ -65,7 +65,7 @@ def only(observed: Observed, rows: Ints | Bools) -> Observed:
     )
 
 
-def test_live_numbers_are_those_of_a_run(adjusted: Adjusted, data_dir: Path) -> None:
+def test_live_numbers_are_those_of_a_run(adjusted: LiveAdjustment, data_dir: Path) -> None:
     inputs = read_inputs(data_dir / "calm_nadir" / "project.yaml")
     run = compute(replace(inputs, requests=inputs.requests[:12]), curved=False).result
     np.testing.assert_array_equal(adjusted.result.measurements.value, run.measurements.value)
@@ -73,7 +73,7 @@ def test_live_numbers_are_those_of_a_run(adjusted: Adjusted, data_dir: Path) -> 
 
 
 def test_first_order_answers_are_exact_for_small_moves(
-    survey: tuple[LiveSurvey, Observed],
+    survey: tuple[LiveSurvey, Observations],
 ) -> None:
     """With the sigmas as they were: as stated here, so that a run does not learn others."""
     live, observed = survey
@@ -81,7 +81,7 @@ def test_first_order_answers_are_exact_for_small_moves(
     stated = replace(project, solve=replace(project.solve, noise="stated"))
     live = LiveSurvey(replace(live.inputs, project=stated))
     adjusted, change = live.adjust(observed), moved(observed, [0.4, -0.3], 0.01)
-    quick, full = live.linearised(adjusted, change), live.adjust(change)
+    quick, full = live.update_linearly(adjusted, change), live.adjust(change)
     assert quick is not None
     before, after = adjusted.result.measurements, full.result.measurements
     step = np.abs(after.value - before.value).max()
@@ -92,44 +92,46 @@ def test_first_order_answers_are_exact_for_small_moves(
 
 
 def test_sigmas_that_a_run_learns_anew_move_little_beside_first_order_answers(
-    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+    survey: tuple[LiveSurvey, Observations], adjusted: LiveAdjustment
 ) -> None:
     live, observed = survey
     change = moved(observed, [0.4, -0.3], 0.01)
-    quick, full = live.linearised(adjusted, change), live.adjust(change)
+    quick, full = live.update_linearly(adjusted, change), live.adjust(change)
     assert quick is not None
     after = full.result.measurements
     assert np.abs((quick.value - after.value) / after.sigma).max() < 0.05
 
 
 def test_a_length_that_stands_out_is_linearised_and_one_that_was_mended_is_not(
-    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+    survey: tuple[LiveSurvey, Observations], adjusted: LiveAdjustment
 ) -> None:
     live, observed = survey
     off = moved(observed, 0.0, 0.3)  # it takes part with less weight than was stated
     mended = replace(adjusted, observed=off)  # its reading is another than was typed
 
-    assert live.linearised(live.adjust(off), moved(off, [0.4, -0.3])) is not None
-    assert live.linearised(mended, off) is None
+    assert live.update_linearly(live.adjust(off), moved(off, [0.4, -0.3])) is not None
+    assert live.update_linearly(mended, off) is None
 
 
 def test_a_new_pick_is_not_linearised(
-    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+    survey: tuple[LiveSurvey, Observations], adjusted: LiveAdjustment
 ) -> None:
     live, observed = survey
     fewer = only(observed, np.arange(len(observed.picks.image)) != 3)
-    assert live.linearised(adjusted, fewer) is None
+    assert live.update_linearly(adjusted, fewer) is None
 
 
 def test_without_picks_it_says_in_words_what_is_missing(
-    survey: tuple[LiveSurvey, Observed],
+    survey: tuple[LiveSurvey, Observations],
 ) -> None:
     live, observed = survey
     with pytest.raises(UavgramError, match="Nothing is picked yet"):
         live.adjust(only(observed, np.zeros(0, dtype=int)))
 
 
-def test_predictions_hold_the_picks_that_were_left_out(survey: tuple[LiveSurvey, Observed]) -> None:
+def test_predictions_hold_the_picks_that_were_left_out(
+    survey: tuple[LiveSurvey, Observations],
+) -> None:
     """Squared Mahalanobis distances of held-out picks: mean 2, within four sigmas of the mean."""
     live, observed = survey
     rng = np.random.default_rng(3)
@@ -150,7 +152,7 @@ def test_predictions_hold_the_picks_that_were_left_out(survey: tuple[LiveSurvey,
 
 
 def test_a_photo_without_picks_is_predicted_as_if_its_picks_said_nothing(
-    survey: tuple[LiveSurvey, Observed],
+    survey: tuple[LiveSurvey, Observations],
 ) -> None:
     """Picks of a thousand pixels' sigma bring a photo into the adjustment, and nothing else."""
     live, observed = survey
@@ -186,7 +188,7 @@ def test_a_photo_without_picks_is_predicted_as_if_its_picks_said_nothing(
 
 
 def test_the_same_ground_is_where_a_label_is_picked_in_another_photo(
-    survey: tuple[LiveSurvey, Observed], adjusted: Adjusted
+    survey: tuple[LiveSurvey, Observations], adjusted: LiveAdjustment
 ) -> None:
     live, observed = survey
     picks = observed.picks
@@ -196,15 +198,15 @@ def test_the_same_ground_is_where_a_label_is_picked_in_another_photo(
     both = [label for image, label in pixel if image == here and (there, label) in pixel]
     assert len(both) > 5
     for label in both:
-        found = same_ground(live, adjusted, here, tuple(pixel[here, label]))
+        found = project_ground(live, adjusted, here, tuple(pixel[here, label]))
         u, v, scale = found[there]
         assert np.linalg.norm(np.array([u, v]) - pixel[there, label]) < 5.0
         assert 0.8 < scale < 1.25
 
 
 def test_before_any_adjustment_the_telemetry_says_where_the_same_ground_is(
-    survey: tuple[LiveSurvey, Observed],
+    survey: tuple[LiveSurvey, Observations],
 ) -> None:
     live, _ = survey
-    places = same_ground(live, None, "IMG_0045.jpg", (1500.0, 1100.0))
+    places = project_ground(live, None, "IMG_0045.jpg", (1500.0, 1100.0))
     assert len(places) == len(live.inputs.photos.frame_id) - 1

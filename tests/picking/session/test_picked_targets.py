@@ -15,7 +15,7 @@ from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.raster import Image
 from uavgram.picking.document.commands import Place
 from uavgram.picking.session.picked_targets import PickedTargets
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 FINER = 16
 HERE, THERE = (60.21875, 55.46875), (70.96875, 64.71875)

@@ -13,7 +13,7 @@ from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.locks import LOCK
 from uavgram.picking.session.outputs import FILES, RECORDING, RESULTS, Outputs
 from uavgram.picking.storage.journal import JOURNAL
-from uavgram.picking.storage.set_aside import oldest_set_aside
+from uavgram.picking.storage.set_aside import find_oldest
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.run import run
@@ -112,4 +112,4 @@ def test_nothing_is_read_through_a_link_among_the_outputs(project: Path) -> None
     assert not outputs.has_recording
     with pytest.raises(InputError, match="is not there yet"):
         outputs.viewer()
-    assert oldest_set_aside(out) is None
+    assert find_oldest(out) is None

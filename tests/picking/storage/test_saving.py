@@ -22,12 +22,12 @@ from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.protocol.parse import Message
+from uavgram.picking.session.adjustment_workers import Task
 from uavgram.picking.session.session import PickSession
-from uavgram.picking.session.workers import Task
-from uavgram.picking.storage.journal import JOURNAL, Journal, left_in
+from uavgram.picking.storage.journal import JOURNAL, Journal, load_journal
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 PICKS = (
     b"\xef\xbb\xbfWho saw it,label,note,image,v_px,u_px\r\n"
@@ -315,7 +315,7 @@ def journal_with(path: Path, *commands: Command) -> None:
 
 
 def picks_in(path: Path) -> tuple[Pick, ...]:
-    session = left_in(path).session
+    session = load_journal(path).session
     assert session is not None
     return session.state.picks
 

@@ -9,7 +9,7 @@ import pytest
 from open_projects import ask, change, opened
 from pick_pages import small_project
 
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 
 PICKS = b"image,label,u_px,v_px\nP1.jpg,A,10,20\nP1.jpg,B,30,40\n"

@@ -10,11 +10,11 @@ from uavgram.io.tables.updates import update_picks
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.commands import Command
 from uavgram.picking.document.history import Session, apply
-from uavgram.picking.document.state import State, observations_of, state_of
+from uavgram.picking.document.state import State, make_observations, make_state
 from uavgram.picking.protocol.encode_survey import state_json
 from uavgram.picking.protocol.parse import PhotoSize, parse_message
-from uavgram.picking.storage.journal import Journal, left_in
-from uavgram.picking.storage.set_aside import SetAside, changes_of
+from uavgram.picking.storage.journal import Journal, load_journal
+from uavgram.picking.storage.set_aside import SetAside, list_changes
 
 INDEX = {"P1.jpg": 0, "P2.jpg": 1, "P3.jpg": 2}
 PHOTOS = tuple(PhotoSize(name, 640, 480) for name in INDEX)
@@ -29,12 +29,12 @@ TABLE = (
 
 def state_in(path: Path) -> State:
     path.write_bytes(TABLE)
-    _, lines = observations_of(State())
-    return state_of(read_picks(path), lines, ())
+    _, lines = make_observations(State())
+    return make_state(read_picks(path), lines, ())
 
 
 def written(path: Path, before: State, after: State) -> bytes:
-    (old, _), (new, _) = observations_of(before), observations_of(after)
+    (old, _), (new, _) = make_observations(before), make_observations(after)
     content = update_picks(path.read_bytes(), old, new)
     assert content is not None
     return content
@@ -64,8 +64,8 @@ def test_a_pick_that_is_removed_takes_its_matches_out_of_the_table(tmp_path: Pat
 def test_what_a_person_noted_in_these_columns_stays_when_the_pick_is_moved(tmp_path: Path) -> None:
     path = tmp_path / "picks.csv"
     path.write_bytes(b"image,label,u_px,v_px,source,score\nP1.jpg,A,10,20,the officer,7\n")
-    _, lines = observations_of(State())
-    before = state_of(read_picks(path), lines, ())
+    _, lines = make_observations(State())
+    before = make_state(read_picks(path), lines, ())
     after = done(before, c.Place(image="P1.jpg", label="A", u_px=11.5, v_px=20.0))
     assert written(path, before, after).splitlines()[1] == b"P1.jpg,A,11.5,20,the officer,7"
 
@@ -78,7 +78,7 @@ def test_a_journal_knows_who_made_a_pick(tmp_path: Path) -> None:
         fields = {name: getattr(pick, name) for name in c.Place.__dataclass_fields__}
         journal.record(c.Place(**fields), 0)
     journal.close()
-    left = left_in(tmp_path / "j.jsonl").session
+    left = load_journal(tmp_path / "j.jsonl").session
     assert left is not None
     assert left.state == state
 
@@ -86,7 +86,7 @@ def test_a_journal_knows_who_made_a_pick(tmp_path: Path) -> None:
 def test_what_was_set_aside_comes_back_with_who_made_it(tmp_path: Path) -> None:
     after = state_in(tmp_path / "picks.csv")
     session = Session(state=State())
-    for change in changes_of(SetAside(tmp_path, State(), after), State(), INDEX):
+    for change in list_changes(SetAside(tmp_path, State(), after), State(), INDEX):
         command = parse_message(json.dumps({"seq": 1, **change}), PHOTOS).body
         assert isinstance(command, c.Place)
         session = apply(session, command)
@@ -113,5 +113,5 @@ def test_a_journal_knows_what_was_accepted_in_one_step(tmp_path: Path) -> None:
     journal.open(before, {}, resumed=False)
     journal.record(do, 0)
     journal.close()
-    left = left_in(tmp_path / "j.jsonl").session
+    left = load_journal(tmp_path / "j.jsonl").session
     assert left == apply(Session(state=before), do)

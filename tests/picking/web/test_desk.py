@@ -189,7 +189,7 @@ def test_a_full_disk_is_said_and_leaves_nothing(
     number = numbers(browser)["first"]
     before = sorted((home / "first").rglob("*"))
     browser.get("/door/look", params={"folder": number})
-    monkeypatch.setattr("uavgram.pipeline.set_up.replace_text", full)
+    monkeypatch.setattr("uavgram.pipeline.setup.replace_text", full)
     answer = browser.post("/door/begin", json=wanted(number, setup={"pitch_deg": -45}))
     assert (answer.status_code, "the disk is full" in answer.json()["why"]) == (409, True)
     assert sorted((home / "first").rglob("*")) == before

@@ -29,9 +29,9 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from uavgram.model.limits import LONGEST_NAME
-from uavgram.picking.document.history import MOST_ITEMS
-from uavgram.picking.document.history import changed as state_after
-from uavgram.picking.protocol.parse import LONGEST_MESSAGE
+from uavgram.picking.document.history import MAX_ITEMS
+from uavgram.picking.document.history import apply_change as state_after
+from uavgram.picking.protocol.parse import MAX_MESSAGE_BYTES
 from uavgram.picking.web.guard import Pace
 
 
@@ -361,7 +361,7 @@ def read_to_the_end(page: Page) -> ConnectionClosed:
 @pytest.mark.usefixtures("page")
 def test_a_message_that_is_too_long_ends_its_own_page_only(server: Server, entry: Entry) -> None:
     with Page(server, entry) as loud:
-        loud.socket.send("x" * (LONGEST_MESSAGE + 1))
+        loud.socket.send("x" * (MAX_MESSAGE_BYTES + 1))
         told = read_to_the_end(loud).rcvd
         assert told is not None
         assert told.code == 1009
@@ -422,9 +422,9 @@ def test_more_pages_than_people_open_are_refused(server: Server, entry: Entry) -
 
 def test_a_project_has_a_greatest_size() -> None:
     from uavgram.picking.document import commands as c
-    from uavgram.picking.document.refused import RefusedError
+    from uavgram.picking.document.errors import RefusedError
     from uavgram.picking.document.state import Pick, State
 
-    picks = tuple(Pick(image="a", label=str(k), u_px=1, v_px=1) for k in range(MOST_ITEMS))
+    picks = tuple(Pick(image="a", label=str(k), u_px=1, v_px=1) for k in range(MAX_ITEMS))
     with pytest.raises(RefusedError, match="20000 picks"):
         state_after(State(picks=picks), c.Place(image="a", label="new", u_px=1, v_px=1))

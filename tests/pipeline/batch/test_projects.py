@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from uavgram.errors import InputError, UavgramError
-from uavgram.pipeline.batch.projects import find_projects
+from uavgram.pipeline.batch.run import find_projects
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from uavgram.errors import InputError
 from uavgram.io.discovery import PhotoFolder
 from uavgram.model.camera.board import CalibrationOptions
 from uavgram.pipeline.cameras import calibrate as calibrate_nearby
-from uavgram.pipeline.cameras.calibrate import board_folders, calibrate_folder, use_camera
+from uavgram.pipeline.cameras.calibrate import calibrate_folder, find_board_folders, use_camera
 
 
 @pytest.fixture
@@ -87,4 +87,4 @@ def test_every_calibration_gets_a_folder_of_its_own(
 
 def test_folders_with_too_few_photos_are_not_offered(tmp_path: Path) -> None:
     project = small_project(tmp_path / "flight")  # what lies beside the flight is looked at too
-    assert board_folders(project) == ()  # two photos
+    assert find_board_folders(project) == ()  # two photos

@@ -69,7 +69,7 @@ def test_without_workers_it_does_not_wait_for_ever(monkeypatch: pytest.MonkeyPat
 
 
 def test_a_scheduler_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "_PATIENCE_S", 0.2)
+    monkeypatch.setattr(cluster, "_TIMEOUT_S", 0.2)
 
     with pytest.raises(UavgramError, match=r"127\.0\.0\.1:9 does not answer.*dask scheduler"):
         list(on_cluster(fail_at_two, [1], Cluster(address="tcp://127.0.0.1:9")))

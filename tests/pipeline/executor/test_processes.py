@@ -19,7 +19,7 @@ from executor_work import (
 )
 
 from uavgram.pipeline.executor import processes
-from uavgram.pipeline.executor.processes import MOST_TRIES, Bounds, in_workers
+from uavgram.pipeline.executor.processes import MAX_TRIES, Bounds, in_workers
 
 MB = 1 << 20
 
@@ -45,14 +45,14 @@ def test_an_item_that_kills_every_worker_is_given_up_and_the_others_are_not() ->
     ended = {one.number: one for one in in_workers(die, ["a", "poison", "b", "c"], 2)}
 
     assert [ended[k].value for k in (0, 2, 3)] == ["a", "b", "c"]
-    assert (ended[1].value, ended[1].tries) == (None, MOST_TRIES)
+    assert (ended[1].value, ended[1].tries) == (None, MAX_TRIES)
     assert "SIGKILL" in ended[1].why
 
 
 def test_an_item_that_never_ends_is_given_up_and_the_others_are_not(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(processes, "_PATIENCE_S", 0.2)
+    monkeypatch.setattr(processes, "_TIMEOUT_S", 0.2)
     items: list[int | str] = [str(tmp_path / "sleeper"), 2, 3]
 
     ended = {one.number: one for one in in_workers(stop_or_square, items, 1, Bounds(seconds=6.0))}

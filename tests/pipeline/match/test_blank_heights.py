@@ -15,8 +15,8 @@ import pytest
 
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.match.asked import may_be_raised
 from uavgram.pipeline.match.run import match_picks
+from uavgram.pipeline.match.selection import find_raised_labels
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.match import Matches
 
@@ -136,17 +136,17 @@ def test_points_on_the_ground_are_found_as_exactly_as_ever(
 def test_a_label_that_many_photos_do_not_show_on_the_ground_may_be_off_it(project: Path) -> None:
     picks = read_inputs(project).picks
     there = [(f"{k}.png", "V00") for k in range(3)]
-    assert may_be_raised(picks, there, [("3.png", "V00")]) == set()
-    assert may_be_raised(picks, there, [("3.png", "V00"), ("4.png", "V00")]) == {"V00"}
-    assert may_be_raised(picks, [], [("3.png", "V01")]) == {"V01"}
+    assert find_raised_labels(picks, there, [("3.png", "V00")]) == set()
+    assert find_raised_labels(picks, there, [("3.png", "V00"), ("4.png", "V00")]) == {"V00"}
+    assert find_raised_labels(picks, [], [("3.png", "V01")]) == {"V01"}
     stated = np.where(np.array(picks.label) == "V01", 1.4, np.nan)
-    assert may_be_raised(replace(picks, height_m=stated), [], [("3.png", "V01")]) == set()
+    assert find_raised_labels(replace(picks, height_m=stated), [], [("3.png", "V01")]) == set()
 
 
 def test_one_photo_that_covers_what_another_shows_raises_no_target(project: Path) -> None:
     picks = read_inputs(project).picks
     shown, covered = [("1.png", "V00")], [("3.png", "V00")]
-    assert may_be_raised(picks, shown, covered) == {"V00"}
-    assert may_be_raised(picks, shown, covered, odds=100.0) == set()
+    assert find_raised_labels(picks, shown, covered) == {"V00"}
+    assert find_raised_labels(picks, shown, covered, odds=100.0) == set()
     nowhere = [(f"{k}.png", "V00") for k in (0, 1, 3, 4)]
-    assert may_be_raised(picks, [], nowhere, odds=100.0) == {"V00"}
+    assert find_raised_labels(picks, [], nowhere, odds=100.0) == {"V00"}

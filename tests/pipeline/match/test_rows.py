@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.io.tables.picks import read_picks
 from uavgram.io.tables.updates import update_picks
-from uavgram.pipeline.match.rows import with_found
+from uavgram.pipeline.match.selection import append_matches
 from uavgram.stages.match import Found
 
 TABLE = (
@@ -26,7 +26,7 @@ def test_rows_of_people_stay_to_the_byte_and_so_does_their_own_source(tmp_path: 
     path = tmp_path / "picks.csv"
     path.write_text(TABLE, encoding="utf-8")
     before = read_picks(path)
-    after = with_found(before, {("b.jpg", "P"): found(0, 5.5), ("a.jpg", "Q"): found(1, 6.5)})
+    after = append_matches(before, {("b.jpg", "P"): found(0, 5.5), ("a.jpg", "Q"): found(1, 6.5)})
 
     content = update_picks(path.read_bytes(), before, after)
 
@@ -46,9 +46,9 @@ def test_rows_of_people_stay_to_the_byte_and_so_does_their_own_source(tmp_path: 
 def test_the_picks_that_stay_keep_their_numbers_of_rows(tmp_path: Path) -> None:
     path = tmp_path / "picks.csv"
     path.write_text(TABLE, encoding="utf-8")
-    picks = with_found(read_picks(path), {("b.jpg", "P"): found(0, 5.5)})
+    picks = append_matches(read_picks(path), {("b.jpg", "P"): found(0, 5.5)})
 
-    less = with_found(picks, {}, keep=np.array([True, False, True]))
+    less = append_matches(picks, {}, keep=np.array([True, False, True]))
 
     assert (less.image, less.label) == (("a.jpg", "b.jpg"), ("P", "P"))
     assert less.is_free.tolist() == [False, False]

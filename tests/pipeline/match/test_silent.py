@@ -10,7 +10,7 @@ import pytest
 
 from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason
 from uavgram.model.arrays import Floats
-from uavgram.pipeline.match.search import _silent
+from uavgram.pipeline.match.search import _mark_uninformative
 from uavgram.stages.match import CONTRADICTED, Candidates, Found, Missed, Pair, Record
 
 PAIR = ("b.jpg", "CORNER")
@@ -25,7 +25,7 @@ def silent(missed: Missed) -> set[Pair]:
     )
     none = np.zeros(1, np.bool_)
     candidates = Candidates(places, (PAIR,), np.zeros(1, np.int64), none, none)
-    return _silent(candidates, Record({}, {PAIR: (missed,)}))
+    return _mark_uninformative(candidates, Record({}, {PAIR: (missed,)}))
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.survey.corrections import Cause, Ends, SurveyCorrection
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
-from uavgram.pipeline.measure.observations import with_mends
+from uavgram.pipeline.measure.observations import apply_corrections
 from uavgram.stages.assemble import Assembled
 from uavgram.stages.refine.causes.hypothesis import Diagnosis
 from uavgram.stages.refine.causes.identification import IdentifiedCauses
@@ -82,7 +82,7 @@ def test_tables_are_of_what_was_taken_wherever_the_survey_has_it(small: Inputs) 
         cause(SurveyCorrection(pixel_of_pick={4: (12.0, 34.0)}, ends={0: Ends(5, 2)})),
         cause(SurveyCorrection(label_of_pick={0: 4})),
     ]
-    found = with_mends(small, assembled, causes)
+    found = apply_corrections(small, assembled, causes)
     row = {int(k): i for i, k in enumerate(pick_at)}
     label, pixel = list(small.picks.label), np.array(small.picks.pixel_px)
     label[row[0]], pixel[row[4]] = survey.label[4], (12.0, 34.0)

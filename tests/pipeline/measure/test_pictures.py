@@ -39,10 +39,10 @@ def test_photos_of_which_parts_are_shown_do_not_spoil_each_other(
     reduce = partial(make_preview_of_decoded, max_width_px=width)
     monkeypatch.setattr(pictures, "make_preview_of_decoded", reduce)
     parts = ReportPictures(result)
-    wanted = [path for path in photo_files(result.frames) if parts.wants(path)]
+    wanted = [path for path in photo_files(result.frames) if parts.needs_photo(path)]
     assert 1 < len(wanted) < len(photo_files(result.frames))
 
-    made = [parts.cut(path) for path in wanted]
+    made = [parts.cut_parts(path) for path in wanted]
 
     for path, (preview, pixels) in zip(wanted, made, strict=True):
         other, reduced = read_preview(path, width)

@@ -37,13 +37,13 @@ def test_a_recording_of_very_many_photos_carries_some_and_the_ground_is_of_all(
     monkeypatch.setattr(outputs, "write_recording", taken)
     outputs.write_review(made, tmp_path / "r.rrd")
     assert tuple(written) == tuple(grounded) == names
-    assert pictures.with_thinning_told(made) is made
+    assert pictures.note_thinning(made) is made
 
-    monkeypatch.setattr(pictures, "MOST_RECORDED", len(names) // 2)
+    monkeypatch.setattr(pictures, "MAX_RECORDED", len(names) // 2)
     written.clear()
     grounded.clear()
     outputs.write_review(made, tmp_path / "r.rrd")
-    told = pictures.with_thinning_told(made).messages[-1]
+    told = pictures.note_thinning(made).messages[-1]
     assert tuple(grounded) == names
     assert 0 < len(written) <= len(names) // 2
     assert set(written) < set(names)

@@ -12,8 +12,8 @@ from scipy.stats import chi2
 
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import KnownPoints
-from uavgram.pipeline.pick.live import LiveSurvey, Observed
-from uavgram.pipeline.pick.other_photos import KnownPlaces, known_places
+from uavgram.pipeline.pick.live_survey import LiveSurvey, Observations
+from uavgram.pipeline.pick.places import KnownPlaces, predict_known_places
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +52,7 @@ def standardised(survey: LiveSurvey, places: KnownPlaces) -> Floats:
 
 
 def test_before_any_pick_the_telemetry_says_where_they_are(survey: LiveSurvey) -> None:
-    places = known_places(survey, None)
+    places = predict_known_places(survey, None)
     distance = standardised(survey, places)
     assert len(distance) > 100
     # All photos share the flight's errors, so it is no chi-square of as many: none lies outside.
@@ -61,8 +61,8 @@ def test_before_any_pick_the_telemetry_says_where_they_are(survey: LiveSurvey) -
 
 def test_after_an_adjustment_they_are_known_far_better(survey: LiveSurvey) -> None:
     inputs = survey.inputs
-    last = survey.adjust(Observed(picks=inputs.picks, lines=inputs.lines, requests=()))
-    before, after = known_places(survey, None), known_places(survey, last)
+    last = survey.adjust(Observations(picks=inputs.picks, lines=inputs.lines, requests=()))
+    before, after = predict_known_places(survey, None), predict_known_places(survey, last)
     assert standardised(survey, after).max() < chi2.ppf(0.9999, 2)
     area = [np.median(np.linalg.det(one.covariance_px2)) for one in (before, after)]
     assert area[1] < area[0]
@@ -72,13 +72,13 @@ def test_a_wrong_height_falls_out(survey: LiveSurvey) -> None:
     check = survey.inputs.check
     higher = replace(check, coordinates=check.coordinates + np.array([0.0, 5e-4, 0.0]))
     moved = LiveSurvey(replace(survey.inputs, check=higher))
-    assert standardised(moved, known_places(moved, None)).max() > chi2.ppf(0.9999, 2)
+    assert standardised(moved, predict_known_places(moved, None)).max() > chi2.ppf(0.9999, 2)
 
 
 def test_without_known_points_or_poses_there_is_nothing_to_expect(
     survey: LiveSurvey, data_dir: Path
 ) -> None:
     plain = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
-    assert known_places(plain, None).frame_id == ()
+    assert predict_known_places(plain, None).frame_id == ()
     unposed = LiveSurvey(replace(survey.inputs, log=None))
-    assert known_places(unposed, None).frame_id == ()
+    assert predict_known_places(unposed, None).frame_id == ()

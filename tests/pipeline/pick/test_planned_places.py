@@ -16,9 +16,8 @@ from uavgram.errors import InputError
 from uavgram.io.results.plan_json import write_plan
 from uavgram.model.planned import FlightPlanned, PlannedSite
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.pick.other_photos import known_places
-from uavgram.pipeline.pick.places import planned_places
+from uavgram.pipeline.pick.live_survey import LiveSurvey
+from uavgram.pipeline.pick.places import predict_known_places, predict_planned_places
 
 HIGHER_M = 300.0
 """Who plans at home knows the height of the ground badly, if at all."""
@@ -55,7 +54,7 @@ def test_they_are_expected_where_the_points_are(
     survey = LiveSurvey(replace(live.inputs, planned=plan))
     picks = survey.inputs.picks
     pixel = dict(zip(zip(picks.image, picks.label, strict=True), picks.pixel_px, strict=True))
-    known = known_places(survey, None)
+    known = predict_known_places(survey, None)
     squared = []
     for k, (image, label) in enumerate(zip(known.frame_id, known.label, strict=True)):
         if label in point and (image, point[label]) in pixel:
@@ -66,14 +65,14 @@ def test_they_are_expected_where_the_points_are(
     # one flight's errors are in all of them, so it is no chi-square of as many: none lies outside
     assert max(squared) < chi2.ppf(0.9999, 2)
     assert survey.posed is not None
-    found = planned_places(survey.inputs, survey.posed.world)
+    found = predict_planned_places(survey.inputs, survey.posed.world)
     assert set(found.world_m[:, 2]) == {survey.inputs.project.ground.height_m}
 
 
 def test_without_a_plan_nothing_is_expected(data_dir: Path) -> None:
     survey = LiveSurvey.open(data_dir / "calm_nadir" / "project.yaml")
     assert survey.posed is not None
-    assert planned_places(survey.inputs, survey.posed.world).label == ()
+    assert predict_planned_places(survey.inputs, survey.posed.world).label == ()
 
 
 def test_a_plan_that_is_none_is_named_with_the_way_out(planned_project: Path) -> None:

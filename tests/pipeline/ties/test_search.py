@@ -11,7 +11,7 @@ import pytest
 from tied_photos import CAMERA, epipolar, flight, write_photos
 
 from uavgram.model.flight.pose import Poses
-from uavgram.pipeline.ties import Found, Scene, find_ties
+from uavgram.pipeline.ties import Scene, TieSearch, find_ties
 
 
 @pytest.fixture(scope="module")
@@ -24,11 +24,11 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
 
 
 @pytest.fixture(scope="module")
-def guided(scene: Scene) -> Found:
+def guided(scene: Scene) -> TieSearch:
     return find_ties(scene)
 
 
-def check(found: Found) -> None:
+def check(found: TieSearch) -> None:
     off, z = epipolar(flight(), found.ties)
     assert np.median(np.abs(off)) < 0.2
     assert (np.abs(off) < 3.0).all()
@@ -36,11 +36,11 @@ def check(found: Found) -> None:
     assert 0.85 < np.sqrt((z**2).mean()) < 1.2
 
 
-def test_ties_lie_on_their_true_lines_as_well_as_they_say(guided: Found) -> None:
+def test_ties_lie_on_their_true_lines_as_well_as_they_say(guided: TieSearch) -> None:
     check(guided)
 
 
-def test_every_photo_is_tied_and_long_ties_are_there(guided: Found) -> None:
+def test_every_photo_is_tied_and_long_ties_are_there(guided: TieSearch) -> None:
     sightings = Counter(guided.ties.image)
     length = Counter(Counter(guided.ties.tie).values())
 

@@ -15,7 +15,7 @@ from uavgram.estimation.measuring.transferred_pixels import (
 )
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.observations import Picks
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey, Observed
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
 from uavgram.stages.refine.readjustment import MorePicks, add_picks, readjust
 
 NEW = "P22"
@@ -47,14 +47,14 @@ def rows(survey: LiveSurvey) -> tuple[list[int], int]:
 
 
 @pytest.fixture(scope="module")
-def base(survey: LiveSurvey, rows: tuple[list[int], int]) -> Adjusted:
+def base(survey: LiveSurvey, rows: tuple[list[int], int]) -> LiveAdjustment:
     inputs = survey.inputs
     return survey.adjust(
-        Observed(picks=some(inputs.picks, rows[0]), lines=inputs.lines, requests=())
+        Observations(picks=some(inputs.picks, rows[0]), lines=inputs.lines, requests=())
     )
 
 
-def more(survey: LiveSurvey, base: Adjusted, row: int) -> MorePicks:
+def more(survey: LiveSurvey, base: LiveAdjustment, row: int) -> MorePicks:
     picks = survey.inputs.picks
     frame = base.adjustment.survey.frame_id.index(picks.image[row])
     return MorePicks((picks.label[row],), np.array([frame]), picks.pixel_px[[row]], SIGMA_PX)
@@ -66,14 +66,14 @@ def carried(adjustment: Adjustment, new: MorePicks, survey: LiveSurvey) -> Trans
 
 
 def test_a_new_label_is_expected_where_the_full_adjustment_expects_it(
-    survey: LiveSurvey, base: Adjusted, rows: tuple[list[int], int]
+    survey: LiveSurvey, base: LiveAdjustment, rows: tuple[list[int], int]
 ) -> None:
     kept, row = rows
     new = more(survey, base, row)
     quick = add_picks(base.adjustment, new, 0.0)
     inputs = survey.inputs
     full = survey.adjust(
-        Observed(picks=some(inputs.picks, [*kept, row]), lines=inputs.lines, requests=())
+        Observations(picks=some(inputs.picks, [*kept, row]), lines=inputs.lines, requests=())
     ).adjustment
     here, there = carried(quick, new, survey), carried(full, new, survey)
     assert here.frame_id == there.frame_id
@@ -85,7 +85,7 @@ def test_a_new_label_is_expected_where_the_full_adjustment_expects_it(
 
 
 def test_a_pick_that_moved_is_where_it_is_now(
-    survey: LiveSurvey, base: Adjusted, rows: tuple[list[int], int]
+    survey: LiveSurvey, base: LiveAdjustment, rows: tuple[list[int], int]
 ) -> None:
     row = rows[0][0]
     here = more(survey, base, row)
@@ -99,7 +99,7 @@ def test_a_pick_that_moved_is_where_it_is_now(
 
 
 def test_uneven_ground_widens_the_region(
-    survey: LiveSurvey, base: Adjusted, rows: tuple[list[int], int]
+    survey: LiveSurvey, base: LiveAdjustment, rows: tuple[list[int], int]
 ) -> None:
     new = more(survey, base, rows[1])
     even, uneven = (
@@ -110,7 +110,7 @@ def test_uneven_ground_widens_the_region(
     assert np.median(wider) > 4.0
 
 
-def test_a_camera_that_looks_at_the_sky_tells_nothing(base: Adjusted) -> None:
+def test_a_camera_that_looks_at_the_sky_tells_nothing(base: LiveAdjustment) -> None:
     state = base.adjustment.state
     upward = replace(
         base.adjustment,
@@ -125,7 +125,7 @@ def test_a_camera_that_looks_at_the_sky_tells_nothing(base: Adjusted) -> None:
 
 
 def test_what_was_learnt_of_uneven_ground_holds_for_a_new_label(
-    survey: LiveSurvey, base: Adjusted, rows: tuple[list[int], int]
+    survey: LiveSurvey, base: LiveAdjustment, rows: tuple[list[int], int]
 ) -> None:
     even, new = base.adjustment, more(survey, base, rows[1])
     departs = np.full(len(even.survey.label), 0.5)

@@ -14,7 +14,7 @@ from hostile_surveys import HostileSurvey, make_survey
 
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.ties import TiePicks
-from uavgram.pipeline.measure.compute import Computed, compute
+from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
 
@@ -24,7 +24,7 @@ def made() -> HostileSurvey:
 
 
 @cache
-def computed(*, match_off_px: float = 0.0, tie_off_px: float = 0.0) -> Computed:
+def computed(*, match_off_px: float = 0.0, tie_off_px: float = 0.0) -> Computation:
     """The survey with the first match, and the first tie's first sighting, off by so much."""
     survey = made()
     with TemporaryDirectory() as folder:

@@ -11,7 +11,7 @@ from uavgram.model.planned import FlightPlanned
 from uavgram.synthetic.plan.make import has_no_site, make_plan
 from uavgram.synthetic.plan.scene import read_scene
 from uavgram.synthetic.scenario_file import load_scenario
-from uavgram.views.planned.words import corners_on_earth
+from uavgram.views.flight_plan import corners_on_earth
 
 STRIP = """
 camera: {drone: DJI Phantom 4 Pro}

@@ -22,8 +22,8 @@ from uavgram.synthetic.plan.survey import predict_values
 from uavgram.synthetic.scenario import PlateSpec, Scenario
 from uavgram.synthetic.scenario_file import format_scenario, load_scenario
 from uavgram.synthetic.simulate import predict_sigmas
-from uavgram.views.field_sheet.page import field_sheet
-from uavgram.views.planned_text import plan_lines
+from uavgram.views.field_sheet import field_sheet
+from uavgram.views.flight_plan_text import plan_lines
 
 SCENARIO = """
 name: yard

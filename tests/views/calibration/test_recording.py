@@ -13,7 +13,7 @@ from rerun.chunk import Chunk, RrdReader
 from uavgram.errors import OutputError
 from uavgram.model.camera.board import CalibrationOptions
 from uavgram.model.camera.calibration_result import CalibrationAccount
-from uavgram.views.calibration.drawing import residual_factor
+from uavgram.views.calibration.drawing_rules import residual_factor
 from uavgram.views.calibration.recording.write import write_calibration_recording
 
 PHOTO = "/around_the_board/current_camera/photo"

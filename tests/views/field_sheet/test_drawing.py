@@ -14,9 +14,7 @@ from uavgram.model.naming import METRIC
 from uavgram.model.planned import AccuracyGrid
 from uavgram.stages.products.planned_layers import grid_cells
 from uavgram.stages.products.text_places import overlaps
-from uavgram.views.field_sheet.drawing import field_drawing
-from uavgram.views.field_sheet.paper import WIDTH
-from uavgram.views.field_sheet.shades import class_edges
+from uavgram.views.field_sheet import WIDTH, class_edges, field_drawing
 
 PLAN = sample_plan()
 DRAWING = field_drawing(PLAN, METRIC)

@@ -16,13 +16,13 @@ from uavgram.errors import UavgramError
 from uavgram.model.maps import Paper
 from uavgram.model.naming import Units
 from uavgram.model.planned import FlightPlanned
-from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
-from uavgram.views.planned.words import (
+from uavgram.views.field_sheet import field_sheet, field_sheet_pdf
+from uavgram.views.flight_plan import (
+    describe_accuracy,
+    describe_alternatives,
     flight_facts,
-    headline,
-    if_a_line_is_lost,
-    outcome,
-    unchecked,
+    summarise_work,
+    unchecked_lines,
 )
 
 PLAN = sample_plan()
@@ -50,25 +50,30 @@ def test_the_nose_points_from_0_to_359_degrees() -> None:
 
 
 def test_the_first_sentence_says_what_to_do() -> None:
-    assert headline(PLAN) == (
+    assert summarise_work(PLAN) == (
         "Lay and tape 5 lines, then take 6 photos from 40 m above the ground."
     )
     bare = without(PLAN, lines=none_of(PLAN.lines))
-    assert headline(bare) == "Take 6 photos from 40 m above the ground."
+    assert summarise_work(bare) == "Take 6 photos from 40 m above the ground."
 
 
 def test_what_is_not_good_enough_is_named() -> None:
-    assert outcome(PLAN)[0] == "Not as good as you wish, even if all goes well: impact <to> kerb."
+    assert (
+        describe_accuracy(PLAN)[0]
+        == "Not as good as you wish, even if all goes well: impact <to> kerb."
+    )
     better = dataclasses.replace(PLAN.measurements, sigma=PLAN.measurements.sigma / 2)
-    assert outcome(without(PLAN, measurements=better))[0].startswith("Everything will be as good")
-    assert len(outcome(without(PLAN, measurements=none_of(PLAN.measurements)))) == 1
+    assert describe_accuracy(without(PLAN, measurements=better))[0].startswith(
+        "Everything will be as good"
+    )
+    assert len(describe_accuracy(without(PLAN, measurements=none_of(PLAN.measurements)))) == 1
 
 
 def test_a_line_that_nothing_replaces_and_one_that_nothing_checks() -> None:
-    told = " ".join(if_a_line_is_lost(PLAN))
+    told = " ".join(describe_alternatives(PLAN))
     assert "Without L5 the survey has no scale" in told
     assert "L3 matters most: without it, expect ± 1.9 cm" in told
-    assert unchecked(PLAN) == ("L4",)
+    assert unchecked_lines(PLAN) == ("L4",)
     shown = text_of(PAGE)
     assert "L4 above all, as nothing else checks its reading" in shown
     assert "never: tape it twice" in shown

@@ -18,10 +18,10 @@ from matplotlib.patches import Rectangle
 
 import uavgram
 from uavgram.model.result.result import Result
+from uavgram.views.formatting import measurement_text
 from uavgram.views.notebook.display import result_html
 from uavgram.views.survey.verdict import verdict_sentence
 from uavgram.views.units import units_of
-from uavgram.views.wording import measurement_text
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from uneven_ground import DEPARTURE_M, uneven
 from uavgram.model.result.result import Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.world.legend import BACKGROUND, BAND_PX, draw_legend
+from uavgram.views.recording.world.legend import BAND_PX, LEGEND_BACKGROUND, draw_legend
 from uavgram.views.style import ABOVE, BELOW
 
 BARS = "/survey/points/off_plane"
@@ -84,4 +84,4 @@ def test_the_legend_has_both_colours_only_where_bars_are(result: Result) -> None
 def test_the_legend_has_room_for_them(telemetry: bool) -> None:  # noqa: FBT001
     rough = uneven(survey.build(telemetry=telemetry))
     image = np.asarray(draw_legend(rough, measure_scene(rough), brightened=True))
-    assert (image[BAND_PX + 1 :, -8:] == BACKGROUND).all()
+    assert (image[BAND_PX + 1 :, -8:] == LEGEND_BACKGROUND).all()

@@ -19,11 +19,10 @@ from uneven_ground import uneven
 from uavgram.model.result.result import Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
-from uavgram.views.recording.curves.plots import frame_curves
-from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.photo.frame_picks import project_picks
+from uavgram.views.recording.curves import frame_curves, pose_curves
+from uavgram.views.recording.photo import project_picks
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.recording.world.legend import BACKGROUND, BAND_PX, draw_legend
+from uavgram.views.recording.world.legend import BAND_PX, LEGEND_BACKGROUND, draw_legend
 from uavgram.views.style import FREE, REFERENCE, UNASKED
 from uavgram.views.survey.off_ground import height_label, height_of
 
@@ -169,7 +168,7 @@ def test_the_side_view_looks_level_across_the_longer_side_and_has_all_in_it(
     assert standing is not None
     heads = result.points.position_world_m[standing.rows]
     long = np.linalg.svd((heads - heads.mean(axis=0))[:, :2])[2][0]
-    screen = eye.on_screen(np.concatenate([heads, standing.foot_m]))
+    screen = eye.project_to_screen(np.concatenate([heads, standing.foot_m]))
 
     assert abs(eye.towards[2]) < 0.1
     assert abs(eye.towards[:2] @ long) < 1e-6
@@ -189,7 +188,9 @@ def test_heights_stand_beside_their_points_in_the_side_view(
     assert len(texts) >= 4
     eye = measure_scene(result).side_eye
     assert eye is not None
-    offset = eye.on_screen(spots) - eye.on_screen(result.points.position_world_m[rows])
+    offset = eye.project_to_screen(spots) - eye.project_to_screen(
+        result.points.position_world_m[rows]
+    )
     beside = (np.abs(offset) < [0.3, 0.075]).all(axis=1)
     assert beside.mean() > 0.7
     lines = contents.static.get("/from_the_side/heights/lines", {"LineStrips3D:strips": []})
@@ -290,7 +291,7 @@ def test_the_legend_has_their_colours_and_room_for_them(result: Result) -> None:
     everything = np.asarray(
         draw_legend(uneven(result), measure_scene(uneven(result)), brightened=True)
     )
-    assert (everything[BAND_PX + 1 :, -8:] == BACKGROUND).all()
+    assert (everything[BAND_PX + 1 :, -8:] == LEGEND_BACKGROUND).all()
 
 
 def test_labels_say_which_heights_were_stated(result: Result) -> None:

@@ -28,12 +28,11 @@ from uavgram.imaging.top_view.mosaic import Mosaic
 from uavgram.model.result.result import Result
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
-from uavgram.views.recording.curves.plots import frame_curves
-from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.photo.frame_picks import project_picks
-from uavgram.views.recording.photo.words import HALF_LETTER, ON_SMALL_SCREENS, place_on_photo
+from uavgram.views.recording.curves import frame_curves, pose_curves
+from uavgram.views.recording.photo import project_picks
+from uavgram.views.recording.photo_overlay import HALF_LETTER, ON_SMALL_SCREENS, place_on_photo
 from uavgram.views.recording.scene import measure_scene
-from uavgram.views.survey.limits import pick_limit
+from uavgram.views.survey.reliability import pick_limit
 
 PHOTO = "/survey/current_camera/photo"
 SCALE = 8

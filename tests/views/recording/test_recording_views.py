@@ -23,20 +23,18 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.shared import AreaPlane, Estimate
 from uavgram.views.recording import write_recording
 from uavgram.views.recording.blueprint import blueprint
-from uavgram.views.recording.curves.plots import frame_curves
-from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.pages.tables import summary
-from uavgram.views.recording.photo.frame_picks import project_picks
-from uavgram.views.recording.photo.photo import PHOTOS_PER_CHUNK
+from uavgram.views.recording.curves import frame_curves, pose_curves
+from uavgram.views.recording.pages import summary
+from uavgram.views.recording.photo import PHOTOS_PER_CHUNK, project_picks
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.legend import (
-    BACKGROUND,
     BAND_PX,
     HEIGHT_PX,
+    LEGEND_BACKGROUND,
     WIDTH_PX,
     draw_legend,
 )
-from uavgram.views.survey.drawing import round_length
+from uavgram.views.survey.outlines import round_length
 from uavgram.views.survey.verdict import verdict_words
 
 PHOTO = "/survey/current_camera/photo"
@@ -259,8 +257,8 @@ def test_the_legend_is_not_cut_off(variant: survey.Variant) -> None:
     image = np.asarray(draw_legend(result, measure_scene(result), brightened=True))
 
     assert image.shape == (HEIGHT_PX, WIDTH_PX, 3)
-    assert (image[BAND_PX + 1 :, -8:] == BACKGROUND).all()
-    assert (image[BAND_PX + 1 :] != BACKGROUND).any()
+    assert (image[BAND_PX + 1 :, -8:] == LEGEND_BACKGROUND).all()
+    assert (image[BAND_PX + 1 :] != LEGEND_BACKGROUND).any()
 
 
 def test_the_legend_says_that_the_ground_is_brightened(result: Result) -> None:
@@ -332,7 +330,7 @@ def test_photos_pass_through_a_few_at_a_time(tmp_path: Path) -> None:
 def test_more_points_than_ellipses_can_be_drawn_are_coloured_themselves(
     contents: Contents, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("uavgram.views.recording.world.points.MOST_OUTLINES", 29)
+    monkeypatch.setattr("uavgram.views.recording.world.points.MAX_OUTLINES", 29)
     path = tmp_path / "recording.rrd"
     write_recording(survey.build(), (), no_ground, path)
     many = Contents(path).static

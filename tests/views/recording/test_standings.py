@@ -14,12 +14,12 @@ from standings import with_status
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict, VerdictLevel
 from uavgram.views.recording import write_recording
-from uavgram.views.recording.pages.tables import measured_page, summary
+from uavgram.views.recording.pages import measured_page, summary
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.labels import measured_text
 from uavgram.views.recording.world.legend import draw_legend
 from uavgram.views.style import LEVEL_COLOURS
-from uavgram.views.survey.frame_states import frame_states
+from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.verdict import verdict_words
 
 PHOTO = "/survey/current_camera/photo"

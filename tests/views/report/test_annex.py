@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from uavgram.model.result.shared import OrientationCorrelation
 from uavgram.views.report import render_annex
-from uavgram.views.report.annex import annex, omega_phi_kappa_deg
+from uavgram.views.report.annex import lay_out_annex, omega_phi_kappa_deg
 
 
 def test_omega_phi_kappa_are_those_of_scipy() -> None:
@@ -22,7 +22,7 @@ def test_omega_phi_kappa_are_those_of_scipy() -> None:
 
 def test_each_adjusted_photo_has_its_pose_its_correlations_and_its_residuals() -> None:
     made = survey.build()
-    told = annex(made)
+    told = lay_out_annex(made)
     for pose, row in zip(told.poses, told.residuals, strict=True):
         frame = made.frames.frame_id.index(pose.name)
         covariance = made.frames.refined.covariance[frame]
@@ -51,10 +51,10 @@ def test_correlations_with_the_camera_stand_by_photo_and_a_dash_where_something_
         frame_id=(name,),
         with_pose=np.array([[[0.123, np.nan], *[[0.0, 0.5]] * 5]]),
     )
-    told = annex(replace(made, orientation=known))
+    told = lay_out_annex(replace(made, orientation=known))
 
     assert told.shared is not None
     assert told.shared.rows == (("fx", ("1.00", "–")), ("plane height", ("–", "–")))
     assert (told.matrices[0].title, told.matrices[0].rows[0]) == (name, ("east", ("0.12", "–")))
-    assert annex(made).shared is None
+    assert lay_out_annex(made).shared is None
     assert "turn about forward" in render_annex(replace(made, orientation=known))

@@ -13,18 +13,18 @@ from html_page import Page
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import MeasurementStatus
+from uavgram.views.formatting import measurement_text, order_shapes_first
 from uavgram.views.report import render_annex, render_report
 from uavgram.views.report.brief import (
-    LEAST_PLAN,
-    MOST_NAMES,
-    MOST_PLAN,
-    MOST_ROWS,
+    MAX_NAMES,
+    MAX_PLAN,
+    MAX_ROWS,
+    MIN_PLAN,
     ROW_MM,
     UNIT_MM,
     Brief,
-    brief,
+    lay_out_brief,
 )
-from uavgram.views.wording import measurement_text, shapes_first
 
 CASE = (
     ("case.number", "AZ 12/26"),
@@ -55,7 +55,7 @@ def test_the_case_is_as_it_was_written_and_empty_fields_are_left_out() -> None:
 def test_the_first_page_has_the_verdict_the_values_and_a_plan() -> None:
     made = survey.build()
     html = first_page(render_report(made))
-    first = measurement_text(made.measurements, brief(made).rows[0])
+    first = measurement_text(made.measurements, lay_out_brief(made).rows[0])
 
     assert re.findall(r'class="(verdict \w+|short|drawing)"', html) == [
         "verdict amber",
@@ -76,11 +76,11 @@ def test_what_was_not_checked_or_does_not_fit_is_named(status: MeasurementStatus
         "doubtful": "Doubtful, as an observation on which they depend does not fit: ",
         "contradicted": "Contradicted, and not to be used: ",
     }[status]
-    (told,) = [text for text in brief(changed).limits if text.startswith(words)]
+    (told,) = [text for text in lay_out_brief(changed).limits if text.startswith(words)]
 
     assert told.startswith(f"{words}{rows.name[0]}, ")
     computed = int(np.isfinite(rows.value).sum())
-    assert told.endswith(f" and {computed - MOST_NAMES} more.")
+    assert told.endswith(f" and {computed - MAX_NAMES} more.")
 
 
 def test_without_a_check_it_says_so() -> None:
@@ -89,18 +89,19 @@ def test_without_a_check_it_says_so() -> None:
         nothing, point_checks=survey.build(lines=(), measures=(), point_count=0).point_checks
     )
 
-    assert any("was withheld" in text for text in brief(no_points).limits)
+    assert any("was withheld" in text for text in lay_out_brief(no_points).limits)
     assert any(
-        "within three times their uncertainty" in text for text in brief(survey.build()).limits
+        "within three times their uncertainty" in text
+        for text in lay_out_brief(survey.build()).limits
     )
 
 
 def test_more_measurements_than_fit_are_counted() -> None:
-    told = brief(survey.build())
+    told = lay_out_brief(survey.build())
     count = len(survey.build().measurements.name)
 
     assert len(told.rows) + told.more == count
-    assert len(told.rows) <= MOST_ROWS
+    assert len(told.rows) <= MAX_ROWS
 
 
 def test_the_contents_of_the_annex_are_its_headings_in_their_order() -> None:
@@ -117,9 +118,9 @@ def test_places_on_the_earth_stand_behind_lengths_however_uncertain() -> None:
     rows = made.measurements
     kinds = ("coordinate", *rows.kind[1:])
     placed = replace(made, measurements=replace(rows, kind=kinds))
-    order = shapes_first(placed.measurements)
+    order = order_shapes_first(placed.measurements)
 
-    shapes = [i for i in shapes_first(rows) if kinds[i] != "coordinate"]
+    shapes = [i for i in order_shapes_first(rows) if kinds[i] != "coordinate"]
 
     assert 0 in order[len(shapes) :]
     assert list(order[: len(shapes)]) == shapes
@@ -130,11 +131,11 @@ def test_places_on_the_earth_stand_behind_lengths_however_uncertain() -> None:
 def test_the_more_is_told_the_lower_the_plan(words: int) -> None:
     made = survey.build()
     named = replace(made, name=" ".join(["crossing"] * words))
-    low, high = brief(named), brief(made)
+    low, high = lay_out_brief(named), lay_out_brief(made)
 
     def taken_mm(told: Brief) -> float:
         return ROW_MM * len(told.rows) + UNIT_MM * told.plan_height
 
-    assert LEAST_PLAN <= low.plan_height <= MOST_PLAN
+    assert MIN_PLAN <= low.plan_height <= MAX_PLAN
     assert len(low.rows) <= len(high.rows)
     assert taken_mm(low) <= taken_mm(high)

@@ -14,8 +14,8 @@ from uavgram.imaging.photos.tone import IDENTITY_TONE
 from uavgram.imaging.top_view.ground_picture import MOST_PX, cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.pictures import NO_PICTURES
-from uavgram.views.report import render_report, shown_ground
-from uavgram.views.report.ground import backdrop
+from uavgram.views.report import ground_extent, render_report
+from uavgram.views.report.brief import place_backdrop
 from uavgram.views.survey.top_view import top_view
 
 SIZE_M = 0.1
@@ -56,13 +56,13 @@ def test_what_no_photo_shows_is_white_and_of_nothing_there_is_no_picture() -> No
 
 def test_the_backdrop_lies_where_the_drawing_has_its_corners() -> None:
     result = survey.build()
-    corners = shown_ground(result)
+    corners = ground_extent(result)
     assert corners is not None
     ground = cut_ground(texture(), *corners)
     view = top_view(result)
     assert ground is not None
     assert view is not None
-    placed = backdrop(view, replace(NO_PICTURES, ground=ground))
+    placed = place_backdrop(view, replace(NO_PICTURES, ground=ground))
     assert placed is not None
     per_metre = view.bar / float(view.bar_text.split()[0])
     dot, point = view.dots[0], result.points.position_world_m[0]

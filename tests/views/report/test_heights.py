@@ -11,9 +11,9 @@ from uneven_ground import uneven
 
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource
+from uavgram.views.formatting import height_text
 from uavgram.views.report import render_annex
 from uavgram.views.survey.top_view import DIAMOND, top_view
-from uavgram.views.wording import height_text
 
 SIGMAS = "east, north, up, and their sigmas on the earth [m]"
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 import synthetic_survey as survey
 
-from uavgram.views.report import long_tables, render_annex
+from uavgram.views import result_tables
+from uavgram.views.report import render_annex
 
 
 def test_a_long_table_tells_what_is_doubtful_and_how_much_more_there_is(
@@ -15,7 +16,7 @@ def test_a_long_table_tells_what_is_doubtful_and_how_much_more_there_is(
     made = survey.build()
     whole = render_annex(made)
     assert " more photos are in results.json" not in whole
-    monkeypatch.setattr(long_tables, "MAX_ROWS", 4)
+    monkeypatch.setattr(result_tables, "MAX_ROWS", 4)
     page = render_annex(made)
 
     photos = page.split('id="photos"')[1].split("</section>")[0]

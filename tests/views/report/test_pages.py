@@ -23,7 +23,7 @@ from uavgram.model.result.pictures import GroundPicture, Picture, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.stages.products.picture_plan import picture_plan
-from uavgram.views.report import check_pdf, render_report, report_pdf, shown_ground
+from uavgram.views.report import check_pdf, ground_extent, render_report, report_pdf
 
 pikepdf = pytest.importorskip("pikepdf", reason="pikepdf is not installed")
 ONE: tuple[survey.Measure, ...] = (("skid left", "distance", ("P01", "P10"), "m"),)
@@ -38,7 +38,7 @@ def jpeg(width: int, height: int) -> bytes:
 
 def pictures(result: Result) -> Pictures:
     """Grey parts of photos, and grey ground."""
-    corners = shown_ground(result)
+    corners = ground_extent(result)
     assert corners is not None
     (west, south), (east, north) = corners
     return Pictures(

@@ -24,11 +24,11 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineStatus
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
+from uavgram.views.formatting import measurement_text
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.report.pictures import ON_MEASURED, Gallery, Look, gallery
-from uavgram.views.report.scale_bars import placed
+from uavgram.views.report.picture_marks import place_bar
+from uavgram.views.report.pictures import ON_MEASURED, Gallery, LineStyle, gallery
 from uavgram.views.style import LINE_COLOURS, hex_colour
-from uavgram.views.wording import measurement_text
 
 STRETCH = (12.0, 96.0, 1.5)
 
@@ -137,7 +137,7 @@ def test_a_scale_bar_stands_where_it_hides_less() -> None:
     y = part.top_px + part.height_px - 20 * one.unit
     ends = {}
     for side, x in (("left", part.left_px + 30 * one.unit), ("none", part.left_px - 99.0)):
-        bar = placed(one.bar, part, (mark._replace(x=x, y=y),), one.unit)
+        bar = place_bar(one.bar, part, (mark._replace(x=x, y=y),), one.unit)
         assert bar is not None
         ends[side] = bar.left, bar.left + bar.width
 
@@ -180,10 +180,10 @@ def test_a_withheld_length_is_drawn_as_on_the_plan() -> None:
     assert both is not None
     looks = [{look for _, look in one.overview[0].lines} for one in (shown(), both)]
 
-    used = Look(hex_colour(LINE_COLOURS["used"]), dashed=False)
+    used = LineStyle(hex_colour(LINE_COLOURS["used"]), dashed=False)
     assert looks == [
         {ON_MEASURED, used},
-        {ON_MEASURED, Look(hex_colour(LINE_COLOURS["checked"]), dashed=True)},
+        {ON_MEASURED, LineStyle(hex_colour(LINE_COLOURS["checked"]), dashed=True)},
     ]
     dashed = f'stroke="{hex_colour(LINE_COLOURS["checked"])}" stroke-width="[0-9.]+" stroke-dash'
     assert re.search(dashed, render_report(made, pictures()))

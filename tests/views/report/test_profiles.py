@@ -16,9 +16,9 @@ from uavgram.io.exports.measurements_csv import dump_profiles_csv
 from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import ProfileResults
-from uavgram.pipeline.measure.exports import exports
+from uavgram.pipeline.measure.exports import make_writers
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.survey.profiles import BOTTOM, LEFT, MOST_HEIGHT, RIGHT, TOP, profile_drawings
+from uavgram.views.survey.profiles import BOTTOM, LEFT, MAX_HEIGHT, RIGHT, TOP, profile_drawings
 
 PLACE = np.array([
     [0.0, 0.0, 0.0, 0.0], [5.0, -0.25, 0.5, 0.1], [10.0, 0.0, 0.2, 0.2],
@@ -50,7 +50,7 @@ def test_a_drawing_is_to_scale(result: Result) -> None:
     steep = across / 10.0 * kerb.exaggeration
     np.testing.assert_allclose(line[:, 1] - line[0, 1], -steep * PLACE[:3, 2], atol=0.1)
     assert TOP <= line[:, 1].min() < line[:, 1].max() <= kerb.height - BOTTOM
-    assert kerb.height <= TOP + MOST_HEIGHT + BOTTOM
+    assert kerb.height <= TOP + MAX_HEIGHT + BOTTOM
     ((x, top, bottom),) = kerb.rulers  # B alone is off the ground
     assert (x, top) == pytest.approx(line[1], abs=0.05)
     assert bottom - top == pytest.approx(0.4 * steep)
@@ -76,8 +76,8 @@ def test_the_table_is_a_file_where_there_is_a_profile(result: Result) -> None:
     assert rows[0][-2:] == ["ground_m", "ground_sigma_m"]
     assert rows[2][:6] == ["kerb", "B", "5.00000", "0.01230", "-0.25000", "0.02000"]
     assert rows[5][1] == "'=D"  # no spreadsheet takes it for a formula
-    assert "profiles.csv" in exports(result)
-    assert "profiles.csv" not in exports(survey.build())
+    assert "profiles.csv" in make_writers(result)
+    assert "profiles.csv" not in make_writers(survey.build())
 
 
 def test_results_give_the_profiles_back(result: Result, tmp_path: Path) -> None:

@@ -23,7 +23,7 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.views.report import annex_of, render_annex, render_report, write_report
 from uavgram.views.report.budget import COLOURS, WORDS
-from uavgram.views.report.gauge import gauge
+from uavgram.views.report.checks import draw_gauge
 
 VARIANTS = [
     {},
@@ -329,12 +329,12 @@ def test_a_removal_names_the_measurements_that_it_moved_most() -> None:
 
 @pytest.mark.parametrize(("name", "sigmas", "at"), [("end", 9.0, 100.0), ("middle", 0.0, 50.0)])
 def test_a_gauge_shows_sigmas_within_its_ends(name: str, sigmas: float, at: float) -> None:
-    mark = gauge(sigmas, 3.0)
+    mark = draw_gauge(sigmas, 3.0)
 
     assert mark is not None
     assert (mark.at, mark.low, mark.high) == (at, 25.0, 75.0), name
     assert mark.outside == (sigmas > 3)
-    assert gauge(np.nan, 3.0) is None
+    assert draw_gauge(np.nan, 3.0) is None
 
 
 def test_the_method_names_what_its_formulas_take() -> None:

@@ -12,7 +12,7 @@ from uneven_ground import NOISE, uneven
 from uavgram.model.result.reliability import Noise
 from uavgram.model.result.result import Result
 from uavgram.views.report import render_annex
-from uavgram.views.report.measured import learnt_words
+from uavgram.views.report.measurements import describe_learnt_noise
 
 
 def grown(result: Result, ratio: float, *, noise: Noise | None = NOISE) -> Result:
@@ -30,14 +30,14 @@ def test_growth_is_told_with_its_causes() -> None:
         "the ground is not a plane and the picks are less exact than stated (1 px stated, 1.6 px "
         "found)."
     )
-    assert learnt_words(result) == sentence
+    assert describe_learnt_noise(result) == sentence
     assert sentence in render_annex(result)
 
 
 def test_smaller_uncertainties_are_told_too() -> None:
     (picks,), flat = NOISE.picks, replace(NOISE.roughness[0], estimated_m=0.0, relief_m=0.0)
     noise = Noise(picks=(replace(picks, factor=0.5),), roughness=(flat,))
-    assert learnt_words(grown(survey.build(), 0.5, noise=noise)) == (
+    assert describe_learnt_noise(grown(survey.build(), 0.5, noise=noise)) == (
         "The uncertainties are 0.5 to 0.6 times as large as with errors as stated, because "
         "the picks are more exact than stated (1 px stated, 0.5 px found)."
     )
@@ -47,8 +47,8 @@ def test_smaller_uncertainties_are_told_too() -> None:
 def test_nothing_is_told_of_little_changes_or_where_nothing_was_learnt(
     ratio: float, noise: Noise | None
 ) -> None:
-    assert not learnt_words(grown(survey.build(), ratio, noise=noise))
-    assert not learnt_words(survey.build(measures=()))
+    assert not describe_learnt_noise(grown(survey.build(), ratio, noise=noise))
+    assert not describe_learnt_noise(survey.build(measures=()))
 
 
 def test_the_drawing_says_in_words_what_colours_and_numbers_are() -> None:

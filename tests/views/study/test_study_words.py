@@ -11,10 +11,14 @@ from xml.etree import ElementTree as ET
 from PIL import Image
 
 from uavgram.model.simulation import Cell, MethodRow, Study
-from uavgram.views.study.figures import figure_files
-from uavgram.views.study.overall import overall, ranking
-from uavgram.views.study.page import render_study_page
-from uavgram.views.study.words import agreement, said
+from uavgram.views.study import (
+    compare_studies,
+    describe_agreement,
+    describe_study,
+    rank_effects,
+    render_study_page,
+)
+from uavgram.views.study_figures import figure_files
 
 
 def cell(at: float, lengths: float, **more: object) -> Cell:
@@ -48,14 +52,14 @@ def study(*cells: Cell, name: str = "lengths") -> Study:
 
 def test_the_thesis_holds_from_where_the_lengths_have_half() -> None:
     # Lead of the lengths: -0.6 at 1 mm, +0.6 at 100 mm; half-way on a logarithmic axis is 10 mm.
-    told = said(study(cell(1.0, 0.2), cell(100.0, 0.8)))
+    told = describe_study(study(cell(1.0, 0.2), cell(100.0, 0.8)))
     assert "holds in 1 of the 2 conditions" in told[0]
     assert "from about 10 mm on; below that, the picks do" in told[1]
 
 
 def test_the_scale_of_the_tape_is_an_error_of_the_lengths() -> None:
     shared = (0.3, 0.4, 0.0, 0.0, 0.3, 0.0)
-    told = said(study(cell(1.0, 0.0, shares=shared), cell(2.0, 0.0, shares=shared)))
+    told = describe_study(study(cell(1.0, 0.0, shares=shared), cell(2.0, 0.0, shares=shared)))
     assert "holds in 2 of the 2" in told[0]
     assert "at every precision" in told[1]
 
@@ -63,29 +67,29 @@ def test_the_scale_of_the_tape_is_an_error_of_the_lengths() -> None:
 def test_agreement_counts_the_cells() -> None:
     good, chance = cell(1.0, 0.5), cell(2.0, 0.5, ratio=1.06, ratio_range=(1.02, 1.1))
     wrong = cell(3.0, 0.5, ratio=1.2, ratio_range=(1.1, 1.3), lost=7)
-    text = agreement((study(good, chance, wrong),))
+    text = describe_agreement((study(good, chance, wrong),))
     assert "1.01 to 1.20 times" in text
     assert "1 of 3 cells are" in text
     assert "of the others 1 differ" in text
     assert "7 of 300 repetitions gave no result: usual, 3 mm (7 of 100)." in text
-    assert agreement((study(good),)).endswith("0 of 100 repetitions gave no result.")
+    assert describe_agreement((study(good),)).endswith("0 of 100 repetitions gave no result.")
 
 
 def test_what_differs_by_less_than_is_shown_is_no_extreme() -> None:
     for size_m, is_told in ((0.0399, False), (0.037, True)):
         low = cell(5.0, 0.5, predicted_m=size_m)
-        told = said(study(cell(1.0, 0.5), low, cell(9.0, 0.5), name="picks"))[0]
+        told = describe_study(study(cell(1.0, 0.5), low, cell(9.0, 0.5), name="picks"))[0]
         assert ("smallest at 5 mm (37 mm)" in told) == is_told
 
 
 def test_over_all_studies() -> None:
     one = study(cell(1.0, 0.2), cell(2.0, 0.3), cell(3.0, 0.7))
     two = study(cell(1.0, 0.2), cell(9.0, 0.2, predicted_m=0.4), name="picks")
-    told = " ".join(overall((one, two)))
+    told = " ".join(compare_studies((one, two)))
     assert "The picks matter most in 4 of them." in told
     assert "The reference lengths matter most in 1 of them: lengths, usual (at 3 mm)" in told
     assert "The camera file matters most in none of them." in told
-    assert ranking((one, two))[0] == ("Title", "40 mm at 1 mm", "400 mm at 9 mm", "10.0")
+    assert rank_effects((one, two))[0] == ("Title", "40 mm at 1 mm", "400 mm at 9 mm", "10.0")
 
 
 def test_page_and_figures() -> None:
@@ -108,7 +112,7 @@ def test_page_and_figures() -> None:
     fine = replace(row, setting="three lines", method="all", failed=0.0, coverage=0.95)
     methods = (row, replace(row, method="log", rms_m=0.7), few, fine)
     compared = replace(study(name="methods"), methods=methods)
-    assert said(compared)[-1] == (
+    assert describe_study(compared)[-1] == (
         'Three lines (10 photos): useless distances by "points" (30 %, 10 % without a warning); '
         'of the errors are within the 95 % intervals: "points" 50 %.'
     )
@@ -123,6 +127,6 @@ def test_page_and_figures() -> None:
     page = render_study_page(studies, files)
     pictures = re.findall(r"svg\+xml;base64,([^\"]+)", page)
     assert base64.b64decode(pictures[0]) == files["lengths.svg"]
-    for text in said(studies[0]):
+    for text in describe_study(studies[0]):
         assert text.replace('"', "&#34;") in page
     assert figure_files(studies) == files

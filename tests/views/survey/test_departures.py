@@ -11,13 +11,13 @@ import synthetic_survey as survey
 from uneven_ground import DEPARTURE_M, uneven
 
 from uavgram.views.style import diverging_colours, hex_colour
-from uavgram.views.survey.departures import departures
+from uavgram.views.survey.off_ground import collect_departures
 from uavgram.views.survey.top_view import top_view
 
 
 def test_only_points_off_the_plane_are_told() -> None:
     result = uneven(survey.build())
-    found = departures(result)
+    found = collect_departures(result)
 
     assert found is not None
     assert {result.points.label[row] for row in found.rows} == set(DEPARTURE_M)
@@ -34,8 +34,8 @@ def test_a_plane_and_ordinary_roughness_have_none(least: float) -> None:
         departure_m=np.full(count, least),
         departure_sigma_m=np.full(count, 0.02),
     )
-    assert departures(result) is None
-    assert departures(replace(result, points=same)) is None
+    assert collect_departures(result) is None
+    assert collect_departures(replace(result, points=same)) is None
 
 
 def test_colours_run_from_blue_below_over_white_to_red_above() -> None:

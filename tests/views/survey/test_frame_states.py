@@ -7,7 +7,7 @@ from dataclasses import replace
 import synthetic_survey as survey
 
 from uavgram.model.message import Message
-from uavgram.views.survey.frame_states import frame_counts, frame_states
+from uavgram.views.survey.key_facts import frame_counts, frame_states
 
 
 def strained(frame_id: str) -> Message:

@@ -9,7 +9,7 @@ import pytest
 import synthetic_survey as survey
 from scipy.stats import norm
 
-from uavgram.views.survey.limits import line_limits
+from uavgram.views.survey.reliability import line_limits
 
 
 def test_a_withheld_length_has_a_limit_of_its_own() -> None:

@@ -8,14 +8,14 @@ from html_page import Page
 from unsure import unsure
 
 from uavgram.model.result.result import Result
-from uavgram.views.recording.pages.tables import measured_page
+from uavgram.views.formatting import order_computed_first
+from uavgram.views.recording.pages import measured_page
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.world.labels import measured_text, survey_labels
 from uavgram.views.report import render_annex
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.terminal import measurement_table
-from uavgram.views.wording import computed_first
 
 NAME, OTHERS = "skid left", "or 31.200, 44.900 m"
 
@@ -54,7 +54,7 @@ def test_the_farther_the_other_values_the_earlier_the_row(marked: Result, sure: 
     rows = unsure(sure, "", ()).measurements
     rows = type(rows)(**{**vars(rows), "alternative_values": others})
 
-    assert [rows.name[i] for i in computed_first(rows)[:2]] == [NAME, "road width"]
+    assert [rows.name[i] for i in order_computed_first(rows)[:2]] == [NAME, "road width"]
 
 
 def test_the_report_marks_the_row_and_says_what_that_means(sure: Result, marked: Result) -> None:

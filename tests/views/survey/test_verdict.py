@@ -17,15 +17,15 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.stages.products.map_layers import features_of
+from uavgram.views.formatting import format_with_sigma
 from uavgram.views.report.page import render_report
 from uavgram.views.survey.verdict import (
     STATUS_WORDS,
-    headline,
+    summarise_result,
     verdict_sentence,
     verdict_words,
 )
 from uavgram.views.terminal import light_line, measurement_table
-from uavgram.views.wording import with_sigma
 
 
 def first_rows(table: MeasurementResults, count: int) -> MeasurementResults:
@@ -82,9 +82,9 @@ def test_the_only_measurement_is_given_with_what_is_missing() -> None:
     )
     rows = replace(first_rows(made.measurements, 1), status=("not-checked",))
     amber = replace(made, measurements=rows, verdict=Verdict(level="amber", reasons=(missing,)))
-    value = f"{rows.name[0]} is {with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}."
+    value = f"{rows.name[0]} is {format_with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}."
 
-    assert headline(amber) == f"Check: {value}"
+    assert summarise_result(amber) == f"Check: {value}"
     assert verdict_sentence(amber).endswith(f" {value} Not checked: click P1 again.")
 
 
@@ -95,7 +95,7 @@ def test_without_a_measurement_there_is_no_verdict_anywhere() -> None:
         measurements=first_rows(made.measurements, 0),
         verdict=Verdict(level=None),
     )
-    assert headline(none) == "Nothing is measured yet"
+    assert summarise_result(none) == "Nothing is measured yet"
     assert verdict_sentence(none) == "Verdict: none, as nothing is measured."
     assert verdict_words(none).level is None
     assert light_line(none).startswith("Verdict: none, as nothing is measured.")

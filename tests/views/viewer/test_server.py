@@ -169,10 +169,10 @@ def test_the_gate_waits_for_no_one_who_says_nothing(
     recording: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(viewer_gate, "HEADERS_S", 0.2)
-    gate = viewer_gate.ViewerGate(1, recording)
+    gate = viewer_gate.ViewerProxy(1, recording)
     try:
         with ExitStack() as calls:
-            for k in range(viewer_gate.MOST_AT_ONCE + 10):
+            for k in range(viewer_gate.MAX_AT_ONCE + 10):
                 call = socket.create_connection(("127.0.0.1", gate.server_port), timeout=30)
                 calls.callback(call.close)
                 call.sendall(b"GET / HTTP/1.1\r\nHost: x"[: k % 20])
@@ -232,11 +232,11 @@ def test_readers_that_take_nothing_are_let_go(
     with path.open("wb") as stream:
         stream.write(b"RRF2")
         stream.truncate(1 << 26)
-    gate = viewer_gate.ViewerGate(1, path)
+    gate = viewer_gate.ViewerProxy(1, path)
     address = f"http://127.0.0.1:{gate.server_port}{gate.way}"
     try:
         with ExitStack() as calls:
-            for _ in range(viewer_gate.MOST_AT_ONCE):
+            for _ in range(viewer_gate.MAX_AT_ONCE):
                 reader = slow_reader(address)
                 calls.callback(reader.close)
                 assert reader.recv(1) == b"H"
@@ -248,7 +248,7 @@ def test_readers_that_take_nothing_are_let_go(
 
 
 def test_no_answer_of_the_gate_is_taken_for_another_kind_of_file(recording: Path) -> None:
-    gate = viewer_gate.ViewerGate(1, recording)
+    gate = viewer_gate.ViewerProxy(1, recording)
     home = f"http://127.0.0.1:{gate.server_port}"
     try:
         with urllib.request.urlopen(home + gate.way, timeout=30) as given:  # noqa: S310
@@ -269,7 +269,7 @@ def test_no_answer_of_the_gate_is_taken_for_another_kind_of_file(recording: Path
 def test_a_reader_that_left_is_no_fault_of_the_program(
     recording: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    gate = viewer_gate.ViewerGate(1, recording)
+    gate = viewer_gate.ViewerProxy(1, recording)
     try:
         for _ in range(20):  # refused, and reset before the answer is written
             with socket.create_connection(("127.0.0.1", gate.server_port)) as call:

@@ -81,28 +81,28 @@ def batch(
     verbose
         Show the progress of the work.
     """
-    from uavgram.pipeline.batch.run import CSV, PAGE, PARQUET, Means, run_batch
-    from uavgram.pipeline.batch.survey import Asked
-    from uavgram.views.batch_words import headline
+    from uavgram.pipeline.batch.run import CSV, PAGE, PARQUET, Resources, run_batch
+    from uavgram.pipeline.batch.survey import Requests
+    from uavgram.views.batch import summarise_batch
 
     log_to_stderr(verbose=verbose)
-    means = Means(
+    means = Resources(
         workers=workers,
         memory_mb=memory_mb,
         most_minutes=most_minutes,
         cluster=_cluster(scheduler),
     )
-    found = run_batch(projects, output, Asked(pdf=pdf), means, _tell)
-    words = headline(found)
+    found = run_batch(projects, output, Requests(pdf=pdf), means, _print_row)
+    words = summarise_batch(found)
     say_as_is("", words.sentence, *(f"  {reason}" for reason in words.reasons))
     say_written(output, (PAGE, CSV, PARQUET))
     return PROBLEM if found.count("failed") else DONE
 
 
-def _tell(step: Step) -> None:
-    from uavgram.views.batch_words import survey_line, time_left
+def _print_row(step: Step) -> None:
+    from uavgram.views.batch import format_time_left, survey_line
 
-    left = f"; {time_left(step.seconds_left)}" if step.ended < step.total else ""
+    left = f"; {format_time_left(step.seconds_left)}" if step.ended < step.total else ""
     say_as_is(f"[{step.ended}/{step.total}{left}] {survey_line(step.row)}")
 
 

@@ -69,26 +69,26 @@ def camera(
         Print a JSON object instead of text: of the camera, or of the differences of the other one's
         projections.
     """
-    from uavgram.cli.as_json import camera_object
-    from uavgram.pipeline.cameras.read import camera_in, read_camera, write_camera
+    from uavgram.cli.json_objects import camera_object
+    from uavgram.pipeline.cameras.read import format_camera, read_camera, write_camera
     from uavgram.views.terminal import message_lines
 
     read = read_camera(file, name)
-    changed = _changed(read, crop, size)
+    changed = _convert(read, crop, size)
     if to is None and output is None:
         if compare is not None:
             _compare(changed, compare, distance, json=json)
         elif json:
             say_json(camera_object(changed))
         else:
-            say(*_shown(changed))
+            say(*_show(changed))
         return DONE
     if json:
         raise InputError("--json", "shows a camera; a converted file (--to, --output) has a form")
     form = "uavgram" if to is None else to
     options = {key: value for key, value in (("crop", crop), ("size", size)) if value is not None}
     if output is None:
-        say(camera_in(changed, form, options).rstrip("\n"))
+        say(format_camera(changed, form, options).rstrip("\n"))
         return DONE
     write_camera(output, changed, form, options)
     say(*message_lines(changed.messages), f"written: {output}")
@@ -97,7 +97,7 @@ def camera(
     return DONE
 
 
-def _changed(read: CameraRead, crop: str | None, size: str | None) -> CameraRead:
+def _convert(read: CameraRead, crop: str | None, size: str | None) -> CameraRead:
     from uavgram.geometry.camera.properties import crop_calibration, scale_calibration
 
     calibration = read.calibration
@@ -113,10 +113,10 @@ def _changed(read: CameraRead, crop: str | None, size: str | None) -> CameraRead
     return replace(read, calibration=calibration)
 
 
-def _shown(read: CameraRead) -> list[str]:
+def _show(read: CameraRead) -> list[str]:
     from uavgram.geometry.camera.properties import compute_camera_properties
     from uavgram.pipeline.cameras.read import focal_on_sensor_mm
-    from uavgram.views.calibration.camera_text import camera_lines
+    from uavgram.views.calibration.text import camera_lines
     from uavgram.views.terminal import message_lines
 
     lines = camera_lines(
@@ -130,10 +130,10 @@ def _shown(read: CameraRead) -> list[str]:
 
 
 def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bool) -> None:
-    from uavgram.cli.as_json import difference_object
+    from uavgram.cli.json_objects import difference_object
     from uavgram.estimation.calibration.difference import compare_cameras
     from uavgram.pipeline.cameras.read import read_camera
-    from uavgram.views.calibration.camera_text import difference_lines
+    from uavgram.views.calibration.text import difference_lines
     from uavgram.views.terminal import message_lines
 
     second = read_camera(other)

@@ -19,7 +19,7 @@ def check(project: Path = Path(), /, *, json: Json = False) -> int:
     json
         Print a JSON object instead of text.
     """
-    from uavgram.cli.as_json import check_object
+    from uavgram.cli.json_objects import check_object
     from uavgram.pipeline.check import check as check_project
     from uavgram.views.terminal import check_lines
 

@@ -17,10 +17,10 @@ def explain(code: str | None = None, /, *, markdown: Flag = False) -> int:
     markdown
         Print all entries as a page in Markdown.
     """
-    from uavgram.views.explanations import explanation, overview, page
+    from uavgram.views.explanations import explanation, list_codes, messages_page
 
     if markdown:
-        say_as_is(page().removesuffix("\n"))
+        say_as_is(messages_page().removesuffix("\n"))
     else:
-        say_as_is(*(overview() if code is None else explanation(code)))
+        say_as_is(*(list_codes() if code is None else explanation(code)))
     return DONE

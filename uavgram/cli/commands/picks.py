@@ -1,4 +1,4 @@
-"""Commands `uavgram picks`: import from other programs, and search in other photos."""
+"""Commands `uavgram picks`: import, search in other photos, and tie points."""
 
 from __future__ import annotations
 
@@ -115,13 +115,13 @@ def match(
     verbose
         Show the progress of the work.
     """
-    from uavgram.pipeline.match.asked import Asked
     from uavgram.pipeline.match.run import match_picks, undo_matches
-    from uavgram.views.matches import match_lines, written_line
+    from uavgram.pipeline.match.selection import Selection
+    from uavgram.views.terminal import match_lines, written_line
 
     log_to_stderr(verbose=verbose)
     tell_as(project)
-    asked = Asked(_names(labels), _names(photos))
+    asked = Selection(_names(labels), _names(photos))
     if undo:
         undone = undo_matches(project, asked, dry_run=dry_run)
         what = "would be taken" if dry_run else "taken"
@@ -138,3 +138,38 @@ def match(
 
 def _names(text: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in text.split(",") if name.strip())
+
+
+@picks.command
+def ties(project: Path = Path(), /, *, dry_run: Flag = False, undo: Flag = False) -> int:
+    """Find points that several photos show, without a click, and write them to ties.csv.
+
+    They tie the photos to each other. Earlier rows by the program are replaced, those from other
+    sources stay.
+
+    Parameters
+    ----------
+    project
+        The project file, or the folder of a project.yaml; by default the present folder.
+    dry_run
+        Show the finds, and write nothing.
+    undo
+        Remove all tie points that the program found from the table.
+    """
+    from uavgram.pipeline.ties_table import remove_ties, write_ties
+    from uavgram.views.terminal import message_lines
+
+    tell_as(project)
+    if undo:
+        back = remove_ties(project, dry_run=dry_run)
+        verb = "taken" if back.written else "would be taken"
+        say(f"{back.taken_back} rows of tie points {verb} out of {back.path}")
+        return DONE
+    done = write_ties(project, dry_run=dry_run, progress=progress())
+    say(*message_lines(done.messages))
+    verb = "written" if done.written else "would be written"
+    say(
+        f"{len(set(done.ties.tie))} tie points in {len(set(done.ties.image))} photos, "
+        f"{len(done.ties.image)} rows, {verb}: {done.path}"
+    )
+    return DONE

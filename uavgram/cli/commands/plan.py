@@ -15,7 +15,7 @@ from uavgram.errors import UavgramError
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class TakenAlong:
+class FieldDocuments:
     """Documents for the field.
 
     Parameters
@@ -43,7 +43,7 @@ def plan(
     *,
     from_: Annotated[Path | None, Parameter(name="--from")] = None,
     output: Path = Path("uavgram-plan"),
-    along: TakenAlong | None = None,
+    along: FieldDocuments | None = None,
     verbose: Verbose = False,
 ) -> int:
     """Plan a flight: positions of the photos, lines to tape, and the expected accuracy.
@@ -65,7 +65,7 @@ def plan(
     from uavgram.model.naming import SHORT_FORMS
     from uavgram.synthetic.plan.run import PlanOutputs, write_outputs
     from uavgram.synthetic.plan.run import plan as plan_flight
-    from uavgram.views.planned_text import next_line_lines, plan_lines
+    from uavgram.views.flight_plan_text import next_line_lines, plan_lines
 
     log_to_stderr(verbose=verbose)
     if from_ is not None and scenario is None:
@@ -80,7 +80,7 @@ def plan(
             "--from the project of a survey that was flown"
         )
     planned, as_flown = plan_flight(scenario, progress())
-    taken = along or TakenAlong()
+    taken = along or FieldDocuments()
     made = PlanOutputs(
         units=SHORT_FORMS[taken.units],
         pdf=taken.pdf,

@@ -21,7 +21,7 @@ Samples = Annotated[
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Printed:
+class PrintOptions:
     """Documents for printing.
 
     Parameters
@@ -42,7 +42,7 @@ class Printed:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class ForPrograms:
+class ProgramOptions:
     """Options for other programs that start this one.
 
     Parameters
@@ -67,8 +67,8 @@ def run(
     seed: Seed = 0,
     rows: Rows = TABLE_ROWS,
     view: Flag = False,
-    printed: Printed | None = None,
-    programs: ForPrograms | None = None,
+    printed: PrintOptions | None = None,
+    programs: ProgramOptions | None = None,
     verbose: Verbose = False,
 ) -> int:
     """Measure: read the project, adjust, and write all outputs.
@@ -94,30 +94,35 @@ def run(
     verbose
         Show the progress of the work.
     """
-    from uavgram.cli.as_json import run_object
     from uavgram.cli.commands.view import show
+    from uavgram.cli.json_objects import run_object
     from uavgram.config.project import load_project
     from uavgram.model.maps import PlanPaper
     from uavgram.pipeline.measure.compute import Sampling
     from uavgram.pipeline.measure.run import FROM_PROJECT
     from uavgram.pipeline.measure.run import run as run_project
     from uavgram.views.survey.verdict import verdict_sentence
-    from uavgram.views.terminal import light_line, measurement_table, message_lines, unshown_rows
+    from uavgram.views.terminal import (
+        hidden_rows_line,
+        light_line,
+        measurement_table,
+        message_lines,
+    )
 
     log_to_stderr(verbose=verbose)
     tell_as(project)
-    paper = Printed() if printed is None else printed
+    paper = PrintOptions() if printed is None else printed
     plan = None if paper.plan is None else PlanPaper(paper.plan, paper.plan_scale)
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
     target = FROM_PROJECT if output is None else output
     result = run_project(project, target, progress(), sampling, paper.pdf, plan)
     tell_of(result)
     folder = Path(load_project(project).output) if output is None else output
-    wanted = ForPrograms() if programs is None else programs
+    wanted = ProgramOptions() if programs is None else programs
     if wanted.json:
         say_json(run_object(result, folder))
     else:
-        say(measurement_table(result, rows), *unshown_rows(result, rows, folder))
+        say(measurement_table(result, rows), *hidden_rows_line(result, rows, folder))
         say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
         say("", verdict_sentence(result))  # last, so that it is visible without scrolling
     if view:

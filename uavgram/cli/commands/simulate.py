@@ -89,7 +89,7 @@ def simulate(
 def _show(source: Path, world: World, asked: SimulationRequest, output: Path) -> int:
     """Repeat the survey, write the results, and show them."""
     from uavgram.synthetic.simulate import simulate_many, write_outputs
-    from uavgram.views.simulation.text import simulation_lines
+    from uavgram.views.simulation import simulation_lines
 
     found = simulate_many(source, world, asked, progress(), say)
     written = write_outputs(found, output, source)

@@ -40,12 +40,16 @@ def study(
         Show the progress of the work.
     """
     from uavgram.synthetic.study.run import JSON_FILE, PAGE_FILE, list_studies, make_studies
-    from uavgram.views.study.words import said
+    from uavgram.views.study import describe_study
 
     log_to_stderr(verbose=verbose)
     names = list_studies(name)
     for found in make_studies(names, output, repetitions, workers, progress()):
-        say("", f"{found.title} ({found.seconds:.0f} s)", *(f"  {text}" for text in said(found)))
+        say(
+            "",
+            f"{found.title} ({found.seconds:.0f} s)",
+            *(f"  {text}" for text in describe_study(found)),
+        )
     figures = [f"{one}.{kind}" for one in names for kind in ("svg", "png")]
     say_written(output, [JSON_FILE, PAGE_FILE, *figures])
     return DONE

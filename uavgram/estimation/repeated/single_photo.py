@@ -25,8 +25,8 @@ from uavgram.estimation.repeated.photo_step import (
     compute_places,
     linearise,
     put_draws_last,
+    rotate,
 )
-from uavgram.estimation.repeated.turns import rotate
 from uavgram.estimation.solver.batched import (
     Linearisation,
     Minima,

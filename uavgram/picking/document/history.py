@@ -13,15 +13,15 @@ from typing import Any, TypeVar
 from uavgram.io.tables.measure import points_fault
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.labels import forget, rename, swap
 from uavgram.picking.document.merging import merge, split
-from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import Line, Pick, State, without_matches
+from uavgram.picking.document.state import Line, Pick, State, remove_matches
 
-MOST_STEPS = 10_000
+MAX_STEPS = 10_000
 """Greatest number of steps that can be undone; older ones are dropped."""
 
-MOST_ITEMS = 20_000
+MAX_ITEMS = 20_000
 """Largest number of picks, lengths or measurements of a project.
 
 Far more than any survey needs, and still fast to process.
@@ -69,19 +69,19 @@ def apply(session: Session, command: c.Command, step: int = 0) -> Session:
     """
     match command:
         case c.Undo():
-            return _undone(session)
+            return _undo(session)
         case c.Redo():
-            return _redone(session)
-    after = changed(session.state, command)
+            return _redo(session)
+    after = apply_change(session.state, command)
     if after == session.state:
         return session
     if step and step == session.step:
         return replace(session, state=after, future=())
-    past = (*session.past, session.state)[-MOST_STEPS:]
+    past = (*session.past, session.state)[-MAX_STEPS:]
     return Session(state=after, past=past, step=step)
 
 
-def _undone(session: Session) -> Session:
+def _undo(session: Session) -> Session:
     if not session.past:
         raise RefusedError("there is nothing to undo")
     return Session(
@@ -91,7 +91,7 @@ def _undone(session: Session) -> Session:
     )
 
 
-def _redone(session: Session) -> Session:
+def _redo(session: Session) -> Session:
     if not session.future:
         raise RefusedError("there is nothing to do again")
     return Session(
@@ -101,7 +101,7 @@ def _redone(session: Session) -> Session:
     )
 
 
-def changed(state: State, change: c.Change) -> State:
+def apply_change(state: State, change: c.Change) -> State:
     """Return the state after a change; raises `RefusedError` if the change does not fit."""
     after = _CHANGES[type(change)](state, change)
     counts = {
@@ -110,15 +110,15 @@ def changed(state: State, change: c.Change) -> State:
         "measurements": len(after.requests),
     }
     for what, count in counts.items():
-        if count > MOST_ITEMS:
-            raise RefusedError(f"a project may have {MOST_ITEMS} {what}")
+        if count > MAX_ITEMS:
+            raise RefusedError(f"a project may have {MAX_ITEMS} {what}")
     return after
 
 
 def _place(state: State, do: c.Place) -> State:
     there = state.pick(do.image, do.label)
     if there is not None:
-        return _placed_anew(state, there, do)
+        return _update_pick(state, there, do)
     same = next((pick for pick in state.picks if pick.label == do.label), None)
     new = Pick(**vars(do))
     if same is not None:
@@ -133,7 +133,7 @@ def _place_all(state: State, do: c.PlaceAll) -> State:
     return state
 
 
-def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
+def _update_pick(state: State, there: Pick, do: c.Place) -> State:
     """Update an existing pick; a changed position makes it a pick of the one who placed it.
 
     Parameters
@@ -150,7 +150,7 @@ def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
     """
     if (do.u_px, do.v_px, do.source) == (there.u_px, there.v_px, "hand"):
         stays = there.sigma_px if do.sigma_px is None else do.sigma_px
-        return _with_pick(state, there, replace(there, sigma_px=stays))
+        return _set_pick(state, there, replace(there, sigma_px=stays))
     if there.source == "hand" != do.source:
         raise RefusedError(f"a person picked {do.label!r} in {do.image!r} already")
     # A match has the sigma of the matching, not of a click by hand.
@@ -159,7 +159,7 @@ def _placed_anew(state: State, there: Pick, do: c.Place) -> State:
     # Keep a person's entries in columns that are also used for picks of the program.
     made = {} if there.source == do.source == "hand" else vars(do)
     new = replace(there, **made | {"u_px": do.u_px, "v_px": do.v_px, "sigma_px": sigma})
-    return _with_pick(without_matches(state, there), there, new)
+    return _set_pick(remove_matches(state, there), there, new)
 
 
 def _repeat(state: State, do: c.Repeat) -> State:
@@ -172,12 +172,12 @@ def _repeat(state: State, do: c.Repeat) -> State:
 def _unpick(state: State, do: c.Unpick) -> State:
     there = _required(state, do.image, do.label)
     kept = tuple(pick for pick in state.picks if pick.key != there.key)
-    return without_matches(replace(state, picks=kept), there)
+    return remove_matches(replace(state, picks=kept), there)
 
 
 def _set_sigma(state: State, do: c.SetSigma) -> State:
     there = _required(state, do.image, do.label)
-    return _with_pick(state, there, replace(there, sigma_px=do.sigma_px))
+    return _set_pick(state, there, replace(there, sigma_px=do.sigma_px))
 
 
 def _set_height(state: State, do: c.SetHeight) -> State:
@@ -199,24 +199,24 @@ def _set_line(state: State, do: c.SetLine) -> State:
         raise RefusedError("a length needs two different labels")
     there = next((one for one in state.lines if one.name == do.was), None)
     kept = {} if there is None else {"tape": there.tape, "along": there.along}
-    stated = {name: value for name, value in _without_was(do).items() if value is not None}
+    stated = {name: value for name, value in _drop_was(do).items() if value is not None}
     line = Line(**kept | stated)
-    return replace(state, lines=_with_named(state.lines, do.was, line, "length"))
+    return replace(state, lines=_set_named(state.lines, do.was, line, "length"))
 
 
 def _remove_line(state: State, do: c.RemoveLine) -> State:
-    return replace(state, lines=_without_named(state.lines, do.name, "length"))
+    return replace(state, lines=_remove_named(state.lines, do.name, "length"))
 
 
 def _set_measurement(state: State, do: c.SetMeasurement) -> State:
-    request = MeasurementRequest(**_without_was(do))
+    request = MeasurementRequest(**_drop_was(do))
     if fault := points_fault(request):
         raise RefusedError(fault)
-    return replace(state, requests=_with_named(state.requests, do.was, request, "measurement"))
+    return replace(state, requests=_set_named(state.requests, do.was, request, "measurement"))
 
 
 def _remove_measurement(state: State, do: c.RemoveMeasurement) -> State:
-    return replace(state, requests=_without_named(state.requests, do.name, "measurement"))
+    return replace(state, requests=_remove_named(state.requests, do.name, "measurement"))
 
 
 def _all(state: State, do: c.All) -> State:
@@ -245,7 +245,7 @@ _CHANGES: dict[type, Callable[..., State]] = {
 }
 
 
-def _without_was(do: c.SetLine | c.SetMeasurement) -> dict[str, Any]:
+def _drop_was(do: c.SetLine | c.SetMeasurement) -> dict[str, Any]:
     return {name: value for name, value in vars(do).items() if name != "was"}
 
 
@@ -256,11 +256,11 @@ def _required(state: State, image: str, label: str) -> Pick:
     return there
 
 
-def _with_pick(state: State, old: Pick, new: Pick) -> State:
+def _set_pick(state: State, old: Pick, new: Pick) -> State:
     return replace(state, picks=tuple(new if pick is old else pick for pick in state.picks))
 
 
-def _with_named(items: tuple[Named, ...], was: str, new: Named, what: str) -> tuple[Named, ...]:
+def _set_named(items: tuple[Named, ...], was: str, new: Named, what: str) -> tuple[Named, ...]:
     """Return the items with `new` in place of the one named `was`, or appended at the end."""
     names = [item.name for item in items]
     if was and was not in names:
@@ -273,7 +273,7 @@ def _with_named(items: tuple[Named, ...], was: str, new: Named, what: str) -> tu
     return tuple(kept)
 
 
-def _without_named(items: tuple[Named, ...], name: str, what: str) -> tuple[Named, ...]:
+def _remove_named(items: tuple[Named, ...], name: str, what: str) -> tuple[Named, ...]:
     if name not in [item.name for item in items]:
         raise RefusedError(f"there is no {what} {name!r}")
     return tuple(item for item in items if item.name != name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import Pick, State, without_matches
+from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.state import Pick, State, remove_matches
 
 
 def forget(state: State, do: c.Forget) -> State:
@@ -20,11 +20,11 @@ def forget(state: State, do: c.Forget) -> State:
 
 def rename(state: State, do: c.Rename) -> State:
     """Rename a label; raises `RefusedError` if the new name is taken."""
-    if do.new != do.label and do.new in all_labels(state):
+    if do.new != do.label and do.new in list_labels(state):
         raise RefusedError(f"there is a label {do.new!r} already")
-    if do.label not in all_labels(state):
+    if do.label not in list_labels(state):
         raise RefusedError(f"there is no label {do.label!r}")
-    return with_label(state, do.label, do.new)
+    return rename_in_state(state, do.label, do.new)
 
 
 def swap(state: State, do: c.Swap) -> State:
@@ -42,7 +42,7 @@ def swap(state: State, do: c.Swap) -> State:
     if len(other) < 2:
         raise RefusedError(f"{do.label!r} cannot be exchanged with itself")
     for label in other:
-        if label not in all_labels(state):
+        if label not in list_labels(state):
             raise RefusedError(f"there is no label {label!r}")
     taken = [pick for pick in state.picks if pick.label in other and do.image in {pick.image, ""}]
     if not taken:
@@ -53,21 +53,21 @@ def swap(state: State, do: c.Swap) -> State:
     for pick in taken:
         label = other[pick.label]
         changes = {**stated.get(label, stated[pick.label]), "label": label}
-        swapped[pick] = replace(_by_hand(pick) if do.image else pick, **changes)
+        swapped[pick] = replace(_make_manual(pick) if do.image else pick, **changes)
         if do.image:
-            state = without_matches(state, pick)
+            state = remove_matches(state, pick)
     picks = tuple(swapped.get(pick, pick) for pick in state.picks)
     return replace(state, picks=picks)
 
 
-def _by_hand(pick: Pick) -> Pick:
+def _make_manual(pick: Pick) -> Pick:
     """Turn a relabelled match into a person's pick, no longer a match of its source pick."""
     if pick.source != "match":
         return pick
     return Pick(image=pick.image, label=pick.label, u_px=pick.u_px, v_px=pick.v_px)
 
 
-def all_labels(state: State) -> set[str]:
+def list_labels(state: State) -> set[str]:
     """Return the labels of picks, lengths and measurements: one name is one physical point."""
     labels = set(state.labels)
     labels.update(*((line.start, line.end) for line in state.lines))
@@ -75,7 +75,7 @@ def all_labels(state: State) -> set[str]:
     return labels
 
 
-def with_label(state: State, old: str, new: str) -> State:
+def rename_in_state(state: State, old: str, new: str) -> State:
     """Rename one label in picks, lengths and measurements.
 
     Parameters

@@ -9,9 +9,9 @@ from typing import Any
 from uavgram.io.tables.measure import points_fault
 from uavgram.model.naming import listed
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.labels import all_labels, with_label
-from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import Pick, State, without_matches
+from uavgram.picking.document.errors import RefusedError
+from uavgram.picking.document.labels import list_labels, rename_in_state
+from uavgram.picking.document.state import Pick, State, remove_matches
 
 Stated = dict[str, Any]
 """Statements in the picks of a label about its point, by field: a height, an area."""
@@ -26,14 +26,14 @@ def merge(state: State, do: c.Merge) -> State:
         They cannot be one point, or `keep` does not name the picks that stay.
     """
     for label in (do.label, do.into):
-        if label not in all_labels(state):
+        if label not in list_labels(state):
             raise RefusedError(f"there is no label {label!r}")
     if do.label == do.into:
         raise RefusedError(f"{do.label!r} is that point already: choose another one")
-    stated = _common(state, do.label, do.into)
-    alone = _with_one_pick_each(state, do)
-    after = with_label(alone, do.label, do.into)
-    _refuse_what_has_no_length(alone, after, do)
+    stated = _combine_statements(state, do.label, do.into)
+    alone = _keep_one_pick_each(state, do)
+    after = rename_in_state(alone, do.label, do.into)
+    _refuse_zero_lengths(alone, after, do)
     picks = tuple(
         replace(pick, **stated) if pick.label == do.into else pick for pick in after.picks
     )
@@ -52,10 +52,10 @@ def split(state: State, do: c.Split) -> State:
     RefusedError
         The name is taken, or one of the two points would have no pick.
     """
-    if do.new in all_labels(state):
+    if do.new in list_labels(state):
         raise RefusedError(f"there is a label {do.new!r} already: choose another name")
     own = [pick for pick in state.picks if pick.label == do.label]
-    going = _with_matches(own, [pick for pick in own if pick.image in do.images])
+    going = _add_matches(own, [pick for pick in own if pick.image in do.images])
     if not going:
         raise RefusedError(f"{do.label!r} is not picked in these photos")
     if len(going) == len(own):
@@ -63,51 +63,52 @@ def split(state: State, do: c.Split) -> State:
             f"no pick of {do.label!r} would be left: rename it, or choose fewer photos"
         )
     # the statements about the point apply to both new points
-    stated = _stated(own)
+    stated = _collect_statements(own)
     picks = []
     for pick in state.picks:
         if pick.label != do.label:
             picks.append(pick)
         elif pick in going:
             own_source = pick.source != "match" or any(pick.is_match_of(one) for one in going)
-            moved = pick if own_source else _by_hand(pick)
+            moved = pick if own_source else _make_manual(pick)
             picks.append(replace(moved, label=do.new, **stated))
         else:
             picks.append(replace(pick, **stated))
     return replace(state, picks=tuple(picks))
 
 
-def _with_one_pick_each(state: State, do: c.Merge) -> State:
+def _keep_one_pick_each(state: State, do: c.Merge) -> State:
     """Keep one pick of the two labels in each photo; remove matches found from the others."""
     keys = {pick.key for pick in state.picks}
     both = {image for image, label in keys if label == do.label and (image, do.into) in keys}
     if both and do.keep not in {do.label, do.into}:
         raise RefusedError(
-            f"{do.label!r} and {do.into!r} are both picked in {listed(sorted(both), _MOST_NAMED)}: "
+            f"{do.label!r} and {do.into!r} are both picked in {listed(sorted(both), _MAX_NAMED)}: "
             "say whose picks stay there, or remove one of them"
         )
     going = do.label if do.keep == do.into else do.into
     lost = [pick for pick in state.picks if pick.label == going and pick.image in both]
     for pick in lost:
-        state = without_matches(state, pick)
+        state = remove_matches(state, pick)
     return replace(state, picks=tuple(pick for pick in state.picks if pick not in lost))
 
 
-def _refuse_what_has_no_length(before: State, after: State, do: c.Merge) -> None:
+def _refuse_zero_lengths(before: State, after: State, do: c.Merge) -> None:
     lost = [line.name for line in after.lines if line.start == line.end]
     asked = zip(before.requests, after.requests, strict=True)
     lost += [new.name for old, new in asked if points_fault(new) and not points_fault(old)]
     if lost:
         raise RefusedError(
-            f"{do.label!r} and {do.into!r} stand as two points in {listed(lost, _MOST_NAMED)}: as "
+            f"{do.label!r} and {do.into!r} stand as two points in {listed(lost, _MAX_NAMED)}: as "
             "one they leave nothing to measure there. Remove that first, if they are one point"
         )
 
 
-def _common(state: State, one: str, other: str) -> Stated:
+def _combine_statements(state: State, one: str, other: str) -> Stated:
     """Return the statements about two labels that become one point; statements replace gaps."""
     sides = [
-        _stated([pick for pick in state.picks if pick.label == label]) for label in (one, other)
+        _collect_statements([pick for pick in state.picks if pick.label == label])
+        for label in (one, other)
     ]
     for group, words in ((_HEIGHT, "height"), (("area",), "area")):
         said = [{name: side[name] for name in group if name in side} for side in sides]
@@ -122,7 +123,7 @@ def _common(state: State, one: str, other: str) -> Stated:
 _HEIGHT = ("height_m", "height_sigma_m", "is_free")
 
 
-def _stated(picks: list[Pick]) -> Stated:
+def _collect_statements(picks: list[Pick]) -> Stated:
     """Return the statements about a label's point; a statement of one pick holds for all."""
     heights: Stated = {
         "height_m": _first(pick.height_m for pick in picks),
@@ -138,13 +139,13 @@ def _first(values: Iterable[Any]) -> Any:  # noqa: ANN401  (values of any type)
     return next((value for value in values if value is not None), None)
 
 
-def _with_matches(own: list[Pick], going: list[Pick]) -> list[Pick]:
+def _add_matches(own: list[Pick], going: list[Pick]) -> list[Pick]:
     """Return picks with the matches found from them, and the matches found from those."""
     more = [pick for pick in own if pick not in going and any(map(pick.is_match_of, going))]
-    return _with_matches(own, [*going, *more]) if more else going
+    return _add_matches(own, [*going, *more]) if more else going
 
 
-def _by_hand(pick: Pick) -> Pick:
+def _make_manual(pick: Pick) -> Pick:
     """Return a pick as placed by a person, without the sigma of the matching."""
     return Pick(
         **{name: getattr(pick, name) for name in ("image", "label", "u_px", "v_px", "area")},
@@ -152,4 +153,4 @@ def _by_hand(pick: Pick) -> Pick:
     )
 
 
-_MOST_NAMED = 3
+_MAX_NAMED = 3

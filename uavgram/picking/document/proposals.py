@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.state import Pick, State
 
 Pair = tuple[str, str]
@@ -60,7 +60,7 @@ than 3 px; of 180 such matches two are, by 4 px, the error of the click that the
 """
 
 
-def surely_found(outcomes: Outcomes) -> set[Pair]:
+def select_certain(outcomes: Outcomes) -> set[Pair]:
     """Return proposals that need no inspection: targets, and matches that agree."""
     alike = Counter(label for (_, label), one in outcomes.items() if one.found and one.is_alike)
     return {
@@ -75,7 +75,7 @@ def source_of(pick: Pick) -> tuple[str, float, float]:
     return pick.image, pick.u_px, pick.v_px
 
 
-def that_hold(outcomes: Outcomes, state: State) -> dict[Pair, Outcome]:
+def select_valid(outcomes: Outcomes, state: State) -> dict[Pair, Outcome]:
     """Return the outcomes whose source pick is unmoved."""
     there = {(pick.label, source_of(pick)) for pick in state.picks}
     return {
@@ -85,7 +85,7 @@ def that_hold(outcomes: Outcomes, state: State) -> dict[Pair, Outcome]:
     }
 
 
-def accepted(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.PlaceAll:
+def make_accept_command(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.PlaceAll:
     """Return the command that picks accepted proposals.
 
     Parameters
@@ -100,7 +100,7 @@ def accepted(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.Place
     RefusedError
         None of them is proposed any more.
     """
-    found, holding = [], that_hold(outcomes, state)
+    found, holding = [], select_valid(outcomes, state)
     for pair in pairs:
         one = holding.get(pair)
         if one is not None and one.found is not None and state.pick(*pair) is None:
@@ -110,7 +110,7 @@ def accepted(outcomes: Outcomes, state: State, pairs: Iterable[Pair]) -> c.Place
     return c.PlaceAll(places=tuple(found))
 
 
-def refused(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
+def refuse(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
     """Return the outcomes after a refusal.
 
     Refused proposals are then to be picked by hand; labels without a proposal are no longer asked
@@ -126,7 +126,7 @@ def refused(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
     return after
 
 
-def reopened(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
+def reopen(outcomes: Outcomes, pairs: Iterable[Pair]) -> dict[Pair, Outcome]:
     """Return the outcomes without those whose refusal is taken back; they are searched again."""
     again = set(pairs)
     return {pair: one for pair, one in outcomes.items() if not (pair in again and one.is_over)}

@@ -100,7 +100,7 @@ class State:
         return next((pick for pick in self.picks if pick.key == (image, label)), None)
 
 
-def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequest]) -> State:
+def make_state(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequest]) -> State:
     """Build the state from the content of the files.
 
     Parameters
@@ -153,7 +153,7 @@ def state_of(picks: Picks, lines: KnownLines, requests: Iterable[MeasurementRequ
     )
 
 
-def observations_of(state: State) -> tuple[Picks, KnownLines]:
+def make_observations(state: State) -> tuple[Picks, KnownLines]:
     """Return picks and lengths in the form of the adjustment."""
     picks, lines = state.picks, state.lines
     return (
@@ -186,7 +186,7 @@ def observations_of(state: State) -> tuple[Picks, KnownLines]:
     )
 
 
-def without_matches(state: State, there: Pick) -> State:
+def remove_matches(state: State, there: Pick) -> State:
     """Remove the matches found from a pick that is moved or removed."""
     kept = tuple(pick for pick in state.picks if not pick.is_match_of(there))
     return replace(state, picks=kept)

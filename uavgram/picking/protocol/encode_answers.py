@@ -1,8 +1,8 @@
-"""Answers to questions as JSON: exact target, same ground in other photos, side view."""
+"""Answers to questions and proposed picks as JSON."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +13,11 @@ from uavgram.imaging.snap_region import Region, UnclearRegion, snap_within
 from uavgram.model.result.tables import COLUMNS
 from uavgram.model.survey.ties import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
+from uavgram.picking.document.proposals import Outcomes, select_certain
 from uavgram.picking.protocol.encode_places import Json, number
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
-from uavgram.pipeline.pick.other_photos import ExpectedPlace, same_ground
-from uavgram.pipeline.pick.side_view import side_view
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
+from uavgram.pipeline.pick.places import ExpectedPlace, project_ground
+from uavgram.pipeline.pick.side_view import make_side_view
 
 _DIGITS = 5
 
@@ -72,7 +73,7 @@ def snap_json(
 
 
 def same_ground_json(
-    survey: LiveSurvey, last: Adjusted | None, asked: SameGround, index: Mapping[str, int]
+    survey: LiveSurvey, last: LiveAdjustment | None, asked: SameGround, index: Mapping[str, int]
 ) -> Json:
     """Return the places of the same ground in other photos: u, v [px] and scale by photo number.
 
@@ -85,7 +86,7 @@ def same_ground_json(
     index
         Numbers of the photos by name.
     """
-    found = same_ground(survey, last, asked.image, (asked.u_px, asked.v_px))
+    found = project_ground(survey, last, asked.image, (asked.u_px, asked.v_px))
     return {"places": {str(index[name]): list(place) for name, place in found.items()}}
 
 
@@ -95,7 +96,7 @@ def ties_json(ties: TiePicks, asked: Ties) -> Json:
     return {"places_px": np.round(ties.pixel_px[own], 1).tolist()}
 
 
-def side_json(last: Adjusted | None, asked: SideView) -> Json:
+def side_json(last: LiveAdjustment | None, asked: SideView) -> Json:
     """Return a measurement's points along it: station, height and ground below [m] with sigmas.
 
     Parameters
@@ -105,7 +106,7 @@ def side_json(last: Adjusted | None, asked: SideView) -> Json:
     asked
         Name of the measurement.
     """
-    found = None if last is None else side_view(last, asked.name)
+    found = None if last is None else make_side_view(last, asked.name)
     if found is None:
         return {"points": []}
     rows = zip(found.label, found.place_m, found.sigma_m, strict=True)
@@ -119,3 +120,37 @@ def side_json(last: Adjusted | None, asked: SideView) -> Json:
             for label, place, sigma in rows
         ]
     }
+
+
+def proposals_json(
+    outcomes: Outcomes, index: Mapping[str, int], labels: Collection[str], left: int
+) -> Json:
+    """Return all search results of some labels.
+
+    Parameters
+    ----------
+    outcomes
+        Search results.
+    index
+        Numbers of the photos by name.
+    labels
+        Labels whose results are wanted.
+    left
+        Number of places still to be searched.
+    """
+    found, asked, sure = [], [], select_certain(outcomes)
+    for (image, label), one in outcomes.items():
+        if label not in labels:
+            continue
+        key = {"image": index[image], "label": label}
+        if one.found is not None:
+            place = one.found
+            found.append(
+                key
+                | {"u_px": place.u_px, "v_px": place.v_px, "sigma_px": place.sigma_px}
+                | {"score": place.score, "source": place.source}
+                | {"from_image": index.get(place.from_image), "is_sure": (image, label) in sure}
+            )
+        elif one.is_asked:
+            asked.append(key | {"why": one.why})
+    return {"labels": sorted(labels), "found": found, "asked": asked, "left": left}

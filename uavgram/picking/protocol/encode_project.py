@@ -19,11 +19,11 @@ from uavgram.picking.protocol.encode_survey import messages_json
 from uavgram.picking.protocol.parse import PhotoSize
 from uavgram.pipeline.cameras.read import read_camera
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.measure.pose import Posed
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.measure.pose import PosedFrames
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 from uavgram.stages.camera import UNKNOWN_CAMERA
 from uavgram.synthetic.accident_scene import PAINTED_LABELS, TAPE_FILE, is_sample
-from uavgram.views.calibration.camera_text import fact_lines, parameter_cells, provenance_lines
+from uavgram.views.calibration.text import fact_lines, parameter_cells, provenance_lines
 from uavgram.views.calibration.verdict import GOOD_FOCAL, focal_share, percent
 
 CENTRE_SIGMA_SHARE = 0.01
@@ -81,7 +81,7 @@ def sample_json(inputs: Inputs) -> Json | None:
     return {"file": str(file), "text": file.read_text(encoding="utf-8", errors="replace")}
 
 
-def _seeds(posed: Posed | None) -> dict[str, Json]:
+def _seeds(posed: PosedFrames | None) -> dict[str, Json]:
     """Return seed poses by photo: centres (e n u), sigmas [m], total sigma of directions [deg]."""
     if posed is None or posed.telemetry is None:
         return {}
@@ -99,7 +99,7 @@ def _seeds(posed: Posed | None) -> dict[str, Json]:
     }
 
 
-def _pairs(posed: Posed | None) -> dict[str, Json]:
+def _pairs(posed: PosedFrames | None) -> dict[str, Json]:
     """Return the fit of each photo to the camera event it was paired with."""
     if posed is None or posed.pairing is None:
         return {}

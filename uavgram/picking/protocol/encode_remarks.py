@@ -11,7 +11,7 @@ from uavgram.model.message import Message
 from uavgram.model.result.tables import PickResults
 from uavgram.model.result.verdict import Reason
 from uavgram.model.survey.observations import KnownLines
-from uavgram.picking.protocol.encode_mends import mends_json
+from uavgram.picking.protocol.encode_remedies import remedies_json
 from uavgram.stages.judge.verdict import make_reason
 
 Json = dict[str, Any]
@@ -60,7 +60,7 @@ class Remarks:
             "frames": [self.index[name] for name in reason.frames if name in self.index],
             "lengths": list(reason.lengths),
             "measurements": list(reason.measurements),
-            "mends": mends_json((reason.mend, *reason.instead), self.lines, self.index),
+            "mends": remedies_json((reason.mend, *reason.instead), self.lines, self.index),
             "show": self._show(reason),
         }
 

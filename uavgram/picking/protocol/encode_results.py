@@ -5,29 +5,29 @@ from __future__ import annotations
 from uavgram.model.provenance import case_from_options
 from uavgram.model.result.result import Result
 from uavgram.picking.protocol.encode_survey import Json
+from uavgram.views.formatting import measurement_text, order_shapes_first
+from uavgram.views.sentence_units import convert_sentence, exact_lengths, list_names_like_lengths
 from uavgram.views.survey.verdict import (
-    headline,
     reason_sentence,
     status_text,
+    summarise_result,
     verdict_words,
 )
-from uavgram.views.unit_words import exact_lengths, in_units, names_like_lengths
 from uavgram.views.units import units_of
-from uavgram.views.wording import measurement_text, shapes_first
 
 
 def results_json(result: Result) -> Json:
     """Return verdict, measurements and case of a result, in the units of its project."""
     words, units = verdict_words(result), units_of(result)
-    keep, exact = names_like_lengths(result), exact_lengths(result)
+    keep, exact = list_names_like_lengths(result), exact_lengths(result)
 
     def in_project_units(text: str) -> str:
-        return in_units(text, units, keep, exact)
+        return convert_sentence(text, units, keep, exact)
 
     rows = result.measurements
     return {
         "level": words.level,
-        "headline": in_project_units(headline(result)),
+        "headline": in_project_units(summarise_result(result)),
         "first": in_project_units(reason_sentence(words.reasons[0])) if words.reasons else "",
         "others": [in_project_units(reason.text) for reason in words.reasons[1:]],
         "scale": in_project_units(words.scale),
@@ -45,13 +45,13 @@ def results_json(result: Result) -> Json:
                 "status": rows.status[k],
                 "words": status_text(rows, k),
             }
-            for k in map(int, shapes_first(rows))
+            for k in map(int, order_shapes_first(rows))
             for text in [measurement_text(rows, k, units)]
         ],
     }
 
 
-def plan_in(report: bytes) -> bytes | None:
+def extract_plan(report: bytes) -> bytes | None:
     """Extract the plan on a report's first page as a separate drawing; None if there is none."""
     begin = report.find(b'<svg class="drawing"')
     end = report.find(b"</svg>", begin)

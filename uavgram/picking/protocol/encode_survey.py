@@ -11,20 +11,25 @@ from uavgram.model.message import Message
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.state import Pick, State
-from uavgram.picking.protocol.encode_places import ellipse_json, number, numbers, places_json
-from uavgram.picking.protocol.encode_standings import (
-    length_standings,
-    photo_standings,
-    point_standings,
-    shown_by_measurements,
-    unseen_errors,
+from uavgram.picking.protocol.encode_places import (
+    ellipse_json,
+    number,
+    numbers,
+    places_json,
+    places_on_earth,
 )
-from uavgram.picking.protocol.encode_verdict import measurement_standings, verdict_json
-from uavgram.picking.protocol.geodetic import places_on_earth
-from uavgram.pipeline.pick.live import Adjusted, Linearised
+from uavgram.picking.protocol.encode_statuses import (
+    describe_unchecked,
+    describe_undetectable,
+    encode_length_statuses,
+    encode_photo_statuses,
+    encode_point_statuses,
+)
+from uavgram.picking.protocol.encode_verdict import encode_measurement_statuses, verdict_json
+from uavgram.pipeline.pick.live_survey import LinearUpdate, LiveAdjustment
 from uavgram.stages.messages import order_messages
-from uavgram.views.survey.verdict import named_picks
-from uavgram.views.wording import KNOWN_STATUS_WORDS
+from uavgram.views.formatting import KNOWN_STATUS_WORDS
+from uavgram.views.survey.verdict import list_named_picks
 
 Json = dict[str, Any]
 
@@ -87,7 +92,7 @@ def _request(request: MeasurementRequest) -> Json:
     return {**vars(request), "points": list(request.points), "parameters": parameters}
 
 
-def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
+def adjusted_json(adjusted: LiveAdjustment, index: Mapping[str, int]) -> Json:
     """Encode a full adjustment."""
     result = adjusted.result
     return {
@@ -96,7 +101,7 @@ def adjusted_json(adjusted: Adjusted, index: Mapping[str, int]) -> Json:
         "verdict": {
             **verdict_json(result, adjusted.observed.lines, index),
             "reasons": len(result.verdict.reasons),
-            "unseen": unseen_errors(result),
+            "unseen": describe_undetectable(result),
         },
         "points": _points(adjusted),
         "earth_deg": places_on_earth(adjusted, result.points.label, result.points.position_world_m),
@@ -126,7 +131,7 @@ def messages_json(messages: Iterable[Message]) -> list[Json]:
     ]
 
 
-def linearised_json(quick: Linearised, index: Mapping[str, int]) -> Json:
+def linearised_json(quick: LinearUpdate, index: Mapping[str, int]) -> Json:
     """Encode a first-order update: new values only; everything else stays unchanged."""
     base = quick.base.result
     survey = quick.base.adjustment.survey
@@ -152,9 +157,9 @@ def unadjusted_json(why: str, messages: Iterable[Message]) -> Json:
     return {"mode": "none", "why": why, "messages": messages_json(messages)}
 
 
-def _points(adjusted: Adjusted) -> Json:
+def _points(adjusted: LiveAdjustment) -> Json:
     """Return sigmas of the points in the survey and relative to neighbours, and their heights."""
-    points, standings = adjusted.result.points, point_standings(adjusted.result)
+    points, standings = adjusted.result.points, encode_point_statuses(adjusted.result)
     sigma = np.sqrt(np.einsum("kii->ki", points.relative.covariance_m2))
     found: Json = {
         label: {
@@ -173,9 +178,9 @@ def _points(adjusted: Adjusted) -> Json:
     return found
 
 
-def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
+def _picks(adjusted: LiveAdjustment, index: Mapping[str, int]) -> list[Json]:
     picks, survey = adjusted.result.picks, adjusted.adjustment.survey
-    named = named_picks(adjusted.result.verdict)
+    named = list_named_picks(adjusted.result.verdict)
     spread = {
         (survey.frame_id[f], survey.label[k]): ellipse_json(covariance)
         for f, k, covariance in zip(
@@ -197,7 +202,7 @@ def _picks(adjusted: Adjusted, index: Mapping[str, int]) -> list[Json]:
 
 def _frames(result: Result, index: Mapping[str, int]) -> Json:
     """Return status by photo; for adjusted ones the sigmas of the centre (e n u) and its shift."""
-    frames, standings = result.frames, photo_standings(result)
+    frames, standings = result.frames, encode_photo_statuses(result)
     sigma = np.sqrt(np.einsum("fii->fi", frames.refined.covariance))
     moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
     return {
@@ -219,8 +224,8 @@ def _clock(result: Result) -> Json | None:
     return {"offset_s": number(offset.value[0]), "sigma_s": number(offset.sigma[0])}
 
 
-def _lines(adjusted: Adjusted) -> Json:
-    lines, standings = adjusted.result.lines, length_standings(adjusted.result)
+def _lines(adjusted: LiveAdjustment) -> Json:
+    lines, standings = adjusted.result.lines, encode_length_statuses(adjusted.result)
     return {
         name: {
             "adjusted_m": number(lines.adjusted_m[i]),
@@ -232,11 +237,11 @@ def _lines(adjusted: Adjusted) -> Json:
     }
 
 
-def _measurements(adjusted: Adjusted) -> Json:
+def _measurements(adjusted: LiveAdjustment) -> Json:
     result = adjusted.result
-    found, standings = result.measurements, measurement_standings(result)
+    found, standings = result.measurements, encode_measurement_statuses(result)
     evidence = result.evidence
-    shows = shown_by_measurements(found, None if evidence is None else evidence.weakest)
+    shows = describe_unchecked(found, None if evidence is None else evidence.weakest)
     return {
         name: {
             "value": number(found.value[i]),
@@ -250,7 +255,7 @@ def _measurements(adjusted: Adjusted) -> Json:
     }
 
 
-def _checks(adjusted: Adjusted) -> list[Json]:
+def _checks(adjusted: LiveAdjustment) -> list[Json]:
     points = adjusted.result.point_checks
     return [
         {
@@ -276,7 +281,7 @@ def _control_lines(result: Result) -> Json:
     }
 
 
-def _advice(adjusted: Adjusted) -> Json | None:
+def _advice(adjusted: LiveAdjustment) -> Json | None:
     advice, label = adjusted.advice, adjusted.adjustment.survey.label
     if advice is None or not advice.relative_sigma_after < advice.relative_sigma:
         return None

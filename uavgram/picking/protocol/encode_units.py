@@ -11,7 +11,7 @@ from typing import Any
 
 from uavgram.model.naming import Units
 from uavgram.picking.document.state import State
-from uavgram.views.unit_words import in_units, like_lengths, rising
+from uavgram.views.sentence_units import convert_sentence, select_like_lengths, sorted_magnitudes
 
 SENTENCES = frozenset({"text", "plain", "words", "why", "fault", "reason", "shows", "unseen"})
 """Keys of sentences for people."""
@@ -20,17 +20,17 @@ _WITHOUT = frozenset({"state", "diff", "picks", "predicted", "expected", "found"
 """Keys below which there are no sentences, but much other data."""
 
 
-def names_to_keep(state: State) -> tuple[str, ...]:
+def list_kept_names(state: State) -> tuple[str, ...]:
     """Return names given by people that look like lengths."""
     named = (
         *(pick.label for pick in state.picks),
         *(line.name for line in state.lines),
         *(request.name for request in state.requests),
     )
-    return like_lengths(dict.fromkeys(named))
+    return select_like_lengths(dict.fromkeys(named))
 
 
-def lengths_of(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401 (JSON)
+def collect_lengths(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401 (JSON)
     """Return the lengths that the sentences of a message give rounded [m], ascending.
 
     Parameters
@@ -45,10 +45,10 @@ def lengths_of(message: Any, state: State) -> tuple[float, ...]:  # noqa: ANN401
         values += [line["adjusted_m"] for line in message["lines"].values()]
         measured = [one for one in message["measurements"].values() if one["unit"] == "m"]
         values += [one[key] for one in measured for key in ("value", "sigma")]
-    return rising(values)
+    return sorted_magnitudes(values)
 
 
-def in_project_units(
+def convert_units(
     message: Any,  # noqa: ANN401 (JSON)
     units: Units,
     keep: Iterable[str],
@@ -67,8 +67,8 @@ def in_project_units(
     exact
         Exact lengths [m], ascending, that the sentences give rounded.
     """
-    worded = partial(in_units, units=units, keep=keep, exact=exact)
-    inner = partial(in_project_units, units=units, keep=keep)
+    worded = partial(convert_sentence, units=units, keep=keep, exact=exact)
+    inner = partial(convert_units, units=units, keep=keep)
 
     def value_of(key: str, value: Any) -> Any:  # noqa: ANN401 (JSON)
         if isinstance(value, str):
@@ -85,6 +85,6 @@ def in_project_units(
         return message
     if "changes" in message:  # a button's text gives the length that it would set
         made = [change.get("length_m") for change in message["changes"]]
-        exact = rising([*exact, *made])
-        worded = partial(in_units, units=units, keep=keep, exact=exact)
+        exact = sorted_magnitudes([*exact, *made])
+        worded = partial(convert_sentence, units=units, keep=keep, exact=exact)
     return {key: value_of(key, value) for key, value in message.items()}

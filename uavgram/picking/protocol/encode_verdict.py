@@ -15,7 +15,7 @@ from uavgram.model.result.verdict import Reason, Verdict
 from uavgram.model.survey.observations import KnownLines
 from uavgram.picking.protocol.encode_remarks import NOTHING, Remarks
 from uavgram.views.survey.reliability import weakest_links
-from uavgram.views.survey.verdict import STATUS_WORDS, headline
+from uavgram.views.survey.verdict import STATUS_WORDS, summarise_result
 
 Json = dict[str, Any]
 
@@ -43,7 +43,7 @@ def verdict_json(result: Result, lines: KnownLines, index: Mapping[str, int]) ->
     more = [remarks.of_message(m) for m in warned if m.text not in reasons]
     return {
         "level": verdict.level,
-        "words": headline(result),
+        "words": summarise_result(result),
         "first": first,
         "why": [one for one in (*told, *more) if one["text"] != first["text"]],
     }
@@ -58,7 +58,7 @@ def _at_length(reason: Reason, messages: tuple[Message, ...]) -> Message | None:
     return None
 
 
-def measurement_standings(result: Result) -> list[Json]:
+def encode_measurement_statuses(result: Result) -> list[Json]:
     """Return the status of each measurement: a word unless it is ok, and the reason."""
     rows = result.measurements
     unseen = {link["name"]: _sentence(link["weakest"]) for link in weakest_links(result)}

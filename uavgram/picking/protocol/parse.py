@@ -31,13 +31,13 @@ from uavgram.model.limits import (
 )
 from uavgram.model.survey.observations import Along, MeasurementKind, Source
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 
-LONGEST_MESSAGE = 1_000_000
-MOST_POINTS = 256
-MOST_PAIRS = 10_000
-MOST_CHANGES = 10_000
-LARGEST_INTEGER = 2**53
+MAX_MESSAGE_BYTES = 1_000_000
+MAX_POINTS = 256
+MAX_PAIRS = 10_000
+MAX_CHANGES = 10_000
+MAX_INTEGER = 2**53
 
 _UNIT = re.compile(r"_(px|m)$")  # of a field; shown to people without it
 
@@ -87,8 +87,8 @@ def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
     RefusedError
         The message is not valid; the text gives the reason.
     """
-    if len(text) > LONGEST_MESSAGE:
-        _refuse(f"a message may have {LONGEST_MESSAGE} bytes")
+    if len(text) > MAX_MESSAGE_BYTES:
+        _refuse(f"a message may have {MAX_MESSAGE_BYTES} bytes")
     try:
         data = json.loads(text, parse_constant=_no_number)
     except (ValueError, RecursionError):
@@ -98,13 +98,13 @@ def parse_message(text: str | bytes, photos: Sequence[PhotoSize]) -> Message:
     fields = _Fields(data, photos)
     seq = fields.integer("seq")
     try:
-        return _parsed(fields, seq)
+        return _parse(fields, seq)
     except RefusedError as why:
         why.seq = seq  # the page waits for the answer to this number
         raise
 
 
-def _parsed(fields: _Fields, seq: int) -> Message:
+def _parse(fields: _Fields, seq: int) -> Message:
     kind = fields.text("t")
     if kind not in _KINDS:
         _refuse(f"there is no command {kind!r}")
@@ -199,7 +199,7 @@ class _Fields:
         value = default if default is not None and name not in self._data else self._take(name)
         if not isinstance(value, int) or isinstance(value, bool):
             _refuse(f"{name} must be a whole number")
-        if not 0 <= value < LARGEST_INTEGER:
+        if not 0 <= value < MAX_INTEGER:
             _refuse(f"{name} is out of range")
         return value
 
@@ -255,8 +255,8 @@ class _Fields:
     def pairs(self, name: str) -> tuple[tuple[str, str], ...]:
         """Take pairs of photo, by number, and label."""
         values = self._take(name)
-        if not isinstance(values, list) or not 0 < len(values) <= MOST_PAIRS:
-            _refuse(f"{name} must be a list of 1 to {MOST_PAIRS} pairs of photo and label")
+        if not isinstance(values, list) or not 0 < len(values) <= MAX_PAIRS:
+            _refuse(f"{name} must be a list of 1 to {MAX_PAIRS} pairs of photo and label")
         found = []
         for value in values:
             if not isinstance(value, list) or len(value) != 2:
@@ -275,8 +275,8 @@ class _Fields:
     def changes(self, name: str) -> tuple[c.SingleChange, ...]:
         """Take changes, each like a message without sequence number."""
         values = self._take(name)
-        if not isinstance(values, list) or not 0 < len(values) <= MOST_CHANGES:
-            _refuse(f"{name} must be a list of 1 to {MOST_CHANGES} changes")
+        if not isinstance(values, list) or not 0 < len(values) <= MAX_CHANGES:
+            _refuse(f"{name} must be a list of 1 to {MAX_CHANGES} changes")
         found = []
         for value in values:
             if not isinstance(value, dict):
@@ -291,8 +291,8 @@ class _Fields:
 
     def labels(self, name: str) -> tuple[str, ...]:
         values = self._take(name)
-        if not isinstance(values, list) or len(values) > MOST_POINTS:
-            _refuse(f"{name} must be a list of at most {MOST_POINTS} labels")
+        if not isinstance(values, list) or len(values) > MAX_POINTS:
+            _refuse(f"{name} must be a list of at most {MAX_POINTS} labels")
         return tuple(_Fields({name: value}, ()).label(name) for value in values)
 
     def parameters(self) -> tuple[tuple[str, float], ...]:

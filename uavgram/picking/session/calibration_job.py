@@ -17,14 +17,14 @@ from uavgram.errors import UavgramError
 from uavgram.io.discovery import PhotoFolder
 from uavgram.model.camera.board import CalibrationOptions
 from uavgram.picking.document.commands import Calibrate
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.pipeline.cameras.calibrate import (
     CAMERA,
     REPORT,
-    Calibrated,
-    board_folders,
+    CalibrationOutput,
     calibrate_folder,
+    find_board_folders,
 )
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
 
@@ -75,7 +75,7 @@ class CalibrationJob:
 
     def folders(self) -> list[Json]:
         """Return the folders near the project that hold photos; each keeps its number."""
-        found = board_folders(self._project)
+        found = find_board_folders(self._project)
         beside = self._project.absolute().parent
         for folder in found:
             self._folders[self._listed.setdefault(folder.path, len(self._listed))] = folder
@@ -145,7 +145,7 @@ class CalibrationJob:
         self._broadcast(self.last_message)
 
 
-def _result(done: Calibrated, beside: Path) -> Json:
+def _result(done: CalibrationOutput, beside: Path) -> Json:
     """Return the findings of a calibration in words."""
     camera = done.account.result.calibration
     verdict = judge_calibration(done.account)

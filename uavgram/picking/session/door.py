@@ -20,10 +20,10 @@ from uavgram.io.own_files import check_inside
 from uavgram.model.limits import LONGEST_NAME, find_unshowable, sigma_fault
 from uavgram.model.naming import SHORT_FORMS
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, Auto
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.pipeline.new import PROJECT, Choices
-from uavgram.pipeline.set_up import CASE, FoundInFolder, Setup, Wanted, look_through, set_up
+from uavgram.pipeline.setup import CASE, FolderSummary, Setup, SetupChoices, inspect_folder, set_up
 
 LONGEST_REQUEST = 100_000
 NO_LOG: Literal["none"] = "none"
@@ -48,7 +48,7 @@ class Door:
         self._folders = Browsable(known if named is None else (*known, named))
         self._named = None if named is None else named.resolve()
         self._numbers: dict[Path, int] = {}
-        self._found: dict[Path, FoundInFolder] = {}
+        self._found: dict[Path, FolderSummary] = {}
         self._recent: list[Path] = []
 
     def beginning(self) -> Json:
@@ -125,7 +125,7 @@ class Door:
             The folder may not be shown, cannot be read, or holds too much.
         """
         folder = self._folder(number)
-        found = self._found[folder] = look_through(folder)
+        found = self._found[folder] = inspect_folder(folder)
         setup = asdict(found.setup)
         units = {units: word for word, units in SHORT_FORMS.items()}.get(found.setup.units, "")
         setup |= {"units": units, "case": {key: getattr(found.setup.case, key) for key in CASE}}
@@ -223,7 +223,7 @@ def _no_number(text: str) -> NoReturn:
     raise RefusedError(f"{text} is no number")
 
 
-def _wanted(fields: dict[str, Any], found: FoundInFolder) -> Wanted:
+def _wanted(fields: dict[str, Any], found: FolderSummary) -> SetupChoices:
     """Return the set-up requested by a page, after checking that all named files were found."""
     patterns = [photos.pattern for photos in found.photos]
     images = fields.get("images", [])
@@ -244,7 +244,7 @@ def _wanted(fields: dict[str, Any], found: FoundInFolder) -> Wanted:
         if named[key] is not None and named[key] not in names:
             raise RefusedError(f"{key}: {str(named[key])[:80]!r} was not found in the folder")
     paths = {key: None if (name := named[key]) is None else Path(name) for key in named}
-    return Wanted(
+    return SetupChoices(
         choices=Choices(
             images=tuple(images),
             log=NO_LOG if named["log"] == NO_LOG else paths["log"],

@@ -11,9 +11,9 @@ from pathlib import Path
 from uavgram.errors import InputError, OutputError, UavgramError
 from uavgram.io.own_files import check_own, read_own
 from uavgram.io.results.results_json import load_results
-from uavgram.picking.protocol.encode_results import plan_in, results_json
+from uavgram.picking.protocol.encode_results import extract_plan, results_json
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.storage.outside import Stamp, stamp_of
+from uavgram.picking.storage.file_watch import Stamp, stamp_of
 from uavgram.views.viewer.server import RecordingServer
 
 log = logging.getLogger(__name__)
@@ -79,7 +79,7 @@ class Outputs:
     def plan(self) -> bytes | None:
         """Return the plan of the report as SVG; None if there is none."""
         report = self.read(REPORT)
-        return None if report is None else plan_in(report)
+        return None if report is None else extract_plan(report)
 
     @property
     def stamp(self) -> str:

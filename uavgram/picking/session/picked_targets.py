@@ -13,8 +13,8 @@ from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.targets.uncoded import UncodedTarget
 from uavgram.model.arrays import Floats
 from uavgram.picking.document import commands as c
-from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.targets import measured_row, picked_target, same_target
+from uavgram.pipeline.pick.live_survey import LiveSurvey
+from uavgram.pipeline.targets import make_pick_row, recognise_picked, recognise_same
 from uavgram.stages.match import Pair
 
 
@@ -52,11 +52,11 @@ class PickedTargets:
         aside = own.pixel_px - [match.from_u_px, match.from_v_px]
         place = np.array([match.u_px, match.v_px]) + affine @ aside
         photo = self._photos.photos.get(match.image)
-        there = same_target(photo, own.kind, place, match.sigma_px or 0.0)
+        there = recognise_same(photo, own.kind, place, match.sigma_px or 0.0)
         if there is None:
             return match
         focal = float(self._survey.inputs.calibration.parameters[0])
-        row = measured_row(match.image, match.label, there, focal)
+        row = make_pick_row(match.image, match.label, there, focal)
         return replace(
             match,
             u_px=row.u_px,
@@ -75,5 +75,5 @@ class PickedTargets:
         key = (match.from_image, match.label), u, v
         if key not in self._known:
             photo = self._photos.photos.get(match.from_image)
-            self._known[key] = picked_target(photo, match.label, np.array([u, v]), np.nan)
+            self._known[key] = recognise_picked(photo, match.label, np.array([u, v]), np.nan)
         return self._known[key]

@@ -13,17 +13,17 @@ from anyio import to_thread
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session.calibration_job import CalibrationJob
 from uavgram.picking.session.outputs import Outputs
 from uavgram.picking.session.session import PickSession
-from uavgram.picking.storage.outside import Outside
-from uavgram.picking.storage.set_aside import Changes, SetAside, changes_of, oldest_set_aside
+from uavgram.picking.storage.file_watch import FileWatch
+from uavgram.picking.storage.set_aside import Changes, SetAside, find_oldest, list_changes
 from uavgram.picking.storage.tables import Tables
 from uavgram.pipeline.cameras.calibrate import use_camera
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 log = logging.getLogger(__name__)
 
@@ -58,11 +58,11 @@ class OpenProject:
         self._path = Path(survey.inputs.project_path)
         self._run, self._broadcast, self._keep = run, broadcast, keep
         self._busy = asyncio.Lock()
-        self._outside = Outside(survey.inputs)
+        self._outside = FileWatch(survey.inputs)
         self.outputs = Outputs(Path(self.picking.output))
         self.calibration = CalibrationJob(self._path, broadcast)
         self._written_then = self._written()
-        self._aside = oldest_set_aside(self.outputs.folder)
+        self._aside = find_oldest(self.outputs.folder)
         self.refuses = ""
 
     def open(self) -> None:
@@ -166,12 +166,12 @@ class OpenProject:
                 refused = self.picking.take(self._changes(aside), step=time.time_ns() // 1_000_000)
                 self.picking.save()
             aside.rename("taken" if take else "discarded")
-            self._aside = oldest_set_aside(self.outputs.folder)
+            self._aside = find_oldest(self.outputs.folder)
         self._broadcast(self.initial_state())
         return refused
 
     def _changes(self, aside: SetAside) -> Changes:
-        return changes_of(aside, self.picking.state, self.picking.index)
+        return list_changes(aside, self.picking.state, self.picking.index)
 
     def _written(self) -> Json:
         """Return the outputs, with the number of the present state if they were made from it."""
@@ -229,9 +229,9 @@ class OpenProject:
             log.warning("the project was let go: %s", why)
             return
         self.picking = PickSession(survey, saver, self._broadcast)
-        self._outside = Outside(survey.inputs)
+        self._outside = FileWatch(survey.inputs)
         if self.outputs.folder != Path(self.picking.output):
             self.outputs.close()
             self.outputs = Outputs(Path(self.picking.output))
-        self._aside = oldest_set_aside(self.outputs.folder)
+        self._aside = find_oldest(self.outputs.folder)
         self.picking.open()

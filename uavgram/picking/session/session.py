@@ -19,19 +19,19 @@ from uavgram.imaging.photos.tiled_photos import PhotoFile, TiledPhotos
 from uavgram.imaging.photos.tiles import TILE_PX
 from uavgram.imaging.photos.tone import Tone
 from uavgram.picking.document import commands as c
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.document.history import Session, apply
-from uavgram.picking.document.proposals import Outcomes, accepted
-from uavgram.picking.document.refused import RefusedError
-from uavgram.picking.document.state import State, state_of
+from uavgram.picking.document.proposals import Outcomes, make_accept_command
+from uavgram.picking.document.state import State, make_state
 from uavgram.picking.protocol.encode_answers import (
+    proposals_json,
     same_ground_json,
     side_json,
     snap_json,
     ties_json,
 )
-from uavgram.picking.protocol.encode_flight import flight_json
+from uavgram.picking.protocol.encode_flight import flight_json, planned_json
 from uavgram.picking.protocol.encode_places import expected_json
-from uavgram.picking.protocol.encode_planned import planned_json
 from uavgram.picking.protocol.encode_project import (
     camera_json,
     clock_json,
@@ -40,7 +40,6 @@ from uavgram.picking.protocol.encode_project import (
     photos_json,
     sample_json,
 )
-from uavgram.picking.protocol.encode_proposals import proposals_json
 from uavgram.picking.protocol.encode_survey import (
     Json,
     difference_json,
@@ -48,12 +47,12 @@ from uavgram.picking.protocol.encode_survey import (
     state_json,
 )
 from uavgram.picking.protocol.parse import Message, PhotoSize, parse_message
-from uavgram.picking.session.search import Search
-from uavgram.picking.session.seeker import Wanted
-from uavgram.picking.session.workers import Live, Task
+from uavgram.picking.session.adjustment_workers import AdjustmentWorkers, Task
+from uavgram.picking.session.point_search import SearchInput
+from uavgram.picking.session.searches import Searches
 from uavgram.picking.storage.tables import Tables
-from uavgram.pipeline.pick.live import LiveSurvey
-from uavgram.pipeline.pick.other_photos import expected_place, known_places
+from uavgram.pipeline.pick.live_survey import LiveSurvey
+from uavgram.pipeline.pick.places import predict_known_places, predict_place
 
 log = logging.getLogger(__name__)
 
@@ -88,7 +87,7 @@ class PickSession:
             )
         )
         self.index = {photo.name: k for k, photo in enumerate(self.photos)}
-        files = state_of(inputs.picks, inputs.lines, inputs.requests)
+        files = make_state(inputs.picks, inputs.lines, inputs.requests)
         self.recovered = saver.recovered
         self.session = Session(state=files)
         if self.recovered is not None and self.recovered != files:
@@ -105,8 +104,8 @@ class PickSession:
         self._thumbnails: LruCache[int, bytes] = LruCache(
             lambda k: read_preview(photos.path[k], THUMBNAIL_PX)[0].jpeg, len, 64_000_000
         )
-        self._live = Live(survey, self.index, self._adjusted)
-        self._search = Search(survey, self._sought)
+        self._live = AdjustmentWorkers(survey, self.index, self._adjusted)
+        self._search = Searches(survey, self._sought)
         self._is_resting = True  # no step is unfinished
 
     @property
@@ -124,7 +123,7 @@ class PickSession:
         self._tiled.read_ahead(self._most_picked())
         self._live.start()
         self._search.start()
-        self._search.submit(Wanted(self.state, None))
+        self._search.submit(SearchInput(self.state, None))
         self._live.submit(Task(self.version, self.state, final=True))
 
     def _most_picked(self) -> int:
@@ -207,7 +206,7 @@ class PickSession:
         label, expected, match = asked.expected, None, None
         if label and self.state.pick(asked.image, label) is None:
             match = self._search.outcomes.get((asked.image, label))
-            expected = expected_place(self.survey, self._live.last, asked.image, label)
+            expected = predict_place(self.survey, self._live.last, asked.image, label)
         return snap_json(photo, asked, expected, None if match is None else match.found)
 
     def change(self, message: Message) -> Json:
@@ -224,7 +223,7 @@ class PickSession:
             raise TypeError(f"{type(message.body).__name__} is no command")
         before, do = self.session, message.body
         if isinstance(do, c.Accept):
-            do = accepted(self._search.outcomes, self.state, do.pairs)
+            do = make_accept_command(self._search.outcomes, self.state, do.pairs)
         after = apply(before, do, message.step)
         if after is before:
             return {"t": "changed", "seq": message.seq, "diff": {}, **self._standing()}
@@ -237,7 +236,7 @@ class PickSession:
         self.session = after
         self._is_resting = message.final
         if message.final:
-            self._search.submit(Wanted(after.state, self._live.last))
+            self._search.submit(SearchInput(after.state, self._live.last))
         return {
             "t": "changed",
             "seq": message.seq,
@@ -248,7 +247,7 @@ class PickSession:
     def refuse(self, action: c.Refuse) -> None:
         """Refuse some proposals, or search for refused ones again."""
         if action.is_taken_back:
-            self._search.reopen(action.pairs, Wanted(self.state, self._live.last))
+            self._search.reopen(action.pairs, SearchInput(self.state, self._live.last))
         else:
             self._search.refuse(action.pairs)
 
@@ -328,7 +327,7 @@ class PickSession:
         }
 
     def _expected(self) -> list[Json]:
-        return expected_json(known_places(self.survey, self._live.last), self.index)
+        return expected_json(predict_known_places(self.survey, self._live.last), self.index)
 
     def _sought(self, outcomes: Outcomes, labels: Collection[str], left: int) -> None:
         told = proposals_json(outcomes, self.index, labels, left)
@@ -345,4 +344,4 @@ class PickSession:
             self._last_message = answer
         self._broadcast(answer)
         if found["mode"] == "adjusted" and self._is_resting:  # a drag has the cores for itself
-            self._search.submit(Wanted(self.state, self._live.last))
+            self._search.submit(SearchInput(self.state, self._live.last))

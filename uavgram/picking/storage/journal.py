@@ -119,7 +119,7 @@ _ON_DAMAGE = (KeyError, TypeError, ValueError, AttributeError, IndexError, Overf
 
 
 @dataclass
-class Left:
+class JournalContent:
     """Changes of earlier sessions, as read from a journal.
 
     Attributes
@@ -149,15 +149,15 @@ class Left:
         )
 
 
-def left_in(path: Path) -> Left:
-    """Read a journal; an absent file gives an empty `Left`.
+def load_journal(path: Path) -> JournalContent:
+    """Read a journal; an absent file gives an empty `JournalContent`.
 
     Raises
     ------
     UavgramError
         A command does not fit the ones before it: the file was changed.
     """
-    left = Left()
+    left = JournalContent()
     for entry in _entries(path):
         try:
             _play(left, entry)
@@ -166,7 +166,7 @@ def left_in(path: Path) -> Left:
     return left
 
 
-def _play(left: Left, entry: dict[str, Any]) -> None:
+def _play(left: JournalContent, entry: dict[str, Any]) -> None:
     what = entry.pop("do")
     if what == "open":
         files = _state(entry["state"])

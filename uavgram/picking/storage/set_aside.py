@@ -14,7 +14,7 @@ from typing import Any
 from uavgram.errors import UavgramError
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.state import Line, Pick, State
-from uavgram.picking.storage.journal import JOURNAL, left_in
+from uavgram.picking.storage.journal import JOURNAL, load_journal
 
 Json = dict[str, Any]
 Changes = tuple[Json, ...]
@@ -36,11 +36,11 @@ class SetAside:
         self.path.replace(self.path.with_name(f"{self.path.name}.{end}"))
 
 
-def oldest_set_aside(folder: Path) -> SetAside | None:
+def find_oldest(folder: Path) -> SetAside | None:
     """Return the oldest journal of a folder that was put aside and holds changes; None if none."""
     for path in sorted(folder.glob(f"{Path(JOURNAL).stem}-*{Path(JOURNAL).suffix}")):
         try:
-            left = left_in(path)
+            left = load_journal(path)
         except (UavgramError, OSError):
             continue
         if left.session is None or left.saved is None or left.saved == left.session.state:
@@ -49,7 +49,7 @@ def oldest_set_aside(folder: Path) -> SetAside | None:
     return None
 
 
-def changes_of(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
+def list_changes(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
     """Return the changes of the journal as messages that a page would send.
 
     Parameters
@@ -64,10 +64,12 @@ def changes_of(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes
     return (
         *_removals(aside, now, index),
         *_picks(aside, now, index),
-        *_put("line", aside.before.lines, aside.after.lines, now.lines),
+        *_list_additions("line", aside.before.lines, aside.after.lines, now.lines),
         *(
             one | {"parameters": dict(one["parameters"])}
-            for one in _put("measure", aside.before.requests, aside.after.requests, now.requests)
+            for one in _list_additions(
+                "measure", aside.before.requests, aside.after.requests, now.requests
+            )
         ),
     )
 
@@ -80,15 +82,17 @@ def _removals(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
             for pick in aside.before.picks
             if pick.key not in kept and now.pick(*pick.key) is not None
         ),
-        *_removed("remove-line", aside.before.lines, aside.after.lines, now.lines),
-        *_removed("remove-measurement", aside.before.requests, aside.after.requests, now.requests),
+        *_list_removals("remove-line", aside.before.lines, aside.after.lines, now.lines),
+        *_list_removals(
+            "remove-measurement", aside.before.requests, aside.after.requests, now.requests
+        ),
     )
 
 
 Named = Sequence[Line] | Sequence[MeasurementRequest]
 
 
-def _removed(kind: str, before: Named, after: Named, now: Named) -> Changes:
+def _list_removals(kind: str, before: Named, after: Named, now: Named) -> Changes:
     """Return removals of the items that were removed then and still exist now."""
     kept, there = ({one.name for one in some} for some in (after, now))
     names = (one.name for one in before)
@@ -109,7 +113,7 @@ def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
             continue
         which = {"image": index.get(pick.image, -1), "label": pick.label}
         place = {"u_px": pick.u_px, "v_px": pick.v_px, "sigma_px": pick.sigma_px}
-        changes.append({"t": "place", **which, **place, **_made_by(pick, index)})
+        changes.append({"t": "place", **which, **place, **_origin(pick, index)})
         there = now.pick(*pick.key)
         if pick.sigma_px is None and there is not None and there.sigma_px is not None:
             changes.append({"t": "sigma", **which, "sigma_px": None})
@@ -119,7 +123,7 @@ def _picks(aside: SetAside, now: State, index: Mapping[str, int]) -> Changes:
     return tuple(changes)
 
 
-def _made_by(pick: Pick, index: Mapping[str, int]) -> Json:
+def _origin(pick: Pick, index: Mapping[str, int]) -> Json:
     """Return the origin of a pick found by the program; empty for a person's pick."""
     if pick.source == "hand":
         return {}
@@ -128,7 +132,7 @@ def _made_by(pick: Pick, index: Mapping[str, int]) -> Json:
     return told | {"from_image": index.get(pick.from_image)}
 
 
-def _put(kind: str, before: Named, after: Named, now: Named) -> Changes:
+def _list_additions(kind: str, before: Named, after: Named, now: Named) -> Changes:
     """Return additions and changes; an existing item of that name is changed."""
     there = {one.name for one in now}
     return tuple(

@@ -27,8 +27,8 @@ from uavgram.io.tables.picks import read_picks
 from uavgram.io.tables.updates import update_lines, update_measure, update_picks
 from uavgram.model.message import Message
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.state import State, observations_of, state_of
-from uavgram.picking.storage.journal import JOURNAL, Journal, Left, left_in
+from uavgram.picking.document.state import State, make_observations, make_state
+from uavgram.picking.storage.journal import JOURNAL, Journal, JournalContent, load_journal
 from uavgram.pipeline.measure.inputs import Inputs
 
 log = logging.getLogger(__name__)
@@ -74,7 +74,7 @@ class Tables:
         self._lock = ProjectLock(output, inputs.project_path)
         try:
             self._named = {role: getattr(project, role) is not None for role in ROLES}
-            self._files = state_of(inputs.picks, inputs.lines, inputs.requests)
+            self._files = make_state(inputs.picks, inputs.lines, inputs.requests)
             self._original = self._as_read(inputs)
             self._on_disk = dict(self._original)
             self._digest = _digests(self._on_disk)
@@ -157,8 +157,8 @@ class Tables:
 
     def _contents(self, state: State) -> Contents:
         (picks, lines), (now_picks, now_lines) = (
-            observations_of(self._files),
-            observations_of(state),
+            make_observations(self._files),
+            make_observations(state),
         )
         requests = self._files.requests, state.requests
         return {
@@ -220,7 +220,7 @@ class Tables:
         A journal that cannot be applied to these tables is put aside, with a message.
         """
         try:
-            left = left_in(journal)
+            left = load_journal(journal)
         except UavgramError as why:
             self._put_aside(journal, str(why))
             return None
@@ -239,7 +239,7 @@ class Tables:
         self.messages = (Message("warning", "pick-recovered", text),)
         return state
 
-    def _why_not(self, left: Left, photos: frozenset[str]) -> str:
+    def _why_not(self, left: JournalContent, photos: frozenset[str]) -> str:
         """Return why the changes of a journal cannot be recovered; empty if they can."""
         state = self._files if left.session is None else left.session.state
         if not left.fits(_digests(self._original)):

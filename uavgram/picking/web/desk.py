@@ -17,14 +17,14 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from uavgram.errors import UavgramError
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session.door import LONGEST_REQUEST, Door
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web import running
 from uavgram.picking.web.routes import page_routes
 from uavgram.picking.web.server import PickServer
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 log = logging.getLogger(__name__)
 

@@ -13,16 +13,16 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavgram.errors import UavgramError
 from uavgram.picking.document import commands as c
-from uavgram.picking.document.refused import RefusedError
+from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.protocol.encode_units import in_project_units, lengths_of, names_to_keep
+from uavgram.picking.protocol.encode_units import collect_lengths, convert_units, list_kept_names
 from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web.guard import Pace
 from uavgram.picking.web.routes import file_routes
-from uavgram.pipeline.pick.live import LiveSurvey
+from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 log = logging.getLogger(__name__)
 
@@ -139,8 +139,8 @@ class PickServer:
             while waiting in self._pages:
                 message = await waiting.get()
                 state, units = self.picking.state, self.picking.survey.inputs.project.units
-                keep, exact = names_to_keep(state), lengths_of(message, state)
-                await page.send_json(in_project_units(message, units, keep, exact))
+                keep, exact = list_kept_names(state), collect_lengths(message, state)
+                await page.send_json(convert_units(message, units, keep, exact))
                 if message["t"] == "closed":
                     break
             await page.close(TRY_AGAIN_LATER)  # it missed messages: it is to reconnect

@@ -12,7 +12,7 @@ from starlette.types import ASGIApp
 
 from uavgram.errors import UavgramError
 from uavgram.io.browse import PROJECT
-from uavgram.picking.protocol.parse import LONGEST_MESSAGE
+from uavgram.picking.protocol.parse import MAX_MESSAGE_BYTES
 from uavgram.picking.session.door import Door
 from uavgram.picking.web import running
 from uavgram.picking.web.desk import Desk, RunProject
@@ -103,7 +103,7 @@ def serve(
             access_log=False,
             http=PatientProtocol,
             ws="websockets-sansio",
-            ws_max_size=LONGEST_MESSAGE,
+            ws_max_size=MAX_MESSAGE_BYTES,
             ws_max_queue=64,
             ws_per_message_deflate=False,  # it never leaves the machine
             timeout_graceful_shutdown=2,

@@ -2,36 +2,108 @@
 
 from __future__ import annotations
 
+import glob
 import logging
 import os
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from uavgram.config.project import load_project
-from uavgram.errors import UavgramError
+from uavgram.config.project import PROJECT_FILE, load_project
+from uavgram.errors import InputError, UavgramError
+from uavgram.input_files import read_text
 from uavgram.io.exports.batch_tables import write_batch_csv, write_batch_parquet
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.batch_state import STATE, append_record, read_records
 from uavgram.model.batch import Batch, SurveyRecord, SurveyRow
-from uavgram.pipeline.batch.projects import find_projects
 from uavgram.pipeline.batch.survey import (
-    Asked,
     Outcome,
+    Requests,
     Task,
-    failed,
+    add_present_results,
+    failure_outcome,
     measure_survey,
     name_of,
-    was_told,
-    with_results,
+    remove_record,
 )
 from uavgram.pipeline.cores import cores
 from uavgram.pipeline.executor.cluster import Cluster, on_cluster
-from uavgram.pipeline.executor.processes import Bounds, Ended, in_workers
+from uavgram.pipeline.executor.processes import Bounds, ItemOutcome, in_workers
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.pooled_statistics import find_camera_drifts, pool_fits
-from uavgram.views.batch_page import render_batch_page
+from uavgram.views.batch import render_batch_page
+
+_PROJECTS = (".yaml", ".yml")
+
+
+def find_projects(wanted: Iterable[str | Path]) -> tuple[Path, ...]:
+    """Find project files in the given order, each once.
+
+    Parameters
+    ----------
+    wanted
+        Project files; folders, which stand for every project.yaml in them at any depth; patterns
+        with ``*`` and ``**``; and list files, with one of these on each line, relative to the list,
+        and ``#`` before remarks.
+
+    Raises
+    ------
+    InputError
+        A named file or folder does not exist, or a pattern matches nothing.
+    UavgramError
+        There is no project at all.
+    """
+    named = list(wanted)
+    found: dict[Path, Path] = {}
+    for one in named:
+        for path in _meant(Path(one)):
+            found.setdefault(path.resolve(), path)
+    if not found:
+        raise UavgramError(
+            "there is no survey to measure: name project files, folders that hold them, or a "
+            "pattern (uavgram batch 'surveys/*/project.yaml')"
+        )
+    return tuple(found.values())
+
+
+def _meant(path: Path) -> Iterator[Path]:
+    if path.is_dir():
+        inside = sorted(path.rglob(PROJECT_FILE))
+        if not inside:
+            raise InputError(
+                path, f"holds no {PROJECT_FILE}, nor does a folder in it: name another"
+            )
+        yield from inside
+    elif not path.exists() and glob.has_magic(str(path)):
+        matches = sorted(glob.glob(str(path), recursive=True))  # noqa: PTH207 (absolute ones too)
+        if not matches:
+            raise InputError(path, "matches no file: correct the pattern (quote it in a shell)")
+        for match in matches:
+            yield from _meant(Path(match))
+    elif path.exists() and path.suffix.lower() not in _PROJECTS:
+        yield from _listed(path)
+    elif path.exists():
+        yield path
+    else:
+        raise InputError(path, "there is no such file: correct the name")
+
+
+def _listed(path: Path) -> Iterator[Path]:
+    """Yield the projects of a list file; report a wrong line with its number."""
+    lines = read_text(path, "so it is no list of projects").splitlines()
+    for number, line in enumerate(lines, start=1):
+        name = line.partition("#")[0].strip()
+        if not name:
+            continue
+        one = path.parent / name
+        if one.is_file() and one.suffix.lower() not in _PROJECTS:
+            raise InputError(path, f"{name!r} is no project file (.yaml): correct it", number)
+        try:
+            yield from _meant(one)
+        except InputError as fault:
+            raise InputError(path, f"{name!r}: {fault.message}", number) from fault
+
 
 log = logging.getLogger(__name__)
 
@@ -41,7 +113,7 @@ _MEMORY_SHARE = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Means:
+class Resources:
     """Resources of a batch.
 
     Attributes
@@ -75,8 +147,8 @@ class Step:
 def run_batch(
     wanted: Sequence[str | Path],
     output: Path,
-    asked: Asked | None = None,
-    means: Means | None = None,
+    asked: Requests | None = None,
+    means: Resources | None = None,
     tell: Callable[[Step], None] | None = None,
 ) -> Batch:
     """Measure many surveys; each writes its own results, the batch one table of all.
@@ -99,19 +171,19 @@ def run_batch(
     UavgramError
         There is no survey, the scheduler does not answer, or the table cannot be written.
     """
-    asked, means = asked or Asked(), means or Means()
+    asked, means = asked or Requests(), means or Resources()
     projects = [str(path.absolute()) for path in find_projects(wanted)]
     known = read_records(output / STATE)
     tasks = [Task(project=one, asked=asked, before=known.get(one)) for one in projects]
     rows = {one: _waiting(one) for one in projects}
     begun = time.monotonic()
-    clashes = _clashes(tasks)
+    clashes = _find_clashes(tasks)
     try:
         for row, record in _outcomes([one for one in tasks if one.project not in clashes], means):
             rows[row.project] = row
             if record is not None and row.status == "done":
-                _keep(output / STATE, record)
-            _tell(tell, row, rows, begun)
+                _record_outcome(output / STATE, record)
+            _report_progress(tell, row, rows, begun)
         rows |= {outcome.row.project: outcome.row for outcome in clashes.values()}
     finally:  # at Ctrl+C too: the table then lists the waiting ones
         batch = _batch(tuple(rows.values()), time.monotonic() - begun)
@@ -120,21 +192,21 @@ def run_batch(
 
 
 def _outcomes(
-    tasks: Sequence[Task], means: Means
+    tasks: Sequence[Task], means: Resources
 ) -> Iterator[tuple[SurveyRow, SurveyRecord | None]]:
     for one in _ended(tasks, means):
         outcome = one.value
         if outcome is None:
-            outcome = failed(tasks[one.number], one.why)
+            outcome = failure_outcome(tasks[one.number], one.why)
         elif means.cluster is not None and outcome.record is not None:
-            was_told(outcome)
+            remove_record(outcome)
         yield replace(outcome.row, tries=one.tries), outcome.record
 
 
-def _ended(tasks: Sequence[Task], means: Means) -> Iterator[Ended[Outcome]]:
+def _ended(tasks: Sequence[Task], means: Resources) -> Iterator[ItemOutcome[Outcome]]:
     seconds = 60.0 * means.most_minutes
     if means.cluster is not None:
-        return on_cluster(measure_survey, tasks, means.cluster, seconds, with_results)
+        return on_cluster(measure_survey, tasks, means.cluster, seconds, add_present_results)
     workers = means.workers or cores()
     memory = _memory_bytes(workers) if means.memory_mb is None else means.memory_mb * 2**20
     bounds = Bounds(memory_bytes=memory, seconds=seconds)
@@ -150,7 +222,7 @@ def _memory_bytes(workers: int) -> int | None:
     return int(_MEMORY_SHARE * total / workers)
 
 
-def _clashes(tasks: Sequence[Task]) -> dict[str, Outcome]:
+def _find_clashes(tasks: Sequence[Task]) -> dict[str, Outcome]:
     """Find surveys that would overwrite each other's results, with the reason."""
     first: dict[Path, str] = {}
     found: dict[str, Outcome] = {}
@@ -165,7 +237,7 @@ def _clashes(tasks: Sequence[Task]) -> dict[str, Outcome]:
                 f"{task.project}: has the output folder of {other}, {folder}: name another as "
                 "`output` in one of the two"
             )
-            found[task.project] = failed(task, why)
+            found[task.project] = failure_outcome(task, why)
     return found
 
 
@@ -178,7 +250,7 @@ def _waiting(project: str) -> SurveyRow:
     )
 
 
-def _tell(
+def _report_progress(
     tell: Callable[[Step], None] | None, row: SurveyRow, rows: dict[str, SurveyRow], begun: float
 ) -> None:
     if tell is None:
@@ -190,7 +262,7 @@ def _tell(
     tell(Step(row, len(ended), len(rows), each * (len(rows) - len(ended))))
 
 
-def _keep(path: Path, record: SurveyRecord) -> None:
+def _record_outcome(path: Path, record: SurveyRecord) -> None:
     """Record a survey; after a failure it is only measured again next time."""
     try:
         append_record(path, record)

@@ -57,7 +57,7 @@ from uavgram.stages.calibrate.assessment import (
 from uavgram.stages.calibrate.calibrate import calibrate as estimate
 from uavgram.stages.camera import assume_camera
 from uavgram.stages.messages import order_messages
-from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
+from uavgram.views.calibration.drawing_rules import residual_factor, rows_by_photo
 from uavgram.views.calibration.report import render_calibration_report
 
 FOLDER = "calibration"
@@ -70,7 +70,7 @@ PriorChoice = Literal["none", "exif"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Calibrated:
+class CalibrationOutput:
     """Result of a calibration, and its files."""
 
     account: CalibrationAccount
@@ -79,7 +79,7 @@ class Calibrated:
 
 
 @dataclass(frozen=True, eq=False)
-class _Seen:
+class _Detections:
     """Photos by unique names, and the boards found in them."""
 
     files: CalibrationFiles
@@ -98,7 +98,7 @@ def calibrate(
     prior: PriorChoice = "none",
     name: str | None = None,
     progress: Progress = silent,
-) -> Calibrated:
+) -> CalibrationOutput:
     """Calibrate a camera from photos of a board.
 
     Parameters
@@ -129,21 +129,21 @@ def calibrate(
     folder = Path(output).absolute()
     check_no_originals(folder / FOUND, files.path)
     tags = read_camera_tags(files.path[0])
-    assumed = _assumed(tags, is_needed=prior == "exif")
+    assumed = _assume_camera(tags, is_needed=prior == "exif")
     files = _with_focal_length(files, assumed)
     options = CalibrationOptions() if options is None else options
     if prior == "exif" and assumed is not None:
         source = "EXIF and the table of drone cameras"
         known = make_focal_and_center_prior(assumed, options.model, source)
         options = replace(options, prior=known)
-    seen = _look(files, target, progress)
+    seen = _detect_boards(files, target, progress)
     account = _account(seen, target, board, options, tags, name)
     with staged_output(folder, photos=files.path) as staging:
         written = _write(account, seen, staging, progress)
-    return Calibrated(account=account, folder=folder, files=written)
+    return CalibrationOutput(account=account, folder=folder, files=written)
 
 
-def _assumed(tags: CameraTags, *, is_needed: bool) -> Calibration | None:
+def _assume_camera(tags: CameraTags, *, is_needed: bool) -> Calibration | None:
     """Return the camera by tags and table; None where it is unknown.
 
     Raises
@@ -167,7 +167,7 @@ def _with_focal_length(files: CalibrationFiles, assumed: Calibration | None) -> 
     return replace(files, setting=tuple(settings))
 
 
-def _look(files: CalibrationFiles, board: Board, progress: Progress) -> _Seen:
+def _detect_boards(files: CalibrationFiles, board: Board, progress: Progress) -> _Detections:
     """Detect the board in all photos, in parallel; each is decoded once."""
     names = _unique_names(files.path)
     previews: dict[str, Preview] = {}
@@ -180,7 +180,7 @@ def _look(files: CalibrationFiles, board: Board, progress: Progress) -> _Seen:
     found = detect_in_photos(files.path, board, load, os.cpu_count())
     sightings = tuple(progress(found, "looking for the board", len(names)))
     by_name = {name: previews[path] for name, path in zip(names, files.path, strict=True)}
-    return _Seen(files, names, sightings, by_name)
+    return _Detections(files, names, sightings, by_name)
 
 
 def _unique_names(paths: Sequence[str]) -> tuple[str, ...]:
@@ -193,7 +193,7 @@ def _unique_names(paths: Sequence[str]) -> tuple[str, ...]:
 
 
 def _account(
-    seen: _Seen,
+    seen: _Detections,
     board: Board,
     board_text: str,
     options: CalibrationOptions,
@@ -220,7 +220,7 @@ def _account(
     )
 
 
-def _without_board(seen: _Seen) -> tuple[PhotoReason, ...]:
+def _without_board(seen: _Detections) -> tuple[PhotoReason, ...]:
     reasons: list[PhotoReason] = []
     for name, sighting in zip(seen.names, seen.sightings, strict=True):
         if sighting.is_other_board:
@@ -264,7 +264,7 @@ def _option_values(options: CalibrationOptions) -> dict[str, OptionValue]:
 
 
 def _write(
-    account: CalibrationAccount, seen: _Seen, folder: Path, progress: Progress
+    account: CalibrationAccount, seen: _Detections, folder: Path, progress: Progress
 ) -> tuple[str, ...]:
     """Write all files; return their names, the camera first."""
     result, provenance = account.result, account.provenance
@@ -300,7 +300,7 @@ def _write_recording(
     write_calibration_recording(account, previews, path)
 
 
-def _pictures(result: CalibrationResult, seen: _Seen) -> dict[str, bytes]:
+def _pictures(result: CalibrationResult, seen: _Detections) -> dict[str, bytes]:
     """Draw the detected board in every photo, with residuals where it took part."""
     rows = rows_by_photo(result)
     factor = residual_factor(result)
@@ -334,7 +334,7 @@ def _picture_name(photo: str) -> str:
 _NUMBERED = re.compile(rf"{FOLDER}(?:-(\d+))?")
 
 
-def board_folders(project: Path) -> tuple[PhotoFolder, ...]:
+def find_board_folders(project: Path) -> tuple[PhotoFolder, ...]:
     """Return folders near a project with enough photos for a calibration."""
     return find_photo_folders(project.absolute().parent, LEAST_PHOTOS)
 
@@ -345,7 +345,7 @@ def calibrate_folder(
     board: str,
     options: CalibrationOptions,
     progress: Progress = silent,
-) -> Calibrated:
+) -> CalibrationOutput:
     """Calibrate a camera from a folder's photos, into a new folder beside the project file.
 
     Parameters

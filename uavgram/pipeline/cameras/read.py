@@ -32,7 +32,7 @@ from uavgram.pipeline.versions import stamp
 from uavgram.stages.camera import REMEDY, assume_camera, find_camera
 
 
-def camera_of_drone(name: str) -> Calibration | None:
+def assume_drone_camera(name: str) -> Calibration | None:
     """Return the assumed calibration of a drone's main camera; None where it is unknown.
 
     Parameters
@@ -139,7 +139,7 @@ def _refuse(wanted: str | None, path: Path) -> None:
         raise InputError(path, f"holds one camera: leave out --camera {wanted!r}")
 
 
-def camera_of_photos(
+def assume_photo_camera(
     photos: Photos, *, may_be_unknown: bool = False
 ) -> tuple[Calibration, tuple[Message, ...]]:
     """Assume the camera of a project's photos from their tags.
@@ -188,7 +188,7 @@ def _difference(first: CameraTags, other: CameraTags) -> str:
     return ""
 
 
-def camera_in(
+def format_camera(
     camera: CameraRead, form: CameraFormat, options: Mapping[str, OptionValue] = NO_OPTIONS
 ) -> str:
     """Return the text of a camera file for one program.
@@ -216,7 +216,7 @@ def write_camera(
     form: CameraFormat,
     options: Mapping[str, OptionValue] = NO_OPTIONS,
 ) -> None:
-    """Write a camera in one step; see `camera_in`.
+    """Write a camera in one step; see `format_camera`.
 
     Parameters
     ----------
@@ -234,7 +234,7 @@ def write_camera(
     OutputError
         The file cannot be written; an earlier one is untouched.
     """
-    replace_text(path, camera_in(camera, form, options))
+    replace_text(path, format_camera(camera, form, options))
 
 
 def focal_on_sensor_mm(camera: CameraRead) -> float | None:

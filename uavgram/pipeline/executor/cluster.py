@@ -19,12 +19,12 @@ from typing import Any, TypeVar
 
 from uavgram.errors import UavgramError
 from uavgram.pipeline.cores import use_one_core
-from uavgram.pipeline.executor.processes import MOST_TRIES, Ended, overdue
+from uavgram.pipeline.executor.processes import MAX_TRIES, ItemOutcome, describe_timeout
 
 Item = TypeVar("Item")
 Made = TypeVar("Made")
 
-_PATIENCE_S = 15
+_TIMEOUT_S = 15
 _ALONE_S = 300.0
 """Time without any worker [s]: enough to start one."""
 _LOOK_S = 1.0
@@ -52,7 +52,7 @@ def on_cluster(
     cluster: Cluster,
     seconds: float | None = None,
     fresh: Callable[[Item], Item] = lambda item: item,
-) -> Iterator[Ended[Made]]:
+) -> Iterator[ItemOutcome[Made]]:
     """Yield the result of each item as soon as it is ready, like `in_workers`; with shared paths.
 
     Parameters
@@ -82,7 +82,7 @@ def on_cluster(
         ) from fault
     try:
         client = distributed.Client(
-            cluster.address, timeout=_PATIENCE_S, security=_security(cluster), set_as_default=False
+            cluster.address, timeout=_TIMEOUT_S, security=_security(cluster), set_as_default=False
         )
     except (OSError, TimeoutError, TypeError, ValueError) as fault:
         raise UavgramError(
@@ -99,7 +99,7 @@ def _ended(
     work: Callable[[Item], Made],
     items: Sequence[Item],
     seconds: float | None,
-) -> Iterator[Ended[Made]]:
+) -> Iterator[ItemOutcome[Made]]:
     """Yield outcomes until all items are done."""
     import distributed  # noqa: PLC0415
 
@@ -113,7 +113,9 @@ def _ended(
 
     client.subscribe_topic(topic, hear)
     waiting = {
-        client.submit(_alone, work, one, seconds, (topic, k), pure=False, retries=MOST_TRIES - 1): k
+        client.submit(
+            _run_alone, work, one, seconds, (topic, k), pure=False, retries=MAX_TRIES - 1
+        ): k
         for k, one in enumerate(items)
     }
     manned = time.monotonic()
@@ -131,12 +133,12 @@ def _ended(
             tries = max(begun[number], 1)
             if number in late and seconds is not None:
                 future.cancel(reason="it takes too long")
-                yield Ended(number, None, tries, overdue(seconds))
+                yield ItemOutcome(number, None, tries, describe_timeout(seconds))
             elif future.status == "error":
-                yield Ended(number, None, tries, _why(future.exception()))
+                yield ItemOutcome(number, None, tries, _describe_failure(future.exception()))
             else:
                 try:
-                    yield Ended(number, future.result(timeout=_PATIENCE_S), tries)
+                    yield ItemOutcome(number, future.result(timeout=_TIMEOUT_S), tries)
                 except TimeoutError:  # lost in transit: it is computed again
                     continue
             del waiting[future]
@@ -153,7 +155,7 @@ def _ended(
 _BEGUN, _LATE = "begun", "late"
 
 
-def _why(fault: BaseException) -> str:
+def _describe_failure(fault: BaseException) -> str:
     """Describe the reason of a failed item."""
     import distributed  # noqa: PLC0415
 
@@ -171,7 +173,7 @@ def _why(fault: BaseException) -> str:
     )
 
 
-def _alone(
+def _run_alone(
     work: Callable[[Item], Made], item: Item, seconds: float | None, name: tuple[str, int]
 ) -> Made:
     """Run an item in a worker, which is one of as many as there are cores."""

@@ -24,7 +24,7 @@ from typing import Any, Generic, TypeVar, cast
 
 from uavgram.errors import UavgramError
 from uavgram.pipeline.cores import use_one_core
-from uavgram.pipeline.own_process import load_little, seldom_look_for_cycles
+from uavgram.pipeline.process_settings import avoid_modules, collect_garbage_rarely
 
 if sys.platform != "win32":
     import resource
@@ -32,7 +32,7 @@ if sys.platform != "win32":
 Item = TypeVar("Item")
 Made = TypeVar("Made")
 
-MOST_TRIES = 3
+MAX_TRIES = 3
 """Number of tries of an item whose process dies; after these the item is the likelier reason."""
 
 _ONE_THREAD = dict.fromkeys(
@@ -49,11 +49,11 @@ _ONE_THREAD = dict.fromkeys(
 cores."""
 _RECYCLED_AT = 0.5
 """Share of the memory limit of a worker: one that keeps more than this is replaced."""
-_PATIENCE_S = 5.0
+_TIMEOUT_S = 5.0
 
 
 @dataclass(frozen=True)
-class Ended(Generic[Made]):
+class ItemOutcome(Generic[Made]):
     """Outcome of an item.
 
     Attributes
@@ -91,9 +91,9 @@ class _Worker:
     def __init__(self, context: BaseContext, bounds: Bounds) -> None:
         self._seconds = bounds.seconds
         self.pool = ProcessPoolExecutor(
-            1, context, initializer=_begin, initargs=(bounds.memory_bytes,)
+            1, context, initializer=_prepare_process, initargs=(bounds.memory_bytes,)
         )
-        with _STARTING, _kept_from_ctrl_c():
+        with _STARTING, _block_ctrl_c():
             others = set(active_children())
             self.pool.submit(os.getpid)  # the process starts with the first call
             self.process = (set(active_children()) - others).pop()
@@ -113,21 +113,23 @@ class _Worker:
             self.timer.daemon = True
             self.timer.start()
 
-    def take(self, tries: int) -> tuple[Ended[Any] | None, bool]:
+    def take(self, tries: int) -> tuple[ItemOutcome[Any] | None, bool]:
         """Return the outcome, None for another try; and whether the process has to leave."""
         future, self.future = cast("Future[Any]", self.future), None
         if self.timer is not None:
             self.timer.cancel()
         if not isinstance(future.exception(), BrokenProcessPool | SystemExit):
             value, fault, leaves = future.result()
-            why = "" if fault is None else in_words(fault)
-            return Ended(self.number, value, tries, why, fault), leaves
+            why = "" if fault is None else describe_exception(fault)
+            return ItemOutcome(self.number, value, tries, why, fault), leaves
         if self._seconds is not None and time.monotonic() - self.since >= self._seconds:
-            return Ended(self.number, None, tries, overdue(self._seconds)), True
-        if tries < MOST_TRIES:
+            return ItemOutcome(self.number, None, tries, describe_timeout(self._seconds)), True
+        if tries < MAX_TRIES:
             return None, True
         self.pool.shutdown()
-        return Ended(self.number, None, tries, _why(tries, self.process.exitcode)), True
+        return ItemOutcome(
+            self.number, None, tries, _describe_failure(tries, self.process.exitcode)
+        ), True
 
     def end(self) -> None:
         if self.timer is not None:
@@ -146,7 +148,7 @@ def in_workers(
     items: Sequence[Item],
     count: int,
     bounds: Bounds | None = None,
-) -> Iterator[Ended[Made]]:
+) -> Iterator[ItemOutcome[Made]]:
     """Yield the result of each item as soon as it is ready, in any order.
 
     An item whose process dies is tried again, in another one; one that takes too long is given up,
@@ -168,7 +170,7 @@ def in_workers(
     with _one_thread_each():
         context = _context(getattr(work, "func", work).__module__)
         start = partial(_Worker, context, bounds)
-        made = partial(_made, work, bounds.memory_bytes)
+        made = partial(_run_item, work, bounds.memory_bytes)
         workers = [start() for _ in range(min(count, len(items)))]
         try:
             while True:
@@ -199,18 +201,18 @@ def _end_all(workers: Sequence[_Worker]) -> None:
     for worker in workers:
         worker.end()
     for worker in workers:
-        worker.process.join(_PATIENCE_S)
+        worker.process.join(_TIMEOUT_S)
         if worker.process.is_alive():
             worker.process.kill()
             worker.process.join()
 
 
-def in_words(fault: BaseException) -> str:
+def describe_exception(fault: BaseException) -> str:
     """Describe an exception in words; bugs with their kind."""
     return str(fault) if isinstance(fault, UavgramError) else f"{type(fault).__name__}: {fault}"
 
 
-def overdue(seconds: float) -> str:
+def describe_timeout(seconds: float) -> str:
     """Describe why an item was given up that took too long."""
     return (
         f"was given up after {seconds / 60.0:.3g} minutes: where it needs longer, give it more "
@@ -218,7 +220,7 @@ def overdue(seconds: float) -> str:
     )
 
 
-def _why(tries: int, status: int | None) -> str:
+def _describe_failure(tries: int, status: int | None) -> str:
     how = f"ended with status {status}"
     if status is not None and status < 0:
         with contextlib.suppress(ValueError):
@@ -254,7 +256,7 @@ def _one_thread_each() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _kept_from_ctrl_c() -> Iterator[None]:
+def _block_ctrl_c() -> Iterator[None]:
     """Block Ctrl+C in processes that are started now, as it is meant for their parent.
 
     Also while they load modules, when they could not ignore it yet.
@@ -270,14 +272,14 @@ def _kept_from_ctrl_c() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _begin(memory_bytes: int | None) -> None:  # pragma: no cover (in another process)
+def _prepare_process(memory_bytes: int | None) -> None:  # pragma: no cover (in another process)
     """Prepare a process; Ctrl+C is for its parent, with which it ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # where it is not blocked already
     threading.Thread(target=_end_with_parent, daemon=True).start()
     use_one_core()
-    load_little()
-    seldom_look_for_cycles()
-    _bound(memory_bytes)
+    avoid_modules()
+    collect_garbage_rarely()
+    _limit_memory(memory_bytes)
 
 
 def _end_with_parent() -> None:  # pragma: no cover (in another process)
@@ -287,7 +289,7 @@ def _end_with_parent() -> None:  # pragma: no cover (in another process)
         os._exit(1)
 
 
-def _made(
+def _run_item(
     work: Callable[[Any], Any], memory_bytes: int | None, item: object
 ) -> tuple[Any, Exception | None, bool]:  # pragma: no cover (in another process)
     """Return the result or exception of an item, and whether the process keeps too much memory."""
@@ -296,13 +298,13 @@ def _made(
     try:
         made = work(item)
     except Exception as raised:  # noqa: BLE001 (the caller gets it)
-        fault = _sendable(raised)
+        fault = _make_picklable(raised)
     finally:  # an interrupted answer would block the parent
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    return made, fault, memory_bytes is not None and _kept_bytes() > _RECYCLED_AT * memory_bytes
+    return made, fault, memory_bytes is not None and _resident_bytes() > _RECYCLED_AT * memory_bytes
 
 
-def _sendable(fault: Exception) -> Exception:  # pragma: no cover (in another process)
+def _make_picklable(fault: Exception) -> Exception:  # pragma: no cover (in another process)
     """Return the exception, or its text where it cannot be pickled."""
     try:
         pickle.loads(pickle.dumps(fault))  # noqa: S301  (of our own making)
@@ -315,7 +317,7 @@ def _sendable(fault: Exception) -> Exception:  # pragma: no cover (in another pr
     return fault
 
 
-def _bound(memory_bytes: int | None) -> None:
+def _limit_memory(memory_bytes: int | None) -> None:
     """Limit the memory by the system: one survey fails, not the machine."""
     if memory_bytes is None or sys.platform != "linux":
         return
@@ -324,7 +326,7 @@ def _bound(memory_bytes: int | None) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (bound, hard))
 
 
-def _kept_bytes() -> int:
+def _resident_bytes() -> int:
     """Return the memory that this process holds now; 0 where the system does not state it."""
     try:
         with open("/proc/self/statm", encoding="ascii") as stream:  # noqa: PTH123

@@ -12,28 +12,28 @@ from uavgram.errors import GeometryError, UavgramError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.motion.telemetry_pose import BORESIGHT
 from uavgram.model.arrays import Bools
-from uavgram.pipeline.match.adjusting import Base, begun
-from uavgram.pipeline.match.asked import (
-    Asked,
-    check_asked,
-    check_undone,
-    earlier,
-    labels_by_hand,
-    still_founded,
+from uavgram.pipeline.match.adjustment import BaseAdjustment, adjust_manual_picks
+from uavgram.pipeline.match.patch_search import load_grey_photos
+from uavgram.pipeline.match.search import search_all_photos
+from uavgram.pipeline.match.selection import (
+    Selection,
+    append_matches,
+    check_matches_exist,
+    check_selection,
+    list_manual_labels,
+    mark_existing_matches,
+    mark_valid_matches,
 )
-from uavgram.pipeline.match.looking import grey_photos
-from uavgram.pipeline.match.rows import with_found
-from uavgram.pipeline.match.search import searched
-from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, read_inputs
+from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
+from uavgram.pipeline.picks_table import lock_tables, save_picks
 from uavgram.pipeline.progress import Progress, silent
-from uavgram.pipeline.saved_picks import save_picks, sole_writer
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import Matches, Pair, measure_rotation_rad
 
 
 @dataclass(frozen=True)
-class Undone:
+class RemovedMatches:
     """Number of matches removed from a table."""
 
     path: Path
@@ -43,7 +43,7 @@ class Undone:
 @with_one_blas_thread
 def match_picks(
     project: str | os.PathLike[str],
-    asked: Asked | None = None,
+    asked: Selection | None = None,
     *,
     dry_run: bool = False,
     progress: Progress = silent,
@@ -69,16 +69,18 @@ def match_picks(
     UavgramError
         A problem that the user can solve. The table is unchanged.
     """
-    asked = asked or Asked()
+    asked = asked or Selection()
     inputs = read_inputs(Path(project))
-    check_asked(inputs, asked)
-    with nullcontext() if dry_run else sole_writer(inputs.project, inputs.project_path):
-        before = earlier(inputs.picks, asked)
-        gone = before & ~still_founded(inputs.picks)
-        base, unfit = _begun(inputs, ~gone).without_unfit(before[~gone])
+    check_selection(inputs, asked)
+    with nullcontext() if dry_run else lock_tables(inputs.project, inputs.project_path):
+        before = mark_existing_matches(inputs.picks, asked)
+        gone = before & ~mark_valid_matches(inputs.picks)
+        base, unfit = _adjust_base(inputs, ~gone).remove_unfit(before[~gone])
         photos = dict(zip(inputs.photos.frame_id, inputs.photos.path, strict=True))
-        search = searched(base, grey_photos(photos), _wanted(base, asked), progress)
-        picks = with_found(base.inputs.picks, search.record.found)
+        search = search_all_photos(
+            base, load_grey_photos(photos), _make_filter(base, asked), progress
+        )
+        picks = append_matches(base.inputs.picks, search.record.found)
         path = Path(inputs.project.picks) if dry_run else save_picks(inputs, picks)
     from_labels = {base.inputs.picks.label[i] for i in base.sources(search.adjustment)}
     labels = _sought(inputs, asked)
@@ -96,8 +98,8 @@ def match_picks(
 
 
 def undo_matches(
-    project: str | os.PathLike[str], asked: Asked | None = None, *, dry_run: bool = False
-) -> Undone:
+    project: str | os.PathLike[str], asked: Selection | None = None, *, dry_run: bool = False
+) -> RemovedMatches:
     """Remove matches from a project's picks.
 
     Parameters
@@ -110,27 +112,27 @@ def undo_matches(
     UavgramError
         A problem that the user can solve. The table is unchanged.
     """
-    asked = asked or Asked()
+    asked = asked or Selection()
     inputs = read_inputs(Path(project), unfinished=True, unpicked=True)
-    check_undone(inputs, asked)
-    stays = ~earlier(inputs.picks, asked)
+    check_matches_exist(inputs, asked)
+    stays = ~mark_existing_matches(inputs.picks, asked)
     path = Path(inputs.project.picks)
     if not dry_run:
-        with sole_writer(inputs.project, inputs.project_path):
-            path = save_picks(inputs, with_found(inputs.picks, {}, keep=stays))
-    return Undone(path, int((~stays).sum()))
+        with lock_tables(inputs.project, inputs.project_path):
+            path = save_picks(inputs, append_matches(inputs.picks, {}, keep=stays))
+    return RemovedMatches(path, int((~stays).sum()))
 
 
-def _sought(inputs: Inputs, asked: Asked) -> tuple[str, ...]:
-    by_hand = labels_by_hand(inputs.picks)
+def _sought(inputs: Inputs, asked: Selection) -> tuple[str, ...]:
+    by_hand = list_manual_labels(inputs.picks)
     return tuple(label for label in by_hand if not asked.labels or label in asked.labels)
 
 
-def _begun(inputs: Inputs, stays: Bools) -> Base:
+def _adjust_base(inputs: Inputs, stays: Bools) -> BaseAdjustment:
     """Return the project without replaced matches, with the picks by people adjusted."""
     try:
-        picks = with_found(inputs.picks, {}, keep=stays)
-        return begun(replace(inputs, picks=picks), pose_frames(inputs))
+        picks = append_matches(inputs.picks, {}, keep=stays)
+        return adjust_manual_picks(replace(inputs, picks=picks), pose_frames(inputs))
     except GeometryError as why:
         raise UavgramError(
             f"{inputs.project_path}: no search is possible yet, as the relation between the photos "
@@ -138,11 +140,11 @@ def _begun(inputs: Inputs, stays: Bools) -> Base:
         ) from why
 
 
-def _wanted(base: Base, asked: Asked) -> Callable[[Pair], bool]:
+def _make_filter(base: BaseAdjustment, asked: Selection) -> Callable[[Pair], bool]:
     """Return a test whether a label is sought in a photo: requested, and without a pick there."""
     picks = base.inputs.picks
     there = set(zip(picks.image, picks.label, strict=True))
-    copies = duplicates_of(base.inputs).photos
+    copies = find_project_duplicates(base.inputs).photos
     return lambda pair: pair not in there and pair[0] not in copies and asked.has(pair)
 
 
@@ -153,9 +155,9 @@ def _turned_rad(adjustment: Adjustment) -> float:
     return measure_rotation_rad(adjustment.state.telemetry[BORESIGHT], prior.boresight_sigma_rad)
 
 
-def _unplaced(base: Base, adjustment: Adjustment, asked: Asked) -> tuple[str, ...]:
+def _unplaced(base: BaseAdjustment, adjustment: Adjustment, asked: Selection) -> tuple[str, ...]:
     telemetry = base.posed.telemetry
     placed = {*adjustment.survey.frame_id, *(() if telemetry is None else telemetry.poses.frame_id)}
-    placed |= set(duplicates_of(base.inputs).photos)
+    placed |= set(find_project_duplicates(base.inputs).photos)
     names = asked.photos or base.inputs.photos.frame_id
     return tuple(name for name in names if name not in placed)

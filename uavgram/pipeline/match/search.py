@@ -16,10 +16,19 @@ from uavgram.estimation.measuring.transferred_pixels import (
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.imaging.matching.matches import REASON_TEXTS, RefusalReason, SoughtPoints
 from uavgram.model.arrays import Floats, Ints
-from uavgram.pipeline.match.adjusting import Base
-from uavgram.pipeline.match.asked import EVEN_ODDS, may_be_raised, without_height
-from uavgram.pipeline.match.looking import Photos, look, reason, tasks
-from uavgram.pipeline.match.raised import look_up
+from uavgram.pipeline.match.adjustment import BaseAdjustment
+from uavgram.pipeline.match.patch_search import (
+    Photos,
+    describe_miss,
+    group_by_photos,
+    search_places,
+)
+from uavgram.pipeline.match.selection import (
+    EVEN_ODDS,
+    find_raised_labels,
+    list_labels_without_height,
+)
+from uavgram.pipeline.match.sightline_search import search_sightlines
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.match import (
     CONTRADICTED,
@@ -36,13 +45,13 @@ from uavgram.stages.match import (
     pick_sigmas,
 )
 
-MOST_ROUNDS = 11
+MAX_ROUNDS = 11
 """Largest number of rounds of search and adjustment."""
 
 LINES_BEFORE = 1
 """Rounds from the end at which lines of sight are searched, even if ground places remain."""
 
-LEAST_PX = 0.5
+MIN_PX = 0.5
 """Sigma that is added to every prediction [px], for errors outside the model, such as a remaining
 distortion."""
 
@@ -54,8 +63,8 @@ class Search(NamedTuple):
     adjustment: Adjustment
 
 
-def searched(
-    base: Base,
+def search_all_photos(
+    base: BaseAdjustment,
     photos: Photos,
     wanted: Callable[[Pair], bool],
     progress: Progress = silent,
@@ -76,45 +85,47 @@ def searched(
     on_ground
         Odds that a label without a height is on the ground.
     """
-    adjustment, record = _agreeing(base, Record())
-    for left in reversed(range(MOST_ROUNDS)):
+    adjustment, record = _drop_contradicted(base, Record())
+    for left in reversed(range(MAX_ROUNDS)):
         candidates = _candidates(base, adjustment)
         asked = np.array([wanted(pair) for pair in candidates.pair], dtype=np.bool_)
         rows, lines = (
             choose_next_places(candidates, asked, record),
             choose_lines(candidates, asked, record),
         )
-        missed = record.in_vain.keys() - _silent(candidates, record)
+        missed = record.in_vain.keys() - _mark_uninformative(candidates, record)
         off = np.array(adjustment.survey.label)[adjustment.survey.is_free].tolist()
         as_ground = [pair for pair in record.found if pair[1] in off]  # its patch may be wrong
-        raised = may_be_raised(base.inputs.picks, record.found, missed, on_ground)
-        raised = raised or set(without_height(base.inputs.picks, as_ground))
+        raised = find_raised_labels(base.inputs.picks, record.found, missed, on_ground)
+        raised = raised or set(list_labels_without_height(base.inputs.picks, as_ground))
         is_over = candidates.is_raised[rows].all()  # for ground points
         if raised and (is_over or left == LINES_BEFORE + 1):  # along their lines of sight, or not
-            base, record = base.with_free(raised), record.without_labels(raised)
-            adjustment, record = _agreeing(base, record)
+            base, record = base.free_heights(raised), record.without_labels(raised)
+            adjustment, record = _drop_contradicted(base, record)
             continue
         if rows.size and not (lines.size and left == LINES_BEFORE):
-            looked = _looked(photos, base, candidates, rows, progress)
-            looked = _agreeing_in_photos(adjustment, candidates, rows, looked)
-            looked = _not_again(candidates, rows, looked, record)
+            looked = _search(photos, base, candidates, rows, progress)
+            looked = _revoke_contradicted(adjustment, candidates, rows, looked)
+            looked = _revoke_repeated(candidates, rows, looked, record)
         elif lines.size:  # the poses are as good as ground points allow
-            looked = look_up(photos, base.inputs.picks, adjustment, candidates, lines, progress)
+            looked = search_sightlines(
+                photos, base.inputs.picks, adjustment, candidates, lines, progress
+            )
         else:
             break
         before, record = record, record.with_results(looked)
         if record.found != before.found:
-            adjustment, record = _agreeing(base, record)
+            adjustment, record = _drop_contradicted(base, record)
     return Search(record, adjustment)
 
 
-def _agreeing(base: Base, record: Record) -> tuple[Adjustment, Record]:
+def _drop_contradicted(base: BaseAdjustment, record: Record) -> tuple[Adjustment, Record]:
     """Return the adjustment with the finds, and the record without contradicted ones."""
     adjustment, wrong = base.adjusted(record.found)
     return adjustment, record.without(wrong)
 
 
-def _silent(candidates: Candidates, record: Record) -> set[Pair]:
+def _mark_uninformative(candidates: Candidates, record: Record) -> set[Pair]:
     """Return missed pairs without information on the height: outside the photo, or moved points.
 
     A moved point is beside its line of sight; a point along it may be at another height.
@@ -128,13 +139,13 @@ def _silent(candidates: Candidates, record: Record) -> set[Pair]:
             if missed.pixel_px is not None and missed.pick == candidates.pick[row]:
                 across = np.array([-1.0, 1.0]) * places.rise[row, ::-1]
                 off = across @ (np.array(missed.pixel_px) - places.pixel_px[row])
-                spread = places.covariance_px2[row] + LEAST_PX**2 * np.eye(2)
+                spread = places.covariance_px2[row] + MIN_PX**2 * np.eye(2)
                 if off**2 > REGION_SQUARED * (across @ spread @ across):
                     silent.add(pair)
     return silent
 
 
-def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
+def _candidates(base: BaseAdjustment, adjustment: Adjustment) -> Candidates:
     """Predict the places of picks made by people."""
     survey, project = adjustment.survey, base.inputs.picks
     frame = {name: k for k, name in enumerate(survey.frame_id)}
@@ -152,11 +163,11 @@ def _candidates(base: Base, adjustment: Adjustment) -> Candidates:
         tuple((name, project.label[i]) for name, i in zip(places.frame_id, pick, strict=True)),
         pick,
         survey.off_ground[clicked.label[places.click]],
-        base.of_unknown_height(survey)[clicked.label[places.click]],
+        base.mark_unknown_heights(survey)[clicked.label[places.click]],
     )
 
 
-def _agreeing_in_photos(
+def _revoke_contradicted(
     adjustment: Adjustment,
     candidates: Candidates,
     rows: Ints,
@@ -183,13 +194,13 @@ def _agreeing_in_photos(
         some = np.array(list(own), dtype=np.int64)
         joint = candidates.places.joint_covariance(adjustment, some)
         off = np.array([one.pixel_px for one in own.values()]) - candidates.places.pixel_px[some]
-        sigma = np.hypot([one.sigma_px for one in own.values()], LEAST_PX)
+        sigma = np.hypot([one.sigma_px for one in own.values()], MIN_PX)
         for row in some[find_contradicted(off, joint, sigma)].tolist():
             results[candidates.pair[row]] = own[row].missed(CONTRADICTED)
     return results
 
 
-def _not_again(
+def _revoke_repeated(
     candidates: Candidates,
     rows: Ints,
     looked: Mapping[Pair, Found | Missed],
@@ -200,7 +211,7 @@ def _not_again(
     Parameters
     ----------
     candidates, rows, looked
-        As for `_agreeing_in_photos`.
+        As for `_revoke_contradicted`.
     record
         The search so far.
     """
@@ -216,14 +227,14 @@ def _not_again(
     return results
 
 
-def _flight(base: Base) -> FlightOfPhotos | None:
+def _flight(base: BaseAdjustment) -> FlightOfPhotos | None:
     telemetry = base.posed.telemetry
     if telemetry is None:
         return None
     return telemetry.prior, telemetry.track, telemetry.poses.frame_id
 
 
-def sought_at(places: TransferredPixels, rows: Ints, source_px: Floats) -> SoughtPoints:
+def make_search_places(places: TransferredPixels, rows: Ints, source_px: Floats) -> SoughtPoints:
     """Convert predicted places to the input of the matching.
 
     Parameters
@@ -236,15 +247,15 @@ def sought_at(places: TransferredPixels, rows: Ints, source_px: Floats) -> Sough
     return SoughtPoints(
         source_px=source_px,
         target_px=places.pixel_px[rows],
-        covariance_px2=places.covariance_px2[rows] + LEAST_PX**2 * np.eye(2),
+        covariance_px2=places.covariance_px2[rows] + MIN_PX**2 * np.eye(2),
         affine=places.affine[rows],
         rise=places.rise[rows],
     )
 
 
-def _looked(
+def _search(
     photos: Photos,
-    base: Base,
+    base: BaseAdjustment,
     candidates: Candidates,
     rows: Ints,
     progress: Progress,
@@ -254,7 +265,7 @@ def _looked(
     Parameters
     ----------
     photos, base, progress
-        As for `searched`.
+        As for `search_all_photos`.
     candidates
         All places.
     rows
@@ -262,16 +273,16 @@ def _looked(
     """
     places, pick = candidates.places, candidates.pick[rows]
     project = base.inputs.picks
-    sought = sought_at(places, rows, project.pixel_px[pick])
+    sought = make_search_places(places, rows, project.pixel_px[pick])
     pairs = [candidates.pair[row] for row in rows]
-    work = tasks([project.image[i] for i in pick], [image for image, _ in pairs], sought)
-    found = look(photos, work, len(rows), progress)
+    work = group_by_photos([project.image[i] for i in pick], [image for image, _ in pairs], sought)
+    found = search_places(photos, work, len(rows), progress)
     radius = compute_radii(places.covariance_px2[rows])
     stated = pick_sigmas(found.covariance_px2, candidates.is_raised[rows])
     results: dict[Pair, Found | Missed] = {}
     for k, (pair, own) in enumerate(zip(pairs, pick.tolist(), strict=True)):
         if found.refused[k]:
-            results[pair] = Missed(own, float(radius[k]), reason(int(found.refused[k])))
+            results[pair] = Missed(own, float(radius[k]), describe_miss(int(found.refused[k])))
         else:
             u, v = np.round(found.pixel_px[k], 3).tolist()
             sigma, score = round(float(stated[k]), 4), round(float(found.score[k]), 3)

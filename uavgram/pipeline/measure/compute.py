@@ -40,15 +40,15 @@ from uavgram.model.result.tables import FrameResults, MeasurementResults, MonteC
 from uavgram.model.survey.known import KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints
 from uavgram.model.survey.survey import Survey, World
-from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
+from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates
 from uavgram.pipeline.measure.judge import judge_survey
 from uavgram.pipeline.measure.observations import (
+    append_plate_sides,
+    append_position_lines,
+    apply_corrections,
     plate_scale,
-    with_mends,
-    with_position_lines,
-    with_sides,
 )
-from uavgram.pipeline.measure.pose import Posed, known_in_world, pose_frames
+from uavgram.pipeline.measure.pose import PosedFrames, pose_frames, transform_known
 from uavgram.pipeline.versions import package_versions, stamp
 from uavgram.stages.assemble import Assembled, assemble
 from uavgram.stages.camera import ASSUMED_CAMERA, UNKNOWN_CAMERA, report_learnt_camera
@@ -90,7 +90,7 @@ class Sampling:
     seed: int = 0
 
 
-class Computed(NamedTuple):
+class Computation(NamedTuple):
     """Stored result, and the adjustment behind it with all its joint covariances."""
 
     result: Result
@@ -101,9 +101,9 @@ def compute(
     inputs: Inputs,
     sampling: Sampling | None = None,
     *,
-    posed: Posed | None = None,
+    posed: PosedFrames | None = None,
     curved: bool = True,
-) -> Computed:
+) -> Computation:
     """Run every stage on the inputs.
 
     Parameters
@@ -119,27 +119,29 @@ def compute(
         Whether to check the first-order propagation by its second order, which takes most of the
         time with many measurements.
     """
-    inputs, rounding_messages = _with_reading_step(inputs)
-    duplicates = duplicates_of(inputs)
+    inputs, rounding_messages = _enlarge_rounded(inputs)
+    duplicates = find_project_duplicates(inputs)
     # Not withheld either: a reading that was used would check itself.
-    counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
-    inputs = replace(inputs, lines=_with_duplicates(inputs.lines, duplicates, adjust=True))
+    counted = _withhold_duplicates(inputs.lines, duplicates, adjust=False)
+    inputs = replace(inputs, lines=_withhold_duplicates(inputs.lines, duplicates, adjust=True))
     plates = inputs.project.targets
-    counted = with_sides(counted, inputs.picks, plates)
-    inputs = replace(inputs, lines=with_sides(inputs.lines, inputs.picks, plates))
+    counted = append_plate_sides(counted, inputs.picks, plates)
+    inputs = replace(inputs, lines=append_plate_sides(inputs.lines, inputs.picks, plates))
     posed = posed or pose_frames(inputs)
-    inputs, line_messages = with_position_lines(inputs, posed.world)
-    check, check_messages = known_in_world(inputs, inputs.check, posed.world)
-    assembled, known_messages = _assembled(inputs, counted, posed, duplicates)
+    inputs, line_messages = append_position_lines(inputs, posed.world)
+    check, check_messages = transform_known(inputs, inputs.check, posed.world)
+    assembled, known_messages = _assemble(inputs, counted, posed, duplicates)
     world = _world(inputs.project, posed.world, assembled.survey.gauge)
     survey, heading_messages = find_headings(assembled.survey)
-    refined, refine_messages = refined_survey(survey, inputs.project.solve)
+    refined, refine_messages = adjust_survey(survey, inputs.project.solve)
     mended = [one.cause for one in refined.removals if one.cause is not None]
-    inputs = with_mends(inputs, assembled, mended)
+    inputs = apply_corrections(inputs, assembled, mended)
     adjustment = refined.adjustment
     values = propagate(adjustment, inputs.requests, posed.frames, set(inputs.picks.label))
-    measured = _measured(inputs, posed.frames, refined, values, curved=curved)
-    sampled, sampled_messages = _sampled(inputs, posed.frames, adjustment, measured.table, sampling)
+    measured = _measure(inputs, posed.frames, refined, values, curved=curved)
+    sampled, sampled_messages = _run_monte_carlo(
+        inputs, posed.frames, adjustment, measured.table, sampling
+    )
     judged = judge_survey(inputs, assembled, refined, values, posed.frames, check)
     shared = summarise_shared(adjustment, posed.frames.clock_offset_s)
     messages = order_messages(
@@ -150,12 +152,12 @@ def compute(
         *rounding_messages,
         *line_messages,
         *check_messages,
-        *_unjudged(inputs, world),
+        *_report_unjudged(inputs, world),
         *assembled.messages,
         *heading_messages,
         *downgrade_explained(refine_messages, refined.causes),
         *describe_scale_basis(adjustment),
-        *_learnt(inputs, shared),
+        *_report_camera(inputs, shared),
         *measured.messages,
         *sampled_messages,
         *downgrade_explained(judged.messages, refined.causes),
@@ -201,42 +203,44 @@ def compute(
         messages=messages,
         verdict=verdict,
     )
-    return Computed(result, refined)
+    return Computation(result, refined)
 
 
-def assembled_survey(inputs: Inputs, posed: Posed) -> Assembled:
+def assemble_survey(inputs: Inputs, posed: PosedFrames) -> Assembled:
     """Assemble the survey that `compute` adjusts."""
-    inputs, _ = _with_reading_step(inputs)
-    duplicates = duplicates_of(inputs)
-    counted = _with_duplicates(inputs.lines, duplicates, adjust=False)
-    counted = with_sides(counted, inputs.picks, inputs.project.targets)
-    inputs, _ = with_position_lines(inputs, posed.world)
-    assembled, _ = _assembled(inputs, counted, posed, duplicates)
+    inputs, _ = _enlarge_rounded(inputs)
+    duplicates = find_project_duplicates(inputs)
+    counted = _withhold_duplicates(inputs.lines, duplicates, adjust=False)
+    counted = append_plate_sides(counted, inputs.picks, inputs.project.targets)
+    inputs, _ = append_position_lines(inputs, posed.world)
+    assembled, _ = _assemble(inputs, counted, posed, duplicates)
     survey, _ = find_headings(assembled.survey)
     return replace(assembled, survey=survey)
 
 
-def _with_reading_step(inputs: Inputs) -> tuple[Inputs, tuple[Message, ...]]:
+def _enlarge_rounded(inputs: Inputs) -> tuple[Inputs, tuple[Message, ...]]:
     """Enlarge the sigmas of lengths that were rounded, and report it."""
     lines, messages = apply_reading_step(inputs.lines)
     return replace(inputs, lines=lines), messages
 
 
-def _with_duplicates(lines: KnownLines, duplicates: Duplicates, *, adjust: bool) -> KnownLines:
+def _withhold_duplicates(lines: KnownLines, duplicates: Duplicates, *, adjust: bool) -> KnownLines:
     """Withhold lengths that are not counted from the adjustment, or not."""
     chosen = np.array(lines.adjust)
     chosen[list(duplicates.lines)] = adjust
     return replace(lines, adjust=chosen)
 
 
-def _without_copies(known: KnownThings, duplicates: Duplicates) -> KnownThings:
+def _withhold_copies(known: KnownThings, duplicates: Duplicates) -> KnownThings:
     """Withhold known things that are not counted from the adjustment."""
     chosen = np.array(known.adjust)
     chosen[list(duplicates.known)] = False
     return replace(known, adjust=chosen)
 
 
-def stated_observations(inputs: Inputs, posed: Posed, control: KnownWorldPoints) -> Observations:
+def collect_observations(
+    inputs: Inputs, posed: PosedFrames, control: KnownWorldPoints
+) -> Observations:
     """Collect the observations that a project's files and its log state, copies included.
 
     Parameters
@@ -265,15 +269,15 @@ def stated_observations(inputs: Inputs, posed: Posed, control: KnownWorldPoints)
     )
 
 
-def _assembled(
-    inputs: Inputs, counted: KnownLines, posed: Posed, duplicates: Duplicates
+def _assemble(
+    inputs: Inputs, counted: KnownLines, posed: PosedFrames, duplicates: Duplicates
 ) -> tuple[Assembled, tuple[Message, ...]]:
     """Assemble all observations in one survey, with messages on control points."""
-    control, messages = known_in_world(inputs, inputs.control, posed.world)
+    control, messages = transform_known(inputs, inputs.control, posed.world)
     observed = replace(
-        stated_observations(inputs, posed, control),
+        collect_observations(inputs, posed, control),
         lines=counted,
-        known=_without_copies(inputs.known, duplicates),
+        known=_withhold_copies(inputs.known, duplicates),
         copies=duplicates.photos,
     )
     return assemble(observed), messages
@@ -285,7 +289,7 @@ def _world(project: Project, world: World, gauge: Literal["world", "plane"]) -> 
     return replace(world, crs=_map_crs(project, world))
 
 
-def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
+def adjust_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tuple[Message, ...]]:
     """Adjust the survey; a wrongly mounted camera is the first suspect."""
     mount = find_turned_mount(survey)
     if survey.telemetry is None and survey.gauge == "world":
@@ -303,7 +307,7 @@ def refined_survey(survey: Survey, options: SolveOptions) -> tuple[Refined, tupl
     return refined, (*(() if mount is None else (mount,)), *messages)
 
 
-class _Measured(NamedTuple):
+class _Measurements(NamedTuple):
     """Measurements, second-order terms, and values under other solutions."""
 
     table: MeasurementResults
@@ -312,9 +316,9 @@ class _Measured(NamedTuple):
     messages: tuple[Message, ...]
 
 
-def _measured(
+def _measure(
     inputs: Inputs, frames: Frames, refined: Refined, values: MeasuredValues, *, curved: bool
-) -> _Measured:
+) -> _Measurements:
     table, messages = measurement_results(values, compute_shifts(refined.adjustment, values))
     if refined.stated is not None:
         stated = propagate(refined.stated, inputs.requests, frames)
@@ -326,10 +330,10 @@ def _measured(
     rivals = filter(None, (*refined.alternatives, refined.mirrored, *refined.rival_clicks.values()))
     others = tuple(tuple(measure(one, inputs.requests, frames)[0].value) for one in rivals)
     table = add_alternatives(table, others)
-    return _Measured(table, curvature, others[: len(refined.alternatives)], messages)
+    return _Measurements(table, curvature, others[: len(refined.alternatives)], messages)
 
 
-def _sampled(
+def _run_monte_carlo(
     inputs: Inputs,
     frames: Frames,
     adjustment: Adjustment,
@@ -345,7 +349,7 @@ def _sampled(
     return found, (*compare(table, found), *left_out)
 
 
-def _learnt(inputs: Inputs, shared: SharedResult) -> tuple[Message, ...]:
+def _report_camera(inputs: Inputs, shared: SharedResult) -> tuple[Message, ...]:
     """Report the information of the survey on its camera."""
     is_assumed = any(m.code in _GUESSED for m in inputs.messages)
     learnt = compare_cameras(inputs.calibration, shared.intrinsics)
@@ -361,7 +365,7 @@ def _map_crs(project: Project, world: World) -> str | None:
     return normalise_crs(project.crs)
 
 
-def _unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
+def _report_unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
     """Report check points of a world without meaningful coordinates."""
     if world.gauge == "world" or not len(inputs.check.label):
         return ()
@@ -373,7 +377,11 @@ def _unjudged(inputs: Inputs, world: World) -> tuple[Message, ...]:
 
 
 def _frames(
-    inputs: Inputs, posed: Posed, assembled: Assembled, refined: Refined, duplicates: Duplicates
+    inputs: Inputs,
+    posed: PosedFrames,
+    assembled: Assembled,
+    refined: Refined,
+    duplicates: Duplicates,
 ) -> FrameResults:
     """Return all frames; a reason for left-out picks is given, the frame's own first."""
     reasons = {

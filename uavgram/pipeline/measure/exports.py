@@ -28,7 +28,7 @@ from uavgram.stages.products.geotags import geotag
 from uavgram.stages.products.map_layers import features_of, shown_poses
 from uavgram.views.style import REFINED, hex_colour
 from uavgram.views.survey.sheet import INK
-from uavgram.views.units import column, quantity, units_of
+from uavgram.views.units import quantity, table_unit, units_of
 
 Writers = dict[str, Callable[[Path], None]]
 
@@ -66,7 +66,7 @@ LOOKS = {
 """Style of each layer on maps, as in the report's plan; the first is on top."""
 
 
-def exports(result: Result, texture: GroundTexture | None = None) -> Writers:
+def make_writers(result: Result, texture: GroundTexture | None = None) -> Writers:
     """Return the writer of each file in the output folder, by name.
 
     Files that need a place on earth are left out without one; points.geojson and survey.kml then
@@ -95,7 +95,7 @@ def exports(result: Result, texture: GroundTexture | None = None) -> Writers:
     if features.crs is not None:
         writers["survey_map.dxf"] = lambda path: write_map_dxf(features, path, words, texts())
         writers["opendronemap/gcp_list.txt"] = lambda path: write_gcp_list(result, features, path)
-        writers["opendronemap/geo.txt"] = lambda path: write_geo_txt(geotags_of(result), path)
+        writers["opendronemap/geo.txt"] = lambda path: write_geo_txt(make_geotags(result), path)
     if texture is not None:
         writers[GROUND] = lambda path: write_ground(texture, result, path)
     writers["survey.qgs"] = lambda path: write_qgis_project(
@@ -119,13 +119,15 @@ def write_ground(texture: GroundTexture, result: Result, path: Path) -> None:
     height, width = texture.covered.shape
     right, down = np.array([width, -height]) * texture.pixel_size_m
     corner = np.array([texture.west_m, texture.north_m])
-    corners, crs = on_map(result, corner + np.array([[0.0, 0.0], [right, 0.0], [0.0, down]]))
+    corners, crs = transform_to_map(
+        result, corner + np.array([[0.0, 0.0], [right, 0.0], [0.0, down]])
+    )
     tags = {"surface": "the adjusted ground plane: objects above it lean away from the photo"}
     rgba = add_opacity(texture.rgb, texture.covered)
     write_turned_picture(rgba, corners, crs, tags, path)
 
 
-def on_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
+def transform_to_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
     """Transform places (n, 2) on the ground plane to the map, and return its coordinate system.
 
     Parameters
@@ -145,7 +147,7 @@ def on_map(result: Result, local_m: Floats) -> tuple[Floats, str | None]:
 
 def drawing_words(units: Units) -> NumberFormat:
     """Return the wording of numbers in a drawing: in the project's units, while it is in metres."""
-    one = column(units)
+    one = table_unit(units)
     return NumberFormat(
         value=partial(quantity, units=units),
         length_m=1.0 if one.symbol == "m" else 1.0 / one.factor,
@@ -154,7 +156,7 @@ def drawing_words(units: Units) -> NumberFormat:
     )
 
 
-def geotags_of(result: Result) -> GeoTags:
+def make_geotags(result: Result) -> GeoTags:
     """Return tags of every photo with a pose: the adjusted one, or else the telemetry's."""
     rows, poses = shown_poses(result)
     kinds: list[PoseChoice] = ["refined" if result.has_refined[k] else "seed" for k in rows]

@@ -47,7 +47,7 @@ from uavgram.model.provenance import InputDigest
 from uavgram.model.survey.known import NO_CONTROL_LINES, NO_KNOWN, ControlLines, KnownThings
 from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.model.survey.ties import NO_TIES, TiePicks
-from uavgram.pipeline.cameras.read import camera_of_photos, read_camera
+from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 
 ANEW = "or take the tie points out by `uavgram picks ties --undo`, and search for them again"
@@ -68,7 +68,7 @@ def check_picks(project: Project, picks: Picks, photos: Photos) -> None:
     InputError
         With file and line.
     """
-    for i, why in _misplaced(picks.image, picks.pixel_px, photos):
+    for i, why in _find_misplaced(picks.image, picks.pixel_px, photos):
         what = f"the pick of {picks.label[i]!r}"
         raise InputError(project.picks, f"{what} {why}", picks.line_of(i))
 
@@ -88,12 +88,12 @@ def check_ties(path: str, ties: TiePicks, photos: Photos) -> None:
     InputError
         With file and line.
     """
-    for i, why in _misplaced(ties.image, ties.pixel_px, photos):
+    for i, why in _find_misplaced(ties.image, ties.pixel_px, photos):
         text = f"the sighting of tie point {ties.tie[i]!r} {why}; {ANEW}"
         raise InputError(path, text, ties.line[i] if ties.line else None)
 
 
-def _misplaced(
+def _find_misplaced(
     images: Sequence[str], pixel_px: Floats, photos: Photos
 ) -> Iterator[tuple[int, str]]:
     """Yield the first pixel outside the photos of the project, with the reason."""
@@ -234,7 +234,7 @@ def read_inputs(path: Path, *, unfinished: bool = False, unpicked: bool = False)
     calibration, messages = _camera(project, photos)
     for readout in _readout(project, calibration, photos):
         calibration = replace(calibration, readout=readout)
-        messages += (_published(readout),)
+        messages += (_report_readout(readout),)
     _check_sizes(project, calibration, photos)
     check_picks(project, picks, photos)
     check_ties(ties_file or "", ties, photos)
@@ -330,7 +330,7 @@ def _existing(path: Path | None) -> str | None:
     return str(path) if path is not None and path.is_file() else None
 
 
-def duplicates_of(inputs: Inputs) -> Duplicates:
+def find_project_duplicates(inputs: Inputs) -> Duplicates:
     """Find the duplicates in a project."""
     digests = dict(zip(inputs.files, (one.sha256 for one in inputs.digests), strict=True))
     pairs = zip(inputs.photos.frame_id, map(Path, inputs.photos.path), strict=True)
@@ -393,7 +393,7 @@ def _lens_messages(calibration: Calibration) -> tuple[Message, ...]:
 
 def _camera(project: Project, photos: Photos) -> tuple[Calibration, tuple[Message, ...]]:
     if project.camera_file is None:
-        return camera_of_photos(photos, may_be_unknown=project.camera == CAMERA_UNKNOWN)
+        return assume_photo_camera(photos, may_be_unknown=project.camera == CAMERA_UNKNOWN)
     read = read_camera(project.camera_file)
     return read.calibration, read.messages
 
@@ -408,7 +408,7 @@ def _readout(project: Project, camera: Calibration, photos: Photos) -> Iterator[
         yield known
 
 
-def _published(readout: Readout) -> Message:
+def _report_readout(readout: Readout) -> Message:
     text = (
         "By a published table this camera reads a photo row after row, in "
         f"{1e3 * readout.value_s:.0f} ms: the adjustment starts from that, ± "
@@ -441,11 +441,11 @@ def _check_sizes(project: Project, calibration: Calibration, photos: Photos) -> 
             photos.path[i],
             f"is {size[0]} x {size[1]} px, but {project.camera} describes {width} x {height} px "
             f"({wrong.size} of {len(photos.path)} photos differ): "
-            + _way_to_size(project.camera, (width, height), size),
+            + _suggest_size(project.camera, (width, height), size),
         )
 
 
-def _way_to_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> str:
+def _suggest_size(camera: str, have: tuple[int, int], want: tuple[int, int]) -> str:
     """Suggest an action for photos of another size than the camera file's."""
     # One factor for both sides, up to the rounding of both to whole pixels.
     if abs(have[0] * want[1] - have[1] * want[0]) > max(have):

@@ -15,12 +15,12 @@ from uavgram.model.survey.known import ON_LINE, ControlLines, KnownThings, LineP
 from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
 from uavgram.model.survey.survey import World
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.measure.pose import known_in_world
+from uavgram.pipeline.measure.pose import transform_known
 from uavgram.stages.assemble import Assembled
 from uavgram.stages.plate_sides import SQUARE, add_plate_sides, own_scale_sigma
 
 
-def with_mends(inputs: Inputs, assembled: Assembled, causes: Iterable[Cause]) -> Inputs:
+def apply_corrections(inputs: Inputs, assembled: Assembled, causes: Iterable[Cause]) -> Inputs:
     """Apply corrections to the tables of the inputs, as the adjustment did.
 
     Parameters
@@ -93,7 +93,9 @@ def plate_outline(targets: TargetOptions) -> Floats:
     return SQUARE * board.square_m * [board.columns - 1, board.rows - 1]
 
 
-def with_sides(lines: KnownLines, picks: Picks, targets: TargetOptions | None) -> KnownLines:
+def append_plate_sides(
+    lines: KnownLines, picks: Picks, targets: TargetOptions | None
+) -> KnownLines:
     """Add the lengths of the plates that were found.
 
     Parameters
@@ -113,7 +115,7 @@ def plate_scale(targets: TargetOptions | None) -> tuple[tuple[str, float], ...]:
     return () if targets is None else own_scale_sigma(plate_outline(targets), targets.sigma_m)
 
 
-def with_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[Message, ...]]:
+def append_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[Message, ...]]:
     """Append the lines of known position to the known things.
 
     Where the world is not tied to the earth, lines with latitude and longitude are left out, with a
@@ -122,7 +124,7 @@ def with_position_lines(inputs: Inputs, world: World) -> tuple[Inputs, tuple[Mes
     lines = inputs.control_lines
     if not lines.name:
         return inputs, ()
-    ends, messages = known_in_world(inputs, _ends(lines, world), world)
+    ends, messages = transform_known(inputs, _ends(lines, world), world)
     if not ends.label:
         return inputs, messages
     has_height = np.isfinite(lines.coordinates[:, 0, 2])

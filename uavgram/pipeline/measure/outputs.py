@@ -14,9 +14,9 @@ from uavgram.io.results.results_json import write_results
 from uavgram.model.maps import PLAN_PDF, Paper, PlanPaper
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
-from uavgram.pipeline.measure.exports import exports
-from uavgram.pipeline.measure.journal import Journal
-from uavgram.pipeline.measure.pictures import ReportPictures, carried, ground_picture
+from uavgram.pipeline.measure.exports import make_writers
+from uavgram.pipeline.measure.pictures import ReportPictures, cut_out_ground, select_recorded
+from uavgram.pipeline.measure.run import Journal
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.views.recording.write import write_recording
@@ -56,9 +56,9 @@ def write_outputs(
     with journal.step("write recording.rrd"):
         texture = write_review(result, folder / "recording.rrd", progress, ties, parts)
     with journal.step("put the report's pictures together"):
-        pictures = replace(parts.pictures(), ground=ground_picture(result, texture))
+        pictures = replace(parts.pictures(), ground=cut_out_ground(result, texture))
     writers: dict[str, Callable[[Path], None]] = {
-        **exports(result, texture),
+        **make_writers(result, texture),
         "report.html": lambda path: write_report(result, path, pictures),
         "results.json": lambda path: write_results(result, path),
     }
@@ -108,8 +108,8 @@ def write_review(
 ) -> GroundTexture | None:
     """Write the recording of a result, with its photos and the ground in them.
 
-    With very many photos it contains a selection (see `carried`), while all show the ground. They
-    are processed one by one: the used memory does not grow with their number.
+    With very many photos it contains a selection (see `select_recorded`), while all show the
+    ground. They are processed one by one: the used memory does not grow with their number.
 
     Parameters
     ----------
@@ -137,11 +137,11 @@ def write_review(
         The file cannot be written.
     """
     names = result.frames.frame_id
-    shown_photos = {names[row] for row in carried(len(names))}
+    shown_photos = {names[row] for row in select_recorded(len(names))}
     mosaic = Mosaic(result, names, jpeg_preview_scale(result.camera.width_px))
 
     def reduced_photo(path: str) -> tuple[Preview, Pixels]:
-        return parts.cut(path) if parts and parts.wants(path) else read_preview(path)
+        return parts.cut_parts(path) if parts and parts.needs_photo(path) else read_preview(path)
 
     def photos() -> Iterator[tuple[str, Preview]]:
         reduced = prefetch(reduced_photo, photo_files(result.frames))

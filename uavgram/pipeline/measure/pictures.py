@@ -15,9 +15,9 @@ from uavgram.model.message import Message
 from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.stages.products.picture_plan import picture_plan
-from uavgram.views.report import shown_ground
+from uavgram.views.report import ground_extent
 
-MOST_BYTES = 9_000_000
+MAX_BYTES = 9_000_000
 """Largest size of all pictures together. As text in report.html they are a third larger: it stays
 below 15 MB."""
 
@@ -39,11 +39,11 @@ class ReportPictures:
         self._one = Lock()
         self._room: Pixels | None = None
 
-    def wants(self, path: str) -> bool:
+    def needs_photo(self, path: str) -> bool:
         """Return whether any part of a photo is shown."""
         return path in self._wanted
 
-    def cut(self, path: str) -> tuple[Preview, Pixels]:
+    def cut_parts(self, path: str) -> tuple[Preview, Pixels]:
         """Cut the parts out of a photo, which is decoded once for all.
 
         Only one photo that is decoded as a whole is in memory at a time, for any number of threads.
@@ -74,16 +74,16 @@ class ReportPictures:
         weight = 0
         for picture in made:
             weight += len(picture.jpeg)
-            if weight <= MOST_BYTES:
+            if weight <= MAX_BYTES:
                 shown.append(picture)
             else:
                 left_out.append(_name(self._result, picture.region))
         return Pictures(shown=tuple(shown), left_out=tuple(left_out))
 
 
-def ground_picture(result: Result, texture: GroundTexture | None) -> GroundPicture | None:
+def cut_out_ground(result: Result, texture: GroundTexture | None) -> GroundPicture | None:
     """Cut out the ground below the report's plans; None where photos show none of it."""
-    corners = shown_ground(result)
+    corners = ground_extent(result)
     return None if texture is None or corners is None else cut_ground(texture, *corners)
 
 
@@ -96,20 +96,20 @@ def _name(result: Result, region: Region) -> str:
     return rows[region.row]
 
 
-MOST_RECORDED = 5_000
+MAX_RECORDED = 5_000
 """Largest number of photos in a recording: at some 0.3 MB each the viewer needs gigabytes to open
 more."""
 
 
-def carried(count: int) -> range:
+def select_recorded(count: int) -> range:
     """Return rows of the photos in a recording of so many: all, or a regular selection."""
-    return range(0, count, max(1, -(-count // MOST_RECORDED)))
+    return range(0, count, max(1, -(-count // MAX_RECORDED)))
 
 
-def with_thinning_told(result: Result) -> Result:
+def note_thinning(result: Result) -> Result:
     """Add a note where the recording has only some of the photos."""
     count = len(result.frames.frame_id)
-    rows = carried(count)
+    rows = select_recorded(count)
     if len(rows) == count:
         return result
     text = (

@@ -17,8 +17,8 @@ from uavgram.io.outputs import replace_bytes
 from uavgram.io.results.results_json import dump_results
 from uavgram.model.maps import PLAN_PDF, GroundRaster, Plan, PlanPaper, PlanSheet
 from uavgram.model.result.result import Result
-from uavgram.pipeline.ground_picture import photos_for, whole_picture
-from uavgram.pipeline.measure.exports import on_map
+from uavgram.pipeline.ground_picture import render_picture, select_photos
+from uavgram.pipeline.measure.exports import transform_to_map
 from uavgram.stages.products.plan_sheets import (
     FOOT_STEPS,
     METRIC_STEPS,
@@ -26,7 +26,7 @@ from uavgram.stages.products.plan_sheets import (
     surveyed_extent,
 )
 from uavgram.stages.products.top_view import choose_view, photo_pixels_m
-from uavgram.views.plan.pages import GroundPicture, PlanContent, plan_pages
+from uavgram.views.site_plan.pages import GroundPicture, PlanContent, plan_pages
 from uavgram.views.units import units_of
 
 PLAN_PNG, PLAN_MAP = "plan.png", "plan.tif"
@@ -70,7 +70,7 @@ def write_plan(result: Result, wish: PlanPaper, folder: Path) -> None:
     made = plan_pages(content)
     replace_bytes(folder / PLAN_PDF, made.pdf)
     replace_bytes(folder / PLAN_PNG, made.png)
-    corners, crs = on_map(result, made.map_corners_m)
+    corners, crs = transform_to_map(result, made.map_corners_m)
     tags = {"surface": "the adjusted ground plane: objects above it lean away from the photo"}
     write_turned_picture(made.map_rgba, corners, crs, tags, folder / PLAN_MAP)
 
@@ -82,8 +82,8 @@ class _Ground:
         self._view = view
         raster = _raster(view, overview, overview.sheets[0])
         coarse = raster.coarser(max(max(raster.width, raster.height) // 512, 1))
-        self._gains = estimate_exposure_gains(view, coarse, photos_for(view, coarse))
-        picture = whole_picture(view, coarse, photos_for(view, coarse, self._gains))
+        self._gains = estimate_exposure_gains(view, coarse, select_photos(view, coarse))
+        picture = render_picture(view, coarse, select_photos(view, coarse, self._gains))
         bright = picture[picture[..., 3] > 0]
         self._tone = choose_tone(np.ascontiguousarray(bright[:, None, 2::-1]))
         self._photos: dict[int, PhotoCache] = {}
@@ -92,8 +92,8 @@ class _Ground:
         """Return the picture of one sheet."""
         raster = _raster(self._view, plan, sheet)
         if plan.scale not in self._photos:
-            self._photos = {plan.scale: photos_for(self._view, raster, self._gains)}
-        rgba = whole_picture(self._view, raster, self._photos[plan.scale])
+            self._photos = {plan.scale: select_photos(self._view, raster, self._gains)}
+        rgba = render_picture(self._view, raster, self._photos[plan.scale])
         rgb = np.ascontiguousarray(rgba[..., :3])
         return GroundPicture(np.dstack([apply_tone(rgb, self._tone), rgba[..., 3]]), raster)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from uavgram.config.project import error_of_key
+from uavgram.config.project_text import AssumedOrigin
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import (
@@ -20,29 +22,69 @@ from uavgram.geometry.earth.geodesy import (
     explain_unsuitable_crs,
     utm_crs,
 )
+from uavgram.io.photos.metadata import read_exif_place
+from uavgram.io.photos.poses.sources import read_photo_poses
 from uavgram.model.arrays import Floats, rows_of
-from uavgram.model.flight.frames import Frames, Pairing
+from uavgram.model.flight.frames import Frames, Pairing, Photos
 from uavgram.model.flight.log import FlightLog, HeightDatum, LogFault
 from uavgram.model.flight.pose import Flight, PhotoExposures, PhotoPoses, Telemetry
 from uavgram.model.message import Message
 from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.survey import Geodetic, World
-from uavgram.pipeline.measure.inputs import Inputs, duplicates_of
+from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates
 from uavgram.stages.seed import seed
 from uavgram.stages.seed.fault_effects import report_faults
 from uavgram.stages.seed.log_faults import find_faults
 from uavgram.stages.seed.logged_positions import compute_positions
-from uavgram.stages.seed.photo_exposures import find_photo_home, place_photos
+from uavgram.stages.seed.photo_exposures import DEFAULT_HEIGHT_M, find_photo_home, place_photos
 from uavgram.stages.seed.track import build_track, find_home, gather_evidence
 from uavgram.stages.synchronise import Synchronised, synchronise
 from uavgram.stages.synchronise.tied_times import poses_of
+
+ABOVE_GROUND_SIGMA_M = 40.0
+"""Sigma of `ABOVE_GROUND_M`."""
+
+
+def assume_ground_below(source: str, photos: Photos) -> AssumedOrigin | None:
+    """Assume the ground at a usual distance below the photos; None where no pose can be read.
+
+    Parameters
+    ----------
+    source
+        As `poses` in a project.
+    photos
+        The project's photos.
+    """
+    heights: HeightDatum = "msl"
+    try:
+        poses, _ = read_photo_poses(source, photos, heights)
+    except InputError:
+        return None
+    stated = poses.height_m[np.isfinite(poses.height_m)]
+    return AssumedOrigin(
+        latitude_deg=float(poses.latitude_deg[0]),
+        longitude_deg=float(poses.longitude_deg[0]),
+        height_m=float(np.median(stated)) - DEFAULT_HEIGHT_M if stated.size else 0.0,
+        height_sigma_m=ABOVE_GROUND_SIGMA_M,
+        datum=poses.datum,
+    )
+
+
+def has_place(photos: Photos) -> bool:
+    """Return whether any of the photos states a place in EXIF, even without a height."""
+    try:
+        places = [read_exif_place(path) for path in photos.path]
+    except InputError:
+        return False
+    return any(math.isfinite(place.latitude_deg) for place in places)
+
 
 Place = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Posed:
+class PosedFrames:
     """Frames on the log's clock, with seed poses in the local world.
 
     Without a log or photo poses `telemetry` is None; `pairing` assigns photos to camera events of
@@ -56,7 +98,7 @@ class Posed:
     pairing: Pairing | None = None
 
 
-def pose_frames(inputs: Inputs) -> Posed:
+def pose_frames(inputs: Inputs) -> PosedFrames:
     """Seed the poses from the log or from the photos; without either, only name the world.
 
     If several photos show one exposure, only one is matched and placed; the others get its time.
@@ -66,11 +108,11 @@ def pose_frames(inputs: Inputs) -> Posed:
     InputError
         The project's coordinate system does not fit that world.
     """
-    names, duplicates = inputs.photos.frame_id, duplicates_of(inputs)
+    names, duplicates = inputs.photos.frame_id, find_project_duplicates(inputs)
     if not duplicates.photos:
-        return _posed(inputs)
+        return _pose(inputs)
     copies = duplicates.photos
-    posed = _posed(_of_photos(inputs, [k for k, name in enumerate(names) if name not in copies]))
+    posed = _pose(_of_photos(inputs, [k for k, name in enumerate(names) if name not in copies]))
     at = {name: k for k, name in enumerate(posed.frames.frame_id)}
     rows = np.array([at[copies.get(name, name)] for name in names])
     frames = replace(posed.frames, **rows_of(posed.frames, rows) | {"frame_id": names})
@@ -96,20 +138,20 @@ def _of_photos(inputs: Inputs, rows: Sequence[int]) -> Inputs:
     return replace(inputs, photos=photos, poses=placed)
 
 
-def _posed(inputs: Inputs) -> Posed:
+def _pose(inputs: Inputs) -> PosedFrames:
     if inputs.log is not None:
-        posed = _by_log(inputs, inputs.log)
+        posed = _seed_from_log(inputs, inputs.log)
     elif inputs.poses is not None:
-        posed = _by_photos(inputs, inputs.poses)
+        posed = _seed_from_photos(inputs, inputs.poses)
     else:
-        posed = unposed(inputs)
+        posed = list_unposed(inputs)
     place, crs = posed.world.origin, inputs.project.crs
     if place is not None and crs != "auto" and (why := explain_unsuitable_crs(crs, *place[:2])):
         raise error_of_key(inputs.project_path, ("crs",), why)
     return posed
 
 
-def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
+def _seed_from_log(inputs: Inputs, log: FlightLog) -> PosedFrames:
     """Match the photos to the log and interpolate it."""
     project = inputs.project
     matched = _synchronise(inputs, log)
@@ -126,7 +168,7 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
             project.telemetry,
         )
         messages = (*matched.messages, *home_messages, *more)
-        posed = _seeded(inputs, frames, exposures, (place, datum), messages)
+        posed = _seed(inputs, frames, exposures, (place, datum), messages)
         return replace(posed, pairing=matched.pairing)
     track, track_messages = build_track(
         matched.boot, matched.clock, place, project.mount, project.telemetry
@@ -135,11 +177,11 @@ def _by_log(inputs: Inputs, log: FlightLog) -> Posed:
     faults = find_faults(track, evidence, frames.time_utc_s[frames.matched])
     log_messages = report_faults(faults, evidence, frames)
     messages = (*log_messages, *matched.messages, *home_messages, *track_messages)
-    posed = _seeded(inputs, frames, track, (place, datum), messages, faults)
+    posed = _seed(inputs, frames, track, (place, datum), messages, faults)
     return replace(posed, pairing=matched.pairing)
 
 
-def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
+def _seed_from_photos(inputs: Inputs, poses: PhotoPoses) -> PosedFrames:
     """Use the photos' own poses."""
     project = inputs.project
     stated = _stated_origin(inputs, poses.datum)
@@ -152,10 +194,10 @@ def _by_photos(inputs: Inputs, poses: PhotoPoses) -> Posed:
         raise InputError(source, str(fault)) from fault
     frames = _photo_frames(inputs, poses, exposures.frame_id)
     _require_matched(frames, source)
-    return _seeded(inputs, frames, exposures, (place, poses.datum), (*messages, *more))
+    return _seed(inputs, frames, exposures, (place, poses.datum), (*messages, *more))
 
 
-def _at_the_camera(mount: MountOptions) -> tuple[MountOptions, tuple[Message, ...]]:
+def _remove_lever_arm(mount: MountOptions) -> tuple[MountOptions, tuple[Message, ...]]:
     """Remove the lever arm of the mount, as photos state the position of the camera itself."""
     if not any(mount.lever_arm_m):
         return mount, ()
@@ -166,20 +208,20 @@ def _at_the_camera(mount: MountOptions) -> tuple[MountOptions, tuple[Message, ..
     return replace(mount, lever_arm_m=(0.0, 0.0, 0.0)), (message,)
 
 
-def _seeded(
+def _seed(
     inputs: Inputs,
     frames: Frames,
     flight: Flight,
     origin: tuple[Place, HeightDatum],
     messages: tuple[Message, ...],
     faults: Sequence[LogFault] = (),
-) -> Posed:
+) -> PosedFrames:
     mount = inputs.project.mount
     more: tuple[Message, ...] = ()
     if isinstance(flight, PhotoExposures) and inputs.log is None:
-        mount, more = _at_the_camera(mount)
+        mount, more = _remove_lever_arm(mount)
     telemetry = seed(frames, flight, mount, inputs.project.telemetry, faults)
-    far = _far_origin(inputs, telemetry.poses.center_world_m)
+    far = _check_origin(inputs, telemetry.poses.center_world_m)
     place, datum = origin
     undulation = np.nan if inputs.log is None else inputs.log.undulation_m
     world = World(
@@ -188,10 +230,12 @@ def _seeded(
         gauge="world",
         undulation_m=float(undulation) if np.isfinite(undulation) else None,
     )
-    return Posed(world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more, *far))
+    return PosedFrames(
+        world=world, frames=frames, telemetry=telemetry, messages=(*messages, *more, *far)
+    )
 
 
-def _far_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
+def _check_origin(inputs: Inputs, center_world_m: Floats) -> tuple[Message, ...]:
     """Refuse an origin far from this flight; report the effect of the earth's curvature."""
     if not isinstance(inputs.project.world.origin, GeodeticOrigin):
         return ()
@@ -272,7 +316,7 @@ def _photo_frames(inputs: Inputs, poses: PhotoPoses, placed: tuple[str, ...]) ->
     )
 
 
-def unposed(inputs: Inputs) -> Posed:
+def list_unposed(inputs: Inputs) -> PosedFrames:
     """Return names and file times of the frames, and a world that only control points can place."""
     project = inputs.project
     frames = _file_time_frames(inputs, "no flight log")
@@ -297,7 +341,7 @@ def unposed(inputs: Inputs) -> Posed:
         )
         messages = (Message("info", "origin-control", text),)
     world = World(origin=place, height_datum=project.world.heights, gauge="world")
-    return Posed(world=world, frames=frames, telemetry=None, messages=messages)
+    return PosedFrames(world=world, frames=frames, telemetry=None, messages=messages)
 
 
 def height_shift(inputs: Inputs, datum: HeightDatum) -> float:
@@ -326,7 +370,7 @@ def height_shift(inputs: Inputs, datum: HeightDatum) -> float:
     return undulation if datum == "ellipsoid" else -undulation
 
 
-def known_in_world(
+def transform_known(
     inputs: Inputs, points: KnownPoints, world: World
 ) -> tuple[KnownWorldPoints, tuple[Message, ...]]:
     """Transform known points to the local world; none, with a message, without a tie to the earth.
@@ -362,7 +406,7 @@ def known_in_world(
 
 
 def _check_places(inputs: Inputs, points: KnownPoints, origin: Geodetic) -> None:
-    """Refuse exchanged coordinates, or those of another place, as in `known_in_world`."""
+    """Refuse exchanged coordinates, or those of another place, as in `transform_known`."""
     latitude, longitude, _ = points.coordinates.T
     place, crs = origin[:2], inputs.project.crs
     turned = {

@@ -1,9 +1,14 @@
-"""Run a project: read, compute, and write all outputs or none."""
+"""Run a project: read, compute, write all outputs or none, and log the steps."""
 
 from __future__ import annotations
 
+import json
+import logging
 import os
-from collections.abc import Callable
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
 from enum import Enum
 from pathlib import Path
 from typing import Literal
@@ -14,11 +19,49 @@ from uavgram.model.maps import Paper, PlanPaper
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import Sampling, compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.pipeline.measure.journal import Journal
-from uavgram.pipeline.measure.tie_points import are_missing, pose_before_ties, with_ties_found
+from uavgram.pipeline.measure.tie_points import add_found_ties, are_missing, pose_before_ties
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.summarise import tie_cloud
+
+log = logging.getLogger(__name__)
+
+
+class Journal:
+    """Records of one run, in order; the only object of a run that grows."""
+
+    def __init__(self) -> None:
+        self._lines: list[dict[str, object]] = []
+
+    @contextmanager
+    def step(self, name: str) -> Iterator[None]:
+        """Time a step; a failed step leaves no record, as the run leaves no file."""
+        log.info("%s", name)
+        started = time.perf_counter()
+        yield
+        self.note("step", name=name, seconds=round(time.perf_counter() - started, 4))
+
+    def note(self, event: str, **fields: object) -> None:
+        """Add a record."""
+        now = datetime.now(UTC).isoformat(timespec="milliseconds")
+        self._lines.append({"time_utc": now, "event": event, **fields})
+
+    def result(self, result: Result) -> None:
+        """Record the solution and the messages of the run."""
+        solution = result.solution
+        self.note(
+            "solution",
+            iterations=solution.iterations,
+            converged=solution.converged,
+            degrees_of_freedom=solution.degrees_of_freedom,
+        )
+        for message in result.messages:
+            self.note("message", **message.record())
+
+    def write(self, path: Path) -> None:
+        """Write one JSON object per line."""
+        text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in self._lines)
+        path.write_text(text, encoding="utf-8")
 
 
 class _Output(Enum):
@@ -85,7 +128,7 @@ def run(
     if are_missing(inputs):
         with journal.step("find tie points"):
             posed = pose_before_ties(inputs)
-            inputs = with_ties_found(inputs, posed, write=folder is not None, progress=progress)
+            inputs = add_found_ties(inputs, posed, write=folder is not None, progress=progress)
             posed = None if posed.telemetry is None else posed
     with journal.step("adjust and measure"):
         result, refined = compute(inputs, sampling, posed=posed)
@@ -95,7 +138,7 @@ def run(
         return result
     from uavgram.pipeline.measure import outputs, pictures  # noqa: PLC0415 - load Rerun and ezdxf
 
-    result = pictures.with_thinning_told(result)
+    result = pictures.note_thinning(result)
     journal.result(result)
     with staged_output(Path(folder), inputs.files, inputs.photos.path, hold) as staging:
         outputs.write_outputs(result, ties, staging, journal, progress, pdf, plan)

@@ -12,21 +12,21 @@ from uavgram.io.tables.ties import read_ties, update_ties
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FOUND
 from uavgram.model.survey.ties import TiePicks
-from uavgram.pipeline.measure.inputs import Inputs, duplicates_of, ties_path
-from uavgram.pipeline.measure.pose import Posed, pose_frames, unposed
+from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, ties_path
+from uavgram.pipeline.measure.pose import PosedFrames, list_unposed, pose_frames
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.synchronise.boots import has_events
 from uavgram.stages.tie.remarks import remarks
 
 if TYPE_CHECKING:
-    from uavgram.pipeline.ties import Found
+    from uavgram.pipeline.ties import TieSearch
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Tied:
+class FoundTies:
     """Tie points that were found in a project's photos, with remarks."""
 
-    found: Found
+    found: TieSearch
     photos: Sequence[str]
 
     @property
@@ -39,16 +39,16 @@ class Tied:
         return tuple(remarks(self.ties, self.photos, file))
 
 
-def pose_before_ties(inputs: Inputs) -> Posed:
+def pose_before_ties(inputs: Inputs) -> PosedFrames:
     """Return first poses of the photos; none where ties will determine the camera's clock."""
     time, log = inputs.project.time, inputs.log
     by_clock = time.source != "events" and inputs.photos.time_source != "none"
     if log is not None and by_clock and time.offset_s == "auto" and not has_events(log):
-        return unposed(inputs)
+        return list_unposed(inputs)
     return pose_frames(inputs)
 
 
-def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:
+def find_project_ties(inputs: Inputs, posed: PosedFrames, progress: Progress = silent) -> FoundTies:
     """Find the tie points of a project.
 
     Parameters
@@ -65,7 +65,7 @@ def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:
     """
     from uavgram.pipeline.ties import Scene, find_ties  # noqa: PLC0415 - slow to load
 
-    copies = duplicates_of(inputs).photos
+    copies = find_project_duplicates(inputs).photos
     rows = [k for k, name in enumerate(inputs.photos.frame_id) if name not in copies]
     ground = inputs.project.ground
     scene = Scene(
@@ -78,7 +78,7 @@ def tied(inputs: Inputs, posed: Posed, progress: Progress = silent) -> Tied:
         ground_m=ground.height_m,
         ground_sigma_m=ground.height_sigma_m,
     )
-    return Tied(found=find_ties(scene, progress), photos=scene.frame_id)
+    return FoundTies(found=find_ties(scene, progress), photos=scene.frame_id)
 
 
 def are_missing(inputs: Inputs) -> bool:
@@ -87,8 +87,8 @@ def are_missing(inputs: Inputs) -> bool:
     return inputs.project.ties == TIES_FOUND and path is not None and not path.is_file()
 
 
-def with_ties_found(
-    inputs: Inputs, posed: Posed, *, write: bool, progress: Progress = silent
+def add_found_ties(
+    inputs: Inputs, posed: PosedFrames, *, write: bool, progress: Progress = silent
 ) -> Inputs:
     """Find tie points, and add them to the project.
 
@@ -108,7 +108,7 @@ def with_ties_found(
     OutputError
         The table cannot be written.
     """
-    new = tied(inputs, posed, progress)
+    new = find_project_ties(inputs, posed, progress)
     path = ties_path(inputs.project, inputs.folder)
     messages = inputs.messages
     digests = inputs.digests

@@ -1,13 +1,15 @@
-"""Predicted places of picks in other photos, and of planned lines."""
+"""Predicted places in photos: of picks, known points, planned lines, and the same ground."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.errors import UavgramError
+from uavgram.estimation.measuring.predicted_pixels import predict_known_points
 from uavgram.estimation.measuring.transferred_pixels import (
     PickedPixels,
     TransferredPixels,
@@ -17,24 +19,156 @@ from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
+from uavgram.geometry.ground.row_projection import RowPoses
 from uavgram.imaging.matching.matches import SoughtPoints
 from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.flight.pose import Poses
 from uavgram.model.survey.observations import KnownWorldPoints, Picks
 from uavgram.model.survey.survey import World
-from uavgram.pipeline.match.adjusting import UNEVEN_M
-from uavgram.pipeline.match.search import LEAST_PX, sought_at
+from uavgram.pipeline.match.adjustment import UNEVEN_M
+from uavgram.pipeline.match.search import MIN_PX, make_search_places
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.pipeline.pick.live import Adjusted, LiveSurvey
+from uavgram.pipeline.measure.pose import transform_known
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.match import REGION_SQUARED, compute_radii, compute_stretches, find_contradicted
+from uavgram.stages.products.map_layers import shown_poses
 from uavgram.stages.products.mission import planned_origin
 from uavgram.stages.refine.readjustment import MorePicks, add_picks
+from uavgram.stages.same_ground import find_same_ground as ground_in_photos
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPlaces:
+    """N pairs of photo and label with the pixel (N, 2) and its covariance (N, 2, 2) [px^2]."""
+
+    frame_id: tuple[str, ...]
+    label: tuple[str, ...]
+    pixel_px: Floats
+    covariance_px2: Floats
+
+
+class ExpectedPlace(NamedTuple):
+    """Predicted place of one label: the pixel (2,) and its covariance (2, 2) [px^2]."""
+
+    pixel_px: Floats
+    covariance_px2: Floats
+
+
+NOWHERE = KnownPlaces((), (), np.empty((0, 2)), np.empty((0, 2, 2)))
+
+
+@with_one_blas_thread
+def predict_known_places(survey: LiveSurvey, last: LiveAdjustment | None) -> KnownPlaces:
+    """Predict pixels of control, check and planned points in the photos that show them.
+
+    Parameters
+    ----------
+    survey, last
+        The project, and its last adjustment, whose poses are better than the telemetry's.
+    """
+    posed, best = survey.posed, _best_poses(survey, last)
+    if posed is None or posed.telemetry is None or best is None:
+        return NOWHERE
+    poses, sweep = best
+    tables = [
+        transform_known(survey.inputs, points, posed.world)[0]
+        for points in (survey.inputs.control, survey.inputs.check)
+    ]
+    tables.append(predict_planned_places(survey.inputs, posed.world))
+    label = tuple(name for table in tables for name in table.label)
+    if not label:
+        return NOWHERE
+    world = np.concatenate([table.world_m for table in tables])
+    sigma = np.concatenate([table.sigma_m for table in tables])
+    found = predict_known_points(survey.inputs.calibration, poses, sweep, (world, sigma))
+    return KnownPlaces(
+        tuple(poses.frame_id[k] for k in found.pose),
+        tuple(label[k] for k in found.point),
+        found.pixel_px,
+        found.covariance_px2,
+    )
+
+
+def predict_place(
+    survey: LiveSurvey, last: LiveAdjustment | None, image: str, label: str
+) -> ExpectedPlace | None:
+    """Predict the place of a label that is not picked in a photo; None where it is unknown.
+
+    Parameters
+    ----------
+    survey, last
+        As for `predict_known_places`.
+    image, label
+        The photo, and the label.
+    """
+    if last is not None:
+        found, names = last.predicted, last.adjustment.survey.label
+        for k, (frame, row) in enumerate(zip(found.frame_id, found.label.tolist(), strict=True)):
+            if (frame, names[row]) == (image, label):
+                return ExpectedPlace(found.pixel_px[k], found.covariance_px2[k])
+    known = predict_known_places(survey, last)
+    for k, key in enumerate(zip(known.frame_id, known.label, strict=True)):
+        if key == (image, label):
+            return ExpectedPlace(known.pixel_px[k], known.covariance_px2[k])
+    return None
+
+
+def project_ground(
+    survey: LiveSurvey, last: LiveAdjustment | None, image: str, pixel_px: tuple[float, float]
+) -> dict[str, tuple[float, float, float]]:
+    """Project the ground under a pixel to the other photos.
+
+    Parameters
+    ----------
+    survey, last
+        As for `predict_known_places`.
+    image, pixel_px
+        The photo and the pixel.
+
+    Returns
+    -------
+    dict
+        By photo name: u, v [px] (perhaps outside the photo), and the number of its pixels for one
+        pixel of `image` there. Empty where no pose is known.
+    """
+    best = _best_poses(survey, last)
+    if best is None or image not in best[0].frame_id:
+        return {}
+    poses, sweep = best
+    if last is None:
+        plane = np.array([survey.inputs.project.ground.height_m, 0.0, 0.0]), np.zeros(2)
+    else:
+        plane = last.adjustment.state.plane[:3], last.adjustment.problem.pivot_m[0]
+    photo = poses.frame_id.index(image)
+    of_rows = RowPoses(poses.center_world_m, poses.world_from_camera, sweep)
+    pixel, scale = ground_in_photos(survey.inputs.calibration, of_rows, plane, photo, pixel_px)
+    return {
+        name: (float(u), float(v), float(ratio))
+        for name, (u, v), ratio in zip(poses.frame_id, pixel, scale, strict=True)
+        if name != image and np.isfinite([u, v]).all() and ratio > 0
+    }
+
+
+def _best_poses(survey: LiveSurvey, last: LiveAdjustment | None) -> tuple[Poses, Floats] | None:
+    """Return each photo's adjusted pose, or else the telemetry's, and its sweep (see `RowPoses`).
+
+    Return None without either.
+    """
+    if last is not None:
+        rows, poses = shown_poses(last.result)
+        return poses, last.result.frames.sweep[rows]
+    telemetry = None if survey.posed is None else survey.posed.telemetry
+    if telemetry is None:
+        return None
+    return telemetry.poses, np.zeros((len(telemetry.poses.frame_id), 6))
+
 
 LAID_SIGMA_M = 0.5
 """Standard deviation of an object laid by paces and sight [m]: half a step."""
 
 
-def planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
+def predict_planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
     """Return ends of the plan's lines and middles of its plates; none without a place on earth.
 
     They are on the project's ground, regardless of the height in the plan, which was made
@@ -65,7 +199,7 @@ def planned_places(inputs: Inputs, world: World) -> KnownWorldPoints:
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
+class PredictedPlaces:
     """Set of n predicted places of picks in other photos.
 
     Attributes
@@ -105,10 +239,10 @@ class Places:
         """Return whether a pixel is within the region of a place."""
         at = self.row[row]
         off = np.array(pixel_px) - self.predicted.pixel_px[at]
-        covariance = self.predicted.covariance_px2[at] + LEAST_PX**2 * np.eye(2)
+        covariance = self.predicted.covariance_px2[at] + MIN_PX**2 * np.eye(2)
         return bool(off @ np.linalg.solve(covariance, off) <= REGION_SQUARED)
 
-    def contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
+    def mark_contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
         """Mark finds (m,) in one photo that the others there contradict.
 
         Parameters
@@ -121,17 +255,17 @@ class Places:
         at = self.row[rows]
         joint = self.predicted.joint_covariance(self.adjustment, at)
         off = pixel_px - self.predicted.pixel_px[at]
-        return find_contradicted(off, joint, np.hypot(sigma_px, LEAST_PX))
+        return find_contradicted(off, joint, np.hypot(sigma_px, MIN_PX))
 
     def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
         """Convert places to the input of the matching."""
-        return sought_at(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
+        return make_search_places(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
 
 
 @with_one_blas_thread
-def places_in_other_photos(
-    survey: LiveSurvey, last: Adjusted, picks: Picks, labels: Collection[str] | None = None
-) -> Places | None:
+def predict_places(
+    survey: LiveSurvey, last: LiveAdjustment, picks: Picks, labels: Collection[str] | None = None
+) -> PredictedPlaces | None:
     """Predict every label in every photo that should show it, from the most similar pick.
 
     Also from picks that are newer than the last adjustment, in photos that take part in it.
@@ -151,7 +285,7 @@ def places_in_other_photos(
         None where they cannot be predicted yet.
     """
     try:
-        adjustment = _up_to_date(survey, last, picks)
+        adjustment = _update_adjustment(survey, last, picks)
     except (SingularError, ValueError, UavgramError):  # wait for the next full adjustment
         return None
     frame = {name: k for k, name in enumerate(adjustment.survey.frame_id)}
@@ -173,12 +307,12 @@ def places_in_other_photos(
         picks.pixel_px[rows].reshape(-1, 2),
     )
     found = transfer_pixels(adjustment, survey.flight(), clicked)
-    return _most_alike(adjustment, found, rows[found.click], picks)
+    return _select_most_similar(adjustment, found, rows[found.click], picks)
 
 
-def _most_alike(
+def _select_most_similar(
     adjustment: Adjustment, found: TransferredPixels, pick: Ints, picks: Picks
-) -> Places:
+) -> PredictedPlaces:
     """Select for each label in each photo the place by the most similar pick.
 
     Parameters
@@ -198,10 +332,10 @@ def _most_alike(
     image = tuple(found.frame_id[row] for row in rows)
     radius = compute_radii(found.covariance_px2[rows])
     raised = adjustment.survey.off_ground[adjustment.label_rows(label)]
-    return Places(pick[rows], image, label, radius, raised, rows, found, adjustment)
+    return PredictedPlaces(pick[rows], image, label, radius, raised, rows, found, adjustment)
 
 
-def _up_to_date(survey: LiveSurvey, last: Adjusted, picks: Picks) -> Adjustment:
+def _update_adjustment(survey: LiveSurvey, last: LiveAdjustment, picks: Picks) -> Adjustment:
     """Update the last adjustment with new or moved picks."""
     adjustment, before = last.adjustment, last.observed.picks
     was = {

@@ -6,13 +6,13 @@ import numpy as np
 
 from uavgram.model.result.tables import ProfileResults
 from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.pipeline.pick.live import Adjusted
+from uavgram.pipeline.pick.live_survey import LiveAdjustment
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.measure import compute_profiles
 
 
 @with_one_blas_thread
-def side_view(adjusted: Adjusted, name: str) -> ProfileResults | None:
+def make_side_view(adjusted: LiveAdjustment, name: str) -> ProfileResults | None:
     """Return a measurement's adjusted points, in order along it.
 
     A profile is viewed across its own line; other measurements across the line from the first point

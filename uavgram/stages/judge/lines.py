@@ -128,6 +128,15 @@ def describe_missing_picks(
     """Return ``no usable pick of 'R33' (did you mean 'R3'?)`` for labels not among `labels`.
 
     A label that was picked, and whose picks were left out, is no misspelling.
+
+    Parameters
+    ----------
+    missing
+        Labels without a usable pick.
+    labels
+        Labels of the survey, for suggestions.
+    picked
+        Labels that were picked at all.
     """
     words = []
     for label in missing:

@@ -26,10 +26,10 @@ from uavgram.synthetic.plan.scene import Asked, read_scene
 from uavgram.synthetic.plan.wanted import list_wanted
 from uavgram.synthetic.scenario import FlightPlan, Scenario, Site, Station
 from uavgram.synthetic.scenario_file import format_scenario, read_scenario_document
-from uavgram.views.field_sheet.page import NAME as SHEET
-from uavgram.views.field_sheet.page import field_sheet, field_sheet_pdf
+from uavgram.views.field_sheet import NAME as SHEET
+from uavgram.views.field_sheet import field_sheet, field_sheet_pdf
+from uavgram.views.flight_plan_recording import write_plan_recording
 from uavgram.views.pages_pdf import weasyprint_for
-from uavgram.views.planned_recording.write import write_plan_recording
 
 
 def make_flown_scenario(scenario: Scenario, asked: Asked, planned: FlightPlanned) -> Scenario:

@@ -13,14 +13,14 @@ from uavgram.errors import UavgramError, near_miss
 from uavgram.io.outputs import staged_output
 from uavgram.io.results.simulation_json import write_studies
 from uavgram.model.simulation import MethodRow, Study
-from uavgram.pipeline.parallel import in_processes
+from uavgram.pipeline.parallel import run_in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
 from uavgram.synthetic.study.method_scenes import Setting
 from uavgram.synthetic.study.methods import LIMIT_SETTINGS, compare_methods
 from uavgram.synthetic.study.photos import StudyCell, StudyScene, simulate_cell
-from uavgram.views.study.figures import figure_files
-from uavgram.views.study.page import render_study_page
+from uavgram.views.study import render_study_page
+from uavgram.views.study_figures import figure_files
 
 Numbers = Mapping[str, float | str]
 """Values of a scene, by name."""
@@ -195,7 +195,7 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
     """
     began = time.perf_counter()
     if name == METHODS:
-        made = in_processes(partial(_setting, repetitions), METHOD_SETTINGS, workers)
+        made = run_in_processes(partial(_setting, repetitions), METHOD_SETTINGS, workers)
         rows = [
             row for rows in progress(made, f"study of {name}", len(METHOD_SETTINGS)) for row in rows
         ]
@@ -210,7 +210,7 @@ def make_study(name: str, repetitions: int, workers: int = 0, progress: Progress
             methods=tuple(rows),
         )
     grid = STUDY_GRIDS[name]
-    found = in_processes(partial(simulate_cell, repetitions=repetitions), grid.places, workers)
+    found = run_in_processes(partial(simulate_cell, repetitions=repetitions), grid.places, workers)
     return Study(
         name=name,
         title=grid.title,

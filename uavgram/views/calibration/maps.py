@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration_result import CalibrationResult, LensEffect
-from uavgram.views.calibration.drawing import (
+from uavgram.views.calibration.drawing_rules import (
     hex_colours,
     is_dark,
     mean_residual_factor,
@@ -19,7 +19,7 @@ from uavgram.views.calibration.drawing import (
 from uavgram.views.calibration.verdict import percent
 
 WIDTH = 520.0
-MOST_DOTS = 6000
+MAX_DOTS = 6000
 UNLIKELY = 0.001
 """Probability of a cell's mean residual below which the lens model is considered wrong there."""
 
@@ -92,7 +92,7 @@ def coverage_map(result: CalibrationResult) -> Drawing:
         for count, colour in zip(corners.ravel(), colours.reshape(-1, 3), strict=True)
     ]
     removed = np.array([status == "removed" for status in result.corners.status])
-    place, step = _placed(result, result.corners.pixel_px)
+    place, step = _place(result, result.corners.pixel_px)
     paths = [(_dots(place[~removed][::step], 1.1), FITS, 0.0)]
     if removed.any():
         paths.append((_dots(place[removed], 2.0), MISFITS, 0.0))
@@ -102,7 +102,7 @@ def coverage_map(result: CalibrationResult) -> Drawing:
         height=_height(result),
         cells=_cells(result, fills, texts, DARK),
         paths=tuple(paths),
-        note=_thinned(step),
+        note=_thin(step),
     )
 
 
@@ -111,11 +111,11 @@ def residual_map(result: CalibrationResult) -> Drawing:
     corners, maps = result.corners, result.maps
     factor = mean_residual_factor(result)
     used = np.array([status != "removed" for status in corners.status])
-    start, step = _placed(result, corners.pixel_px)
-    end, _ = _placed(result, corners.pixel_px + factor * corners.residual_px)
-    mean_from, _ = _placed(result, maps.cell_px.reshape(-1, 2))
+    start, step = _place(result, corners.pixel_px)
+    end, _ = _place(result, corners.pixel_px + factor * corners.residual_px)
+    mean_from, _ = _place(result, maps.cell_px.reshape(-1, 2))
     tips = maps.cell_px + factor * maps.residual_px
-    mean_to, _ = _placed(result, tips.reshape(-1, 2))
+    mean_to, _ = _place(result, tips.reshape(-1, 2))
     known = np.isfinite(mean_to[:, 0])
     odd = known & (maps.residual_probability.ravel() < UNLIKELY)
     return Drawing(
@@ -126,7 +126,7 @@ def residual_map(result: CalibrationResult) -> Drawing:
             (_arrows(mean_from[known & ~odd], mean_to[known & ~odd]), FITS, 2.0),
             (_arrows(mean_from[odd], mean_to[odd]), MISFITS, 2.4),
         ),
-        note=f"Drawn {factor} times too long. {_thinned(step)}".strip(),
+        note=f"Drawn {factor} times too long. {_thin(step)}".strip(),
     )
 
 
@@ -158,7 +158,7 @@ def length_map(result: CalibrationResult, effect: LensEffect, picture: str = "")
     lengths = effect.lengths
     if lengths is None:
         return None
-    ends = _placed(result, lengths.pixel_px.reshape(-1, 2))[0].reshape(-1, 2, 2)
+    ends = _place(result, lengths.pixel_px.reshape(-1, 2))[0].reshape(-1, 2, 2)
     level = np.flatnonzero(np.abs(ends[:, 1, 1] - ends[:, 0, 1]) < 1.0)
     # lengths of one row overlap a little: every other one is drawn lower
     column = np.unique(np.round(ends[level, 0, 0]), return_inverse=True)[1]
@@ -222,13 +222,13 @@ def _height(result: CalibrationResult) -> float:
     return WIDTH * camera.height_px / camera.width_px
 
 
-def _placed(result: CalibrationResult, pixel: Floats) -> tuple[Floats, int]:
+def _place(result: CalibrationResult, pixel: Floats) -> tuple[Floats, int]:
     """Return (N, 2) places in the drawing, and the step by which corners are thinned out."""
     scale = WIDTH / result.calibration.width_px
-    return np.asarray((pixel + 0.5) * scale), max(1, -(-len(pixel) // MOST_DOTS))
+    return np.asarray((pixel + 0.5) * scale), max(1, -(-len(pixel) // MAX_DOTS))
 
 
-def _thinned(step: int) -> str:
+def _thin(step: int) -> str:
     return f"Of many corners, one in {step} is drawn." if step > 1 else ""
 
 

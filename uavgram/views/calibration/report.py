@@ -16,8 +16,7 @@ from uavgram.model.camera.calibration_result import (
     LensEffect,
     ModelScore,
 )
-from uavgram.views.calibration.camera_text import parameter_cells
-from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
+from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text, rows_by_photo
 from uavgram.views.calibration.maps import (
     coverage_map,
     length_map,
@@ -25,13 +24,14 @@ from uavgram.views.calibration.maps import (
     tilt_dial,
     uncertainty_map,
 )
+from uavgram.views.calibration.text import parameter_cells
 from uavgram.views.calibration.verdict import (
     calibration_facts,
     judge_calibration,
     percent,
 )
+from uavgram.views.formatting import LEVEL_RANK, number
 from uavgram.views.pages import page
-from uavgram.views.wording import LEVEL_RANK, number
 
 PICTURE_WIDTH_PX = 300
 

@@ -13,9 +13,9 @@ from uavgram.model.camera.calibration_result import (
     CalibrationResult,
     LensEffect,
 )
-from uavgram.views.calibration.drawing import pixels_text
-from uavgram.views.survey.drawing import largest_known
-from uavgram.views.wording import LEVEL_RANK
+from uavgram.views.calibration.drawing_rules import pixels_text
+from uavgram.views.formatting import LEVEL_RANK
+from uavgram.views.survey.outlines import largest_known
 
 GOOD_FOCAL = 0.005
 """Limit of a good calibration: relative error of the focal length, or of lengths by the lens."""

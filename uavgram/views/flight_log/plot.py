@@ -32,16 +32,16 @@ from uavgram.model.flight.log import (
 from uavgram.views.flight_log.text import KINDS
 
 _BLUE, _ORANGE, _RED, _GREY, _GREEN = "#2f6fb5", "#d9730d", "#c92a2a", "#8a8f98", "#2b8a3e"
-_MOST_BOOTS = 4
+_MAX_BOOTS = 4
 _DATUMS = {"msl": "above sea level", "ellipsoid": "above the ellipsoid"}
 _MARK_SIZE = 18.0
-_LEAST_JUMP_M, _FASTEST = 5.0, 60.0
+_MIN_JUMP_M, _FASTEST = 5.0, 60.0
 """Largest step [m] and speed [m/s] from one row to the next that can be a flight."""
 
 
 def log_plot_png(summary: LogSummary) -> bytes:
     """Draw a log; of many boots the four longest, in their order."""
-    shown = _longest(summary.boots)
+    shown = _select_longest(summary.boots)
     rows = [max(_rows(summary.boots[k]), 0.2) for k in shown]
     figure = Figure(figsize=(13, 0.8 + 3.6 * sum(rows)), dpi=110, layout="constrained")
     log = summary.log
@@ -57,9 +57,9 @@ def log_plot_png(summary: LogSummary) -> bytes:
     return drawn.getvalue()
 
 
-def _longest(boots: tuple[BootSummary, ...]) -> list[int]:
+def _select_longest(boots: tuple[BootSummary, ...]) -> list[int]:
     order = sorted(range(len(boots)), key=lambda k: -len(boots[k].track_m))
-    return sorted(order[:_MOST_BOOTS])
+    return sorted(order[:_MAX_BOOTS])
 
 
 def _draw_boot(part: SubFigure, summary: BootSummary, number: int, count: int) -> None:
@@ -105,7 +105,7 @@ def _flown(time_s: Floats, values: Floats) -> slice:
     """
     # first jump that no flight can make, after values near zero
     step = np.linalg.norm(np.diff(values, axis=0), axis=1)
-    jumps = np.flatnonzero(step > np.maximum(_LEAST_JUMP_M, _FASTEST * np.diff(time_s)))
+    jumps = np.flatnonzero(step > np.maximum(_MIN_JUMP_M, _FASTEST * np.diff(time_s)))
     if len(jumps) and np.abs(values[: jumps[0] + 1]).max() < 0.1 * step[jumps[0]]:
         return slice(int(jumps[0]) + 1, None)
     return slice(None)
@@ -120,7 +120,7 @@ def _explain(axis: Axes, height: str, source: str) -> None:
         axis.legend(fontsize=8, loc="best")
 
 
-def _beside(axis: Axes) -> Axes:
+def _add_right_axis(axis: Axes) -> Axes:
     """Add an axis on the right, below the curves and the legend of the left one."""
     right = axis.twinx()
     axis.set_zorder(right.get_zorder() + 1)
@@ -184,7 +184,7 @@ def _draw_heights(boot: Boot, positions: PositionSamples, axis: Axes) -> None:
 
 def _draw_attitudes(attitudes: AttitudeSamples, axis: Axes) -> None:
     yaw, pitch, roll = np.degrees(ypr_from_matrix(matrix_from_xyzw(attitudes.ned_from_body_xyzw)))
-    time, heading = attitudes.time_boot_s, _beside(axis)
+    time, heading = attitudes.time_boot_s, _add_right_axis(axis)
     heading.plot(time, yaw % 360.0, ".", color=_GREY, markersize=1.5)
     heading.set_ylabel("heading, grey [deg]")
     heading.set_ylim(0.0, 360.0)
@@ -207,7 +207,7 @@ def _draw_reception(heard: ReceptionSamples, axis: Axes) -> None:
     axis.set_ylim(0.0, 1.2 * float(np.nanmax(heard.satellites, initial=1.0)))
     axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     if np.isfinite(heard.hdop).any():
-        spread = _beside(axis)
+        spread = _add_right_axis(axis)
         spread.plot(heard.time_boot_s, heard.hdop, ".", color=_GREY, markersize=2)
         spread.set_ylabel("HDOP, grey (below 1 is good)")
         spread.set_ylim(0.0, 1.3 * float(np.nanpercentile(heard.hdop, 95)) + 0.01)

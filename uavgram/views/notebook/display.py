@@ -9,16 +9,16 @@ import sys
 from html import escape
 
 from uavgram.model.result.result import Result
+from uavgram.views.formatting import measurement_text, order_worst_first
+from uavgram.views.sentence_units import convert_sentence, list_names_like_lengths
 from uavgram.views.style import LEVEL_COLOURS, hex_colour
 from uavgram.views.survey.verdict import status_text, verdict_words
-from uavgram.views.unit_words import in_units, names_like_lengths
 from uavgram.views.units import units_of
-from uavgram.views.wording import measurement_text, worst_first
 
 COLUMNS = ("measurement", "what", "points", "value ± sigma", "95 % interval", "status")
 
 
-def register() -> None:
+def register_display() -> None:
     """Register the display of a result with the running IPython, if there is one."""
     module = sys.modules.get("IPython")
     shell = module.get_ipython() if module is not None else None
@@ -29,10 +29,10 @@ def register() -> None:
 
 def result_html(result: Result) -> str:
     """Render verdict with reasons, measurements, and the data used, as a piece of HTML."""
-    words, units, keep = verdict_words(result), units_of(result), names_like_lengths(result)
+    words, units, keep = verdict_words(result), units_of(result), list_names_like_lengths(result)
 
     def converted(text: str) -> str:
-        return escape(in_units(text, units, keep))
+        return escape(convert_sentence(text, units, keep))
 
     mark = f"border-left:6px solid {hex_colour(LEVEL_COLOURS[words.level])};padding-left:.6em"
     reasons = "".join(f"<li>{converted(one.text)}</li>" for one in words.reasons[1:])
@@ -53,7 +53,7 @@ def _table(result: Result) -> str:
         return "<p>Nothing was measured: no measurements were requested.</p>"
     head = "".join(f"<th>{escape(column)}</th>" for column in COLUMNS)
     body = []
-    for i in worst_first(rows):
+    for i in order_worst_first(rows):
         row = measurement_text(rows, int(i), units)
         status = status_text(rows, int(i))
         value = f"{row.value} {row.others}".strip()

@@ -12,10 +12,10 @@ import numpy as np
 
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
-from uavgram.views.survey.drawing import nice_factor
+from uavgram.views.formatting import measurement_text, order_worst_first
+from uavgram.views.survey.outlines import nice_factor
 from uavgram.views.survey.sheet import INK
-from uavgram.views.units import column, units_of
-from uavgram.views.wording import measurement_text, worst_first
+from uavgram.views.units import table_unit, units_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 ELLIPSE_SHARE = 0.03
 """Approximate size of the drawn ellipses, as a share of the plan's width."""
 
-MOST_NAMED = 12
+MAX_NAMED = 12
 """Number of measurements above which they are drawn thin and without names."""
 
-MOST_BARS = 25
+MAX_BARS = 25
 """Number of measurements whose budget is drawn, the least certain ones."""
 
 _TURN = np.linspace(0.0, 2.0 * np.pi, 49)
@@ -72,9 +72,9 @@ def plan(result: Result, axes: Axes | None = None) -> Axes:
     """
     axes = _axes_or_new(axes)
     measured, units = measured_strips(result), units_of(result)
-    unit = column(units)
+    unit = table_unit(units)
     drawn = [(i, strips) for i, strips in measured.items() if strips]
-    are_few = len(drawn) <= MOST_NAMED
+    are_few = len(drawn) <= MAX_NAMED
     for k, (i, strips) in enumerate(drawn):
         row = measurement_text(result.measurements, int(i), units)
         look: dict[str, Any] = {"color": INK["measured"], "linewidth": 0.5}
@@ -103,7 +103,7 @@ def plan(result: Result, axes: Axes | None = None) -> Axes:
 def budget(result: Result, axes: Axes | None = None) -> Axes:
     """Plot the sources of each measurement's variance, as bars that add up to 100 %.
 
-    Of many measurements, only the `MOST_BARS` least certain are shown.
+    Of many measurements, only the `MAX_BARS` least certain are shown.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def budget(result: Result, axes: Axes | None = None) -> Axes:
     if found is None or not len(found.share):
         return axes
     has_value = np.isfinite(found.share[:, 0])
-    rows = [i for i in worst_first(result.measurements) if has_value[i]][:MOST_BARS]
+    rows = [i for i in order_worst_first(result.measurements) if has_value[i]][:MAX_BARS]
     names = [result.measurements.name[i] for i in rows]
     left = np.zeros(len(names))
     for k, source in enumerate(found.source):

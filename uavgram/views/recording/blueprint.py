@@ -9,24 +9,22 @@ import rerun.blueprint as rrb
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.views.recording.curves.plots import (
+from uavgram.views.formatting import axes_text
+from uavgram.views.recording.curves import (
+    ATTITUDE_SIGMA,
+    CORRECTION,
     HEIGHT,
     MISS_REFINED,
     MISS_SEED,
+    POSITION_SIGMA,
     RESIDUAL_REFINED,
     RESIDUAL_SEED,
     STATUS,
     WORST_W,
-    Curves,
-)
-from uavgram.views.recording.curves.pose_curves import (
-    ATTITUDE_SIGMA,
-    CORRECTION,
-    POSITION_SIGMA,
+    FrameCurves,
     PoseCurves,
 )
-from uavgram.views.recording.eye import Eye
-from uavgram.views.recording.pages.documents import (
+from uavgram.views.recording.pages import (
     CHECKS,
     FRAME_SHEET,
     HEIGHTS,
@@ -35,31 +33,29 @@ from uavgram.views.recording.pages.documents import (
     MESSAGES,
     POINTS,
     SUMMARY,
+    messages_title,
 )
-from uavgram.views.recording.pages.tables import messages_title
-from uavgram.views.recording.photo.overlay import NAME_ABOVE, OVERLAYS
-from uavgram.views.recording.photo.photo import PHOTO
-from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.photo import PHOTO
+from uavgram.views.recording.photo_overlay import NAME_ABOVE, OVERLAYS
+from uavgram.views.recording.scene import Eye, Scene
 from uavgram.views.recording.stream import FRAME_TIMELINE
-from uavgram.views.recording.world.footprint_marks import ALL, CURRENT
-from uavgram.views.recording.world.geography import MAP, has_map
-from uavgram.views.recording.world.heights import ELLIPSOIDS, RULERS, SIDE_TEXTS
+from uavgram.views.recording.world.earth_map import MAP, has_map
 from uavgram.views.recording.world.legend import LEGEND
-from uavgram.views.recording.world.points import CLOSE_UP
-from uavgram.views.recording.world.profiles import GAP, PROFILES, shown_height
+from uavgram.views.recording.world.points import CLOSE_UP, ELLIPSOIDS, RULERS, SIDE_TEXTS
+from uavgram.views.recording.world.profiles import GAP, PROFILES, opening_height
+from uavgram.views.recording.world.survey import ALL, CURRENT
+from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.style import Rgb
-from uavgram.views.survey.frame_states import frame_counts
+from uavgram.views.survey.key_facts import frame_counts
 from uavgram.views.survey.profiles import WIDTH
-from uavgram.views.unit_words import in_units
-from uavgram.views.units import column, units_of
-from uavgram.views.wording import axes_text
+from uavgram.views.units import table_unit, units_of
 
 BACKGROUND: Rgb = (13, 16, 17)
 NORTH_UP = (0, 1, 0)
 # A map tile of zoom 0 is 256 pixels of the equator wide.
 METRES_PER_PIXEL_AT_ZOOM_0 = 40_075_016.7 / 256
 MAP_PX = 300
-MOST_ZOOM = 19.0
+MAX_ZOOM = 19.0
 PHOTO_MARGIN = 0.01
 # Height of the eye above the worst point, in half axes of its ellipse.
 EYE_ABOVE = 6.0
@@ -67,7 +63,9 @@ EYE_ABOVE = 6.0
 _NOT_IN_SPACE = [f"- {PHOTO}/{name}/**" for name in OVERLAYS]
 
 
-def blueprint(result: Result, scene: Scene, curves: Curves, poses: PoseCurves) -> rrb.Blueprint:
+def blueprint(
+    result: Result, scene: Scene, curves: FrameCurves, poses: PoseCurves
+) -> rrb.Blueprint:
     """Lay out an overview of eight views, and details: only views that have something to show.
 
     Parameters
@@ -130,7 +128,7 @@ def _photo(result: Result, scene: Scene) -> rrb.Spatial2DView:
         origin=PHOTO,
         name=f"Photo: picks white, residuals (drawn ×{scene.residual_factor}) blue{alone}",
         background=BACKGROUND,
-        visual_bounds=_whole_photo(result),
+        visual_bounds=_photo_bounds(result),
     )
 
 
@@ -154,7 +152,7 @@ def _pages(*pages: tuple[str, str]) -> rrb.Tabs:
     return rrb.Tabs(*views, active_tab=0)
 
 
-def _whole_photo(result: Result) -> rrb.VisualBounds2D:
+def _photo_bounds(result: Result) -> rrb.VisualBounds2D:
     """Return the bounds of the photo with a margin for its edges and its name."""
     width, height = result.camera.width_px, result.camera.height_px
     edge, top = PHOTO_MARGIN * width, NAME_ABOVE * height
@@ -213,14 +211,14 @@ def space_view(
     )
 
 
-def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
+def _plots(result: Result, curves: FrameCurves, poses: PoseCurves) -> rrb.Tabs:
     """Lay out rows of plots: fit of the picks on the ground and in pixels; changes of the poses."""
     worst = plot(
         WORST_W,
         "Worst pick [σ]",
         np.append(curves.worst_w, curves.limit_w),
     )
-    one = column(units_of(result))
+    one = table_unit(units_of(result))
     missed = one.factor * np.concatenate([curves.refined_rms_m, curves.sigma_m])
     fit = [plot(MISS_REFINED, f"Picks miss [{one.symbol}]", missed), worst]
     both = np.concatenate([curves.refined_rms_px, curves.sigma_px])
@@ -238,8 +236,8 @@ def _plots(result: Result, curves: Curves, poses: PoseCurves) -> rrb.Tabs:
     return rrb.Tabs(*rows, active_tab=0)
 
 
-def _pose_plots(result: Result, curves: Curves, poses: PoseCurves) -> list[rrb.TimeSeriesView]:
-    plots, one = [], column(units_of(result))
+def _pose_plots(result: Result, curves: FrameCurves, poses: PoseCurves) -> list[rrb.TimeSeriesView]:
+    plots, one = [], table_unit(units_of(result))
     variance = [p.covariance[:, 2, 2] for p in (result.frames.seed, result.frames.refined)]
     heights = np.concatenate([curves.seed_height_m, curves.refined_height_m])
     attitude = np.concatenate([poses.seed_attitude_deg, poses.refined_attitude_deg])
@@ -280,7 +278,7 @@ def plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
 
 
 def _profiles(result: Result) -> rrb.Spatial2DView:
-    bounds = rrb.VisualBounds2D(x_range=[0.0, WIDTH], y_range=[-GAP, shown_height(result)])
+    bounds = rrb.VisualBounds2D(x_range=[0.0, WIDTH], y_range=[-GAP, opening_height(result)])
     return rrb.Spatial2DView(
         origin=PROFILES, name="Profiles", background=BACKGROUND, visual_bounds=bounds
     )
@@ -301,7 +299,7 @@ def _worst_point(result: Result, row: int) -> rrb.Spatial3DView:
     position = spot + np.array([0.0, 0.0, EYE_ABOVE * axes[0]])
     shown = ("ground/**", "points/picked", "points/ellipse_95_true_size/**")
     contents = [*(f"+ /survey/{one}" for one in shown), f"+ /{CLOSE_UP}/**"]
-    size = in_units(axes_text(axes), units_of(result))
+    size = convert_sentence(axes_text(axes), units_of(result))
     name = f"Worst point {result.points.label[row]}, true scale: {size}"
     return space_view(name, contents, position, spot)
 
@@ -310,4 +308,4 @@ def _zoom(result: Result, scene: Scene) -> float:
     """Return the zoom of a map on which the scene is MAP_PX pixels wide."""
     latitude = np.radians(float(np.nanmean(result.points.latitude_deg)))
     metres_per_pixel = METRES_PER_PIXEL_AT_ZOOM_0 * np.cos(latitude)
-    return float(np.clip(np.log2(metres_per_pixel * MAP_PX / scene.size_m), 1.0, MOST_ZOOM))
+    return float(np.clip(np.log2(metres_per_pixel * MAP_PX / scene.size_m), 1.0, MAX_ZOOM))

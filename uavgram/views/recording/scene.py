@@ -1,4 +1,4 @@
-"""Sizes of the scene, from which eye, line widths, frusta and exaggerations follow."""
+"""Size of the scene: the eye that sees all of it, line widths, frusta and exaggerations."""
 
 from __future__ import annotations
 
@@ -9,11 +9,107 @@ import numpy as np
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
-from uavgram.views.recording.eye import Eye
-from uavgram.views.survey.departures import Departures, departures
-from uavgram.views.survey.drawing import frusta, nice_factor, track
 from uavgram.views.survey.key_facts import largest_ellipse
-from uavgram.views.survey.off_ground import OffGround, off_ground
+from uavgram.views.survey.off_ground import (
+    Departures,
+    OffGround,
+    collect_departures,
+    collect_off_ground,
+)
+from uavgram.views.survey.outlines import frusta, nice_factor, track
+
+# Tangents of half the angles of view that the scene may fill (Rerun's eye opens 55 degrees).
+HALF_WIDTH, HALF_HEIGHT = 0.70, 0.47
+
+COMPASS_POINTS = (
+    "north",
+    "north-east",
+    "east",
+    "south-east",
+    "south",
+    "south-west",
+    "west",
+    "north-west",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Eye:
+    """Eye of a view.
+
+    Attributes
+    ----------
+    towards
+        (3,) unit vector from the target to the eye; in a vertical view, north is up.
+    target_m
+        (3,) the target.
+    distance_m
+        Distance of the eye from the target.
+    """
+
+    towards: Floats
+    target_m: Floats
+    distance_m: float
+
+    @classmethod
+    def fit(cls, points_m: Floats, towards: Floats) -> Eye:
+        """Place target and eye so that all (N, 3) points are as large as fits into a view.
+
+        A point r to the right and n nearer than the target is seen if |r - a| <= W (D - n), where
+        the eye is at the distance D and has moved by a: the outermost on both sides give a and D.
+        The same holds upward; then the larger D serves for both.
+        """
+        middle = (points_m.min(axis=0) + points_m.max(axis=0)) / 2
+        right, upward, nearer = _seen(points_m - middle, towards)
+        shifts, distances = [], [1.0]
+        for aside, share in ((right, HALF_WIDTH), (upward, HALF_HEIGHT)):
+            # outermost points on both sides: largest W n + r (right) and W n - r (left)
+            most, least = (share * nearer + aside).max(), (share * nearer - aside).max()
+            shifts.append((most - least) / 2)
+            distances.append(float(most + least) / (2 * share))
+        to_the_right, up = _axes(towards)
+        target = middle + shifts[0] * to_the_right + shifts[1] * up
+        return cls(towards, target, max(distances))
+
+    @property
+    def position_m(self) -> Floats:
+        """(3,) position of the eye."""
+        return np.asarray(self.target_m + self.distance_m * self.towards)
+
+    @property
+    def heading(self) -> str:
+        """Direction of view, one of eight compass points."""
+        azimuth = np.arctan2(-self.towards[0], -self.towards[1])
+        return COMPASS_POINTS[round(float(azimuth) / (np.pi / 4)) % 8]
+
+    def project_to_screen(self, points_m: Floats) -> Floats:
+        """Project (N, 3) points to (N, 2) tangents of angles, right and up."""
+        right, upward, nearer = _seen(points_m - self.target_m, self.towards)
+        depth = np.maximum(self.distance_m - nearer, 1e-9)
+        return np.stack([right / depth, upward / depth], axis=-1)
+
+    def place_in_space(self, points_m: Floats, screen: Floats) -> Floats:
+        """Return (N, 3) places at (N, 2) tangents of `on_screen`, as far away as (N, 3) points."""
+        right, up = _axes(self.towards)
+        _, _, nearer = _seen(points_m - self.target_m, self.towards)
+        aside = screen * np.maximum(self.distance_m - nearer, 1e-9)[:, None]
+        across = aside[:, :1] * right + aside[:, 1:] * up
+        return np.asarray(self.target_m + across + nearer[:, None] * self.towards)
+
+
+def _seen(offset_m: Floats, towards: Floats) -> tuple[Floats, Floats, Floats]:
+    """Split (N, 3) offsets from a target into (N,) parts: right, upward, and towards the eye."""
+    right, up = _axes(towards)
+    return offset_m @ right, offset_m @ up, offset_m @ towards
+
+
+def _axes(towards: Floats) -> tuple[Floats, Floats]:
+    """Return the directions (3,) right and (3,) upward on the screen."""
+    right = np.cross([0.0, 0.0, 1.0], towards)
+    length = float(np.linalg.norm(right))
+    right = right / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
+    return right, np.cross(towards, right)
+
 
 # Share of the scene's size that the median exaggerated ellipse may fill.
 ELLIPSE_SHARE = 0.06
@@ -45,7 +141,7 @@ LEVEL = 0.07
 # Share of the typical height off the ground that the median exaggerated ellipsoid may fill.
 ELLIPSOID_SHARE = 0.5
 # Smaller exaggerations do not need a second drawing.
-LEAST_EXAGGERATION = 5
+MIN_EXAGGERATION = 5
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,8 +225,8 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
     ]
     least = GROUND_DROP_SHARE * size
     below = float(np.max(result.plane.height_at(points[:, :2]) - points[:, 2], initial=0.0))
-    uneven = departures(result)
-    standing = off_ground(result)
+    uneven = collect_departures(result)
+    standing = collect_off_ground(result)
     return Scene(
         middle_m=middle,
         size_m=size,
@@ -147,7 +243,7 @@ def measure_scene(result: Result, texture: GroundTexture | None = None) -> Scene
         worst_point=largest_ellipse(result),
         ground_drop_m=least + below,
         ground_is_lowered=below > least,
-        eye=Eye.fitting(np.concatenate(shown), TO_THE_EYE),
+        eye=Eye.fit(np.concatenate(shown), TO_THE_EYE),
         top_eye=Eye(np.array([0.0, 0.0, 1.0]), middle, TOP_DISTANCE * size),
         off_ground=standing,
         ellipsoid_factor=_ellipsoid_factor(result, standing),
@@ -196,7 +292,7 @@ def _ellipsoid_factor(result: Result, standing: OffGround | None) -> int:
     height = np.abs(result.points.height_above_ground_m[standing.rows])
     typical = float(np.median(standing.half_axes_m[:, 0]))
     factor = nice_factor(typical, ELLIPSOID_SHARE * float(np.median(height)))
-    return factor if factor >= LEAST_EXAGGERATION else 1
+    return factor if factor >= MIN_EXAGGERATION else 1
 
 
 def _from_the_side(result: Result, standing: OffGround | None) -> Eye | None:
@@ -209,4 +305,4 @@ def _from_the_side(result: Result, standing: OffGround | None) -> Eye | None:
     _, axes = np.linalg.eigh(spread + 1e-9 * np.diag([2.0, 1.0]))
     across = -axes[:, 0] if axes[1, 0] > 0 else axes[:, 0]
     towards = np.array([*across, LEVEL])
-    return Eye.fitting(np.concatenate([heads, standing.foot_m]), towards / np.linalg.norm(towards))
+    return Eye.fit(np.concatenate([heads, standing.foot_m]), towards / np.linalg.norm(towards))

@@ -8,17 +8,88 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
+import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 import numpy as np
 import rerun as rr
 
 from uavgram.model.arrays import Floats, Ints
-from uavgram.views.recording.sink import FileSink
 from uavgram.views.style import Rgb
+
+PIECE_BYTES = 1 << 20
+# Opening one of these duplicates the file descriptor (Linux, macOS; not Windows).
+DESCRIPTORS = Path("/dev/fd")
+_HAS_DESCRIPTORS = sys.platform != "win32" and DESCRIPTORS.is_dir()
+
+
+class FileSink:
+    """Copy of the bytes written to `path` into a file.
+
+    Rerun's own file writer is a thread that ends at the first error (such as a full disk), and a
+    flush or a disconnect that waits for it then never returns (rerun-sdk 0.41). A pipe that is
+    always read to its end has no such error; errors of the file are raised as an exception.
+
+    Open `path` for writing, then `start`; when it is closed, `finish`.
+
+    Attributes
+    ----------
+    path
+        Path to which Rerun writes; without such pipes (on Windows) the file itself.
+    """
+
+    def __init__(self, target: Path) -> None:
+        self._target = target
+        self._failure: OSError | None = None
+        self._thread: threading.Thread | None = None
+        self._ends: tuple[int, int] | None = os.pipe() if _HAS_DESCRIPTORS else None
+        self.path = target if self._ends is None else DESCRIPTORS / str(self._ends[1])
+
+    def start(self) -> None:
+        """Begin to copy; `path` must be open, so that the copy ends with its writer."""
+        if self._ends is None:
+            return
+        read_end, write_end = self._ends
+        os.close(write_end)
+        self._ends = None
+        self._thread = threading.Thread(
+            target=self._copy, args=(os.fdopen(read_end, "rb", buffering=0),)
+        )
+        self._thread.start()
+
+    def finish(self) -> None:
+        """Wait for the end.
+
+        Raises
+        ------
+        OSError
+            If the file could not be written.
+        """
+        if self._ends is not None:  # never started
+            for end in self._ends:
+                os.close(end)
+            self._ends = None
+        if self._thread is not None:
+            self._thread.join()
+        if self._failure is not None:
+            raise self._failure
+
+    def _copy(self, source: BinaryIO) -> None:
+        with source:
+            try:
+                with self._target.open("wb") as file:
+                    shutil.copyfileobj(source, file, PIECE_BYTES)
+            except OSError as failure:
+                self._failure = failure
+                while source.read(PIECE_BYTES):  # the writer must never wait for a reader
+                    pass
+
 
 APPLICATION_ID = "uavgram"
 FRAME_TIMELINE = "frame"
@@ -141,7 +212,7 @@ class Recorder:
         self.static(path, rr.TextDocument.from_fields(media_type=rr.MediaType.MARKDOWN))
         self.each(path, lambda some: rr.TextDocument.columns(text=[texts[i] for i in some]))
 
-    def after_the_last(self, path: str, column: rr.ComponentColumnList) -> None:
+    def end_after_last(self, path: str, column: rr.ComponentColumnList) -> None:
         """Log one row at the place of the next frame."""
         indexes = [rr.TimeColumn(FRAME_TIMELINE, sequence=[FIRST + len(self.time_utc_s)])]
         known = np.sort(self.time_utc_s[np.isfinite(self.time_utc_s)])

@@ -9,13 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import rerun as rr
 
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
 from uavgram.stages.products.text_places import Label, Placed, place_labels
-from uavgram.views.recording.eye import Eye
+from uavgram.views.recording.scene import Eye
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.world.marks import polylines, texts
-from uavgram.views.style import QUIET
+from uavgram.views.style import OBSERVED, QUIET, Rgb
 
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0056, 0.040
 """Half the width of a letter on a usual screen, and the height of a line, in views of space.
@@ -76,8 +77,8 @@ def place_in_space(
     spread
         Factor on the room of each.
     """
-    spots = eye.on_screen(np.reshape(anchor_m, (-1, 3)))
-    dots = np.empty((0, 2)) if dots_m is None else eye.on_screen(dots_m)
+    spots = eye.project_to_screen(np.reshape(anchor_m, (-1, 3)))
+    dots = np.empty((0, 2)) if dots_m is None else eye.project_to_screen(dots_m)
     placed = place_texts(
         spots * [1.0, -1.0],
         words,
@@ -87,7 +88,7 @@ def place_in_space(
         most=most,
     )
     rows = np.flatnonzero(np.isfinite(placed.boxes[:, 0])).astype(np.int64)
-    places = eye.in_space(anchor_m[rows], hanging(placed)[rows] * [1.0, -1.0])
+    places = eye.place_in_space(anchor_m[rows], places_below(placed)[rows] * [1.0, -1.0])
     leaders = [
         np.stack([anchor_m[row], place])
         for row, place in zip(rows, places, strict=True)
@@ -144,7 +145,7 @@ def place_texts(
     return place_labels(labels, taken, bounds, least=1.0, reach=REACH, most=most)
 
 
-def hanging(placed: Placed) -> Floats:
+def places_below(placed: Placed) -> Floats:
     """Return the (N, 2) places below which texts are written, where y goes down."""
     return np.asarray(placed.boxes[:, :2] - placed.boxes[:, 3:4] * [0.0, 1.0])
 
@@ -162,6 +163,31 @@ def log_in_space(recorder: Recorder, path: str, placed: ViewTexts) -> None:
         The placed texts.
     """
     if placed.words:
-        recorder.static(path, texts(placed.place_m, placed.words))
+        recorder.static(path, make_texts(placed.place_m, placed.words))
     if placed.leaders_m:
-        recorder.static(f"{path}/lines", polylines(placed.leaders_m, QUIET, 1.2))
+        recorder.static(f"{path}/lines", make_polylines(placed.leaders_m, QUIET, 1.2))
+
+
+def make_polylines(
+    lines: Floats | list[Floats], colour: Rgb | Pixels, width: float
+) -> rr.LineStrips3D:
+    """Make polylines.
+
+    Parameters
+    ----------
+    lines
+        (N, n, 3) or N polylines (n, 3).
+    colour
+        Colour of all, or (N, 3) of each.
+    width
+        Width in points of the screen.
+    """
+    single = np.asarray(lines, dtype=np.float32) if isinstance(lines, np.ndarray) else list(lines)
+    return rr.LineStrips3D(single, colors=colour, radii=rr.Radius.ui_points(width / 2))
+
+
+def make_texts(position: Floats, words: tuple[str, ...]) -> rr.Points3D:
+    """Make white texts without a dot: coloured text is hard to read over photos."""
+    return rr.Points3D(
+        position, radii=rr.Radius.ui_points(0.0), colors=OBSERVED, labels=words, show_labels=True
+    )

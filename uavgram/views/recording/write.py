@@ -14,21 +14,23 @@ from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
 from uavgram.views.recording.blueprint import blueprint
-from uavgram.views.recording.curves.plots import frame_curves, log_plots, log_status
-from uavgram.views.recording.curves.pose_curves import log_pose_plots, pose_curves
-from uavgram.views.recording.pages.documents import log_documents
-from uavgram.views.recording.photo.frame_picks import project_picks
-from uavgram.views.recording.photo.overlay import log_overlay
-from uavgram.views.recording.photo.photo import PHOTO, log_camera, log_photos
-from uavgram.views.recording.photo.sources import log_sightings
+from uavgram.views.recording.curves import (
+    frame_curves,
+    log_plots,
+    log_pose_plots,
+    log_status,
+    pose_curves,
+)
+from uavgram.views.recording.pages import log_documents
+from uavgram.views.recording.photo import PHOTO, log_camera, log_photos, project_picks
+from uavgram.views.recording.photo_overlay import log_overlay, log_sightings
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.recording.world.footprint_marks import log_footprints
-from uavgram.views.recording.world.geography import log_map, log_origin
+from uavgram.views.recording.world.earth_map import log_map, log_origin
 from uavgram.views.recording.world.legend import log_legend
 from uavgram.views.recording.world.points import log_close_up, log_tie_points
 from uavgram.views.recording.world.profiles import log_profiles
-from uavgram.views.recording.world.survey import log_survey
+from uavgram.views.recording.world.survey import log_footprints, log_survey
 from uavgram.views.units import units_of
 
 log = logging.getLogger(__name__)

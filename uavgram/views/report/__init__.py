@@ -1,15 +1,15 @@
 """report.html for readers, report-annex.html for specialists: self-contained, also on paper."""
 
-from uavgram.views.report.ground import shown_ground
+from uavgram.views.report.brief import ground_extent
 from uavgram.views.report.page import annex_of, render_annex, render_report, write_report
 from uavgram.views.report.pdf import check_pdf, report_pdf
 
 __all__ = [
     "annex_of",
     "check_pdf",
+    "ground_extent",
     "render_annex",
     "render_report",
     "report_pdf",
-    "shown_ground",
     "write_report",
 ]

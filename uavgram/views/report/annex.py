@@ -9,11 +9,11 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import POSE_NAMES
-from uavgram.views.report.long_tables import most_doubtful
-from uavgram.views.survey.drawing import flight_order
-from uavgram.views.wording import number
+from uavgram.views.formatting import number
+from uavgram.views.result_tables import select_most_doubtful
+from uavgram.views.survey.outlines import flight_order
 
-MOST_POSES, MOST_MATRICES = 120, 16
+MAX_POSES, MAX_MATRICES = 120, 16
 """Largest numbers of printed poses and of their matrices; results.json has them all."""
 
 TO_PHOTO_AXES = np.diag([1.0, -1.0, -1.0])
@@ -88,19 +88,19 @@ class Annex(NamedTuple):
     residuals_more: int
 
 
-def annex(result: Result) -> Annex:
+def lay_out_annex(result: Result) -> Annex:
     """Lay out the annex, photos in the order of flight."""
     order = [int(f) for f in flight_order(result) if result.has_refined[f]]
     shared, matrices, more = _matrices(result, order)
     rows = _rows_by_photo(result)
     size = np.linalg.norm(result.picks.residual_px, axis=1)
     largest = np.array([size[rows[frame]].max(initial=-1.0) for frame in order])
-    shown = [order[k] for k in most_doubtful(largest)]
+    shown = [order[k] for k in select_most_doubtful(largest)]
     short = ("E", "N", "U", "x", "y", "z")
     upper = zip(*np.triu_indices(6, 1), strict=True)
     return Annex(
-        poses=tuple(_pose(result, frame) for frame in order[:MOST_POSES]),
-        poses_more=len(order[MOST_POSES:]),
+        poses=tuple(_pose(result, frame) for frame in order[:MAX_POSES]),
+        poses_more=len(order[MAX_POSES:]),
         pairs=tuple(f"{short[i]}{short[j]}" for i, j in upper),
         shared=shared,
         matrices=matrices,
@@ -161,7 +161,7 @@ def _matrices(result: Result, order: list[int]) -> tuple[Matrix | None, tuple[Ma
     )
     at = {name: k for k, name in enumerate(known.frame_id)}
     every = [name for frame in order if (name := result.frames.frame_id[frame]) in at]
-    titles = every[:MOST_MATRICES]
+    titles = every[:MAX_MATRICES]
     matrices = tuple(
         Matrix(
             title,

@@ -1,4 +1,4 @@
-"""First page of the report: measurements, and the limits of their checks."""
+"""First page of the report: plan on the ground, measurements, and limits of their checks."""
 
 from __future__ import annotations
 
@@ -7,20 +7,66 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.model.arrays import Floats
 from uavgram.model.naming import listed
 from uavgram.model.provenance import case_from_options
+from uavgram.model.result.pictures import GroundPicture, Pictures
 from uavgram.model.result.result import Result
+from uavgram.views.formatting import order_shapes_first
 from uavgram.views.report.checks import checks_summary
-from uavgram.views.survey.accuracy import accuracy_words
+from uavgram.views.report.pictures import GROUND, picture_mark
+from uavgram.views.survey.key_facts import accuracy_words
 from uavgram.views.survey.sheet import WIDTH
-from uavgram.views.survey.sources import measured_alone
+from uavgram.views.survey.sources import note_automatic_values
+from uavgram.views.survey.top_view import TopView, fit_layout, top_view, used_points
 from uavgram.views.survey.verdict import verdict_words
-from uavgram.views.wording import shapes_first
 
-MOST_ROWS = 12
+
+class Backdrop(NamedTuple):
+    """Picture behind a drawing: its place there, and its address."""
+
+    x: float
+    y: float
+    width: float
+    height: float
+    data: str
+
+
+def ground_extent(result: Result) -> tuple[Floats, Floats] | None:
+    """Return south-west and north-east corner (2,) of the report's plan; None without one."""
+    plan = fit_layout(result, lay_out_brief(result).plan_height, used_points(result))
+    return None if plan is None else plan.sheet.extent_m
+
+
+def report_plan(result: Result, first: Brief) -> TopView | None:
+    """Draw the plan of the first page; return None if there is no point to draw."""
+    return top_view(result, first.plan_height, used_points(result))
+
+
+def place_backdrop(view: TopView | None, pictures: Pictures) -> Backdrop | None:
+    """Place the picture of the ground in a drawing."""
+    ground = pictures.ground
+    if view is None or ground is None:
+        return None
+    return _placed(view, ground)
+
+
+def _placed(view: TopView, ground: GroundPicture) -> Backdrop:
+    x, y = view.sheet(np.array([ground.west_m, ground.north_m]))
+    scale = view.sheet.scale
+    return Backdrop(
+        x=round(float(x), 2),
+        y=round(float(y), 2),
+        width=round(ground.width_m * scale, 2),
+        height=round(ground.height_m * scale, 2),
+        data=picture_mark(GROUND),
+    )
+
+
+MAX_ROWS = 12
 """Largest number of measurements on the first page; of more, the least certain ones."""
 
-LEAST_ROWS = 3
+MIN_ROWS = 3
 
 FEW_ROWS = 2
 """Number of measurements without room up to which the plan is made lower for them."""
@@ -28,7 +74,7 @@ FEW_ROWS = 2
 PAGE_MM, UNIT_MM = 243.0, 182.0 / WIDTH
 """Height of a printed page for text and plan (letter is lower), and unit of a drawing [mm]."""
 
-LEAST_PLAN, GOOD_PLAN, MOST_PLAN = 220.0, 330.0, 640.0
+MIN_PLAN, GOOD_PLAN, MAX_PLAN = 220.0, 330.0, 640.0
 """Limits of the plan's height, in its units; for a good one, rows of the table are left out."""
 
 HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.3, 4.8, 2.0
@@ -37,10 +83,10 @@ HEAD_MM, ROW_MM, LINE_MM, GAP_MM = 28.0, 6.3, 4.8, 2.0
 LINE, STRONG_LINE, TITLE = 96, 76, 20
 """Letters of a line: of text, of strong text, and of a name beside the words of the title."""
 
-MOST_REASONS = 2
+MAX_REASONS = 2
 """Number of reasons of the verdict beside the first; the warnings have them all."""
 
-MOST_NAMES = 8
+MAX_NAMES = 8
 LIMITS = "What was checked, and what was not. "
 
 
@@ -73,12 +119,12 @@ class Brief(NamedTuple):
     limits: tuple[str, ...]
 
 
-def brief(result: Result) -> Brief:
+def lay_out_brief(result: Result) -> Brief:
     """Choose the content of the first page: lengths and angles before coordinates."""
-    order = shapes_first(result.measurements)
+    order = order_shapes_first(result.measurements)
     case = case_from_options(result.provenance.options)
     others = [reason.text for reason in result.verdict.reasons[1:]]
-    reasons = others[:MOST_REASONS]
+    reasons = others[:MAX_REASONS]
     accuracy, limits = accuracy_words(result), tuple(_limits(result))
     words = verdict_words(result)
     left_mm = PAGE_MM - HEAD_MM - ROW_MM * (1 + len(case)) - _text_mm(result.name, TITLE) - GAP_MM
@@ -86,7 +132,7 @@ def brief(result: Result) -> Brief:
     left_mm -= sum(_text_mm(text) for text in (*reasons, words.scale, words.counts, accuracy))
     left_mm -= _text_mm(LIMITS + " ".join(limits))
     room = int((left_mm - GOOD_PLAN * UNIT_MM) // ROW_MM)
-    count = min(len(order), max(LEAST_ROWS, min(MOST_ROWS, room)))
+    count = min(len(order), max(MIN_ROWS, min(MAX_ROWS, room)))
     if len(order) - count <= FEW_ROWS:
         count = len(order)
     left_mm -= ROW_MM * count
@@ -94,9 +140,9 @@ def brief(result: Result) -> Brief:
         case=case,
         rows=tuple(order[:count]),
         more=len(order[count:]),
-        plan_height=min(max(left_mm / UNIT_MM, LEAST_PLAN), MOST_PLAN),
+        plan_height=min(max(left_mm / UNIT_MM, MIN_PLAN), MAX_PLAN),
         reasons=tuple(reasons),
-        reasons_more=len(others[MOST_REASONS:]),
+        reasons_more=len(others[MAX_REASONS:]),
         accuracy=accuracy,
         limits=limits,
     )
@@ -119,10 +165,12 @@ def _limits(result: Result) -> list[str]:
         "Contradicted, and not to be used": [n for n, s, ok in named if ok and s == "contradicted"],
         "Requested, but not computed": [n for n, _, ok in named if not ok],
         "No person picked the points of": [
-            name for name, alone in zip(rows.name, measured_alone(result), strict=True) if alone
+            name
+            for name, alone in zip(rows.name, note_automatic_values(result), strict=True)
+            if alone
         ],
     }
-    told = [f"{words}: {listed(names, MOST_NAMES)}." for words, names in several.items() if names]
+    told = [f"{words}: {listed(names, MAX_NAMES)}." for words, names in several.items() if names]
     checks = checks_summary(result)
     if checks is None:
         none = "No length and no point was withheld for a comparison with the result"

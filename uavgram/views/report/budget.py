@@ -9,7 +9,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.reliability import ErrorBudget
 from uavgram.model.result.result import Result
-from uavgram.views.wording import computed_first, number
+from uavgram.views.formatting import number, order_computed_first
 
 # Okabe and Ito (2008): distinguishable for colour-blind readers; in the order of the bars.
 COLOURS = {
@@ -89,7 +89,7 @@ WORDS = {
     ),
 }
 
-MOST_ROWS = 40
+MAX_ROWS = 40
 """Number of measurements whose budget is printed, the least certain; results.json has all."""
 
 FELT = 0.0005
@@ -143,7 +143,9 @@ def budget_table(result: Result) -> BudgetTable | None:
     order = sorted(range(len(budget.source)), key=lambda s: rank[budget.source[s]])
     sources = tuple(budget.source[s] for s in order)
     share = budget.share[:, order]
-    shown = [int(i) for i in computed_first(result.measurements) if np.isfinite(share[i]).all()]
+    shown = [
+        int(i) for i in order_computed_first(result.measurements) if np.isfinite(share[i]).all()
+    ]
     return BudgetTable(
         sources=tuple((source, COLOURS[source]) for source in sources),
         rows=tuple(
@@ -153,9 +155,9 @@ def budget_table(result: Result) -> BudgetTable | None:
                 largest=sources[int(np.argmax(share[i]))],
                 shares=[number(100 * part, 1) for part in share[i]],
             )
-            for i in shown[:MOST_ROWS]
+            for i in shown[:MAX_ROWS]
         ),
-        more=len(shown[MOST_ROWS:]),
+        more=len(shown[MAX_ROWS:]),
         summary=_summary(ErrorBudget(source=sources, share=share[shown])),
     )
 

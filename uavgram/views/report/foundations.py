@@ -1,4 +1,4 @@
-"""Basis of a result for people who did not make it: questions and answers."""
+"""Basis of a result for people who did not make it: questions, answers, numbers of the method."""
 
 from __future__ import annotations
 
@@ -6,18 +6,25 @@ from pathlib import Path
 
 import numpy as np
 
+from uavgram.estimation.reliability.redundancy import (
+    TEST_POWER,
+    compute_critical_value,
+    compute_noncentrality,
+)
+from uavgram.geometry.ground.ellipse import ELLIPSE_95
 from uavgram.model.naming import counted
 from uavgram.model.provenance import InputDigest
 from uavgram.model.result.result import Result
+from uavgram.views.formatting import describe_origin, number
 from uavgram.views.report.budget import WORDS
+from uavgram.views.survey.reliability import significance_of
 from uavgram.views.survey.sources import picks_text
-from uavgram.views.wording import place
 
-MOST_FILES = 40
+MAX_FILES = 40
 """Number of files whose checksums are in the report; the annex has all."""
 
 
-def foundations(result: Result) -> tuple[tuple[str, str], ...]:
+def list_foundations(result: Result) -> tuple[tuple[str, str], ...]:
     """List photos, camera, lengths, flight log, points, place and largest uncertainty.
 
     Returns
@@ -33,17 +40,17 @@ def foundations(result: Result) -> tuple[tuple[str, str], ...]:
         ("Known lengths", _lengths(result)),
         ("Flight log", sources if result.has_seed.any() else "none"),
         ("Points", picks_text(result) or "all picked by people"),
-        ("Place", place(result)),
+        ("Place", describe_origin(result)),
         ("Largest uncertainty", _largest_source(result)),
     )
     return tuple((question, answer) for question, answer in facts if answer)
 
 
-def files_shown(result: Result) -> tuple[InputDigest, ...]:
+def select_files(result: Result) -> tuple[InputDigest, ...]:
     """Choose the files whose checksums the report has: photos after all others."""
     photos = {Path(path).name for path in result.frames.path}
     files = sorted(result.provenance.inputs, key=lambda one: Path(one.path).name in photos)
-    return tuple(files[:MOST_FILES])
+    return tuple(files[:MAX_FILES])
 
 
 def _photos(result: Result) -> str:
@@ -71,3 +78,25 @@ def _largest_source(result: Result) -> str:
     row = int(np.argmax(largest))
     what, help_ = WORDS[budget.source[row]]
     return f"{what}: the largest in {largest[row]} of {counted(len(known), 'value')}. {help_}"
+
+
+def method_facts(result: Result) -> dict[str, str | bool]:
+    """Return the values for the section on the method, by their names in the template.
+
+    The lens is ``brown``, ``rational`` or ``fisheye``; a log may be photo poses; the ellipse is in
+    sigmas; the rest belongs to the tests of single observations.
+    """
+    camera, significance = result.camera, significance_of(result)
+    rational = camera.model == "brown" and len(camera.parameters) > 9
+    return {
+        "lens": "rational" if rational else camera.model,
+        "has_log": bool(result.has_seed.any()),
+        "has_heights": bool(result.points.is_off_ground.any()),
+        "has_skid": "skid_speed" in result.measurements.kind,
+        "has_volume": "volume" in result.measurements.kind,
+        "ellipse": number(ELLIPSE_95, 4),
+        "significance": f"{significance:g}",
+        "critical": number(compute_critical_value(significance), 2),
+        "noncentrality": number(compute_noncentrality(significance), 2),
+        "power": f"{100 * TEST_POWER:.0f} %",
+    }

@@ -1,8 +1,9 @@
-"""Report and its annex: values for their templates, beside the result itself."""
+"""Report and its annex: values for their templates, and the list of sections."""
 
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable
 from functools import partial
@@ -15,37 +16,51 @@ from uavgram.errors import OutputError
 from uavgram.model.result.pictures import NO_PICTURES, Pictures
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import compare_cameras
+from uavgram.views.formatting import (
+    FRAME_STATUS_WORDS,
+    GROUP_WORDS,
+    LINE_STATUS_WORDS,
+    NOT_UNIQUE,
+    WHY_TO_NEIGHBOURS,
+    WHY_TWO_ELLIPSES,
+    describe_origin,
+    format_interval,
+    height_text,
+    measurement_text,
+    order_shapes_first,
+    order_worst_fit_first,
+    relief_text,
+)
 from uavgram.views.pages import page, units_shown
-from uavgram.views.report.annex import annex
-from uavgram.views.report.brief import MOST_REASONS, Brief, brief
-from uavgram.views.report.budget import MOST_ROWS, budget_table
-from uavgram.views.report.checks import checks_summary
-from uavgram.views.report.contents import with_contents
-from uavgram.views.report.foundations import files_shown, foundations
-from uavgram.views.report.gauge import gauge
-from uavgram.views.report.ground import backdrop, report_plan
-from uavgram.views.report.inline import with_pictures
-from uavgram.views.report.known import known_table
-from uavgram.views.report.long_tables import rows_told
-from uavgram.views.report.measured import (
+from uavgram.views.report.annex import lay_out_annex
+from uavgram.views.report.brief import (
+    MAX_REASONS,
+    Brief,
+    lay_out_brief,
+    place_backdrop,
+    report_plan,
+)
+from uavgram.views.report.budget import MAX_ROWS, budget_table
+from uavgram.views.report.checks import checks_summary, draw_gauge, known_table
+from uavgram.views.report.foundations import list_foundations, method_facts, select_files
+from uavgram.views.report.measurements import (
     alternative_tables,
-    learnt_words,
+    describe_learnt_noise,
+    describe_sampling,
     relief_notes,
-    sampled_words,
     second_order_note,
 )
-from uavgram.views.report.method import method_facts
-from uavgram.views.report.pictures import gallery
-from uavgram.views.report.shapes import rings
-from uavgram.views.result_tables import result_table
-from uavgram.views.survey.departures import departures
-from uavgram.views.survey.drawing import largest_sigmas
+from uavgram.views.report.picture_marks import draw_rings
+from uavgram.views.report.pictures import embed_pictures, gallery
+from uavgram.views.result_tables import result_table, select_rows
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.key_plan import key_plan
-from uavgram.views.survey.limits import line_limits
+from uavgram.views.survey.off_ground import collect_departures
+from uavgram.views.survey.outlines import largest_sigmas
 from uavgram.views.survey.profiles import profile_drawings
 from uavgram.views.survey.reliability import (
     effect_words,
+    line_limits,
     overall_words,
     prior_rows,
     removal_rows,
@@ -55,33 +70,31 @@ from uavgram.views.survey.sheet import INK
 from uavgram.views.survey.sources import (
     ONLY_PROGRAM,
     SOURCE_WORDS,
-    frames_made,
-    frames_tied,
-    has_found,
-    measured_alone,
+    format_frame_ties,
+    frame_origins,
+    has_automatic_picks,
+    note_automatic_values,
     picks_text,
-    points_made,
+    point_origins,
     ties_text,
 )
-from uavgram.views.survey.texts import LETTERS
+from uavgram.views.survey.text_placement import LETTERS
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
 from uavgram.views.units import spread_text, units_of, value_text
-from uavgram.views.wording import (
-    FRAME_STATUS_WORDS,
-    GROUP_WORDS,
-    LINE_STATUS_WORDS,
-    NOT_UNIQUE,
-    WHY_TO_NEIGHBOURS,
-    WHY_TWO_ELLIPSES,
-    height_text,
-    interval,
-    measurement_text,
-    place,
-    relief_text,
-    shapes_first,
-    worst_fit_first,
-)
+
+PLACE = "<!-- contents -->"
+_HEADING = re.compile(r'<section id="([\w-]+)">\s*<h2>(.*?)</h2>', re.DOTALL)
+
+
+def insert_contents(html: str) -> str:
+    """Insert the list of sections at its place in the page; the PDF adds page numbers."""
+    rows = [f'<li><a href="#{name}">{words}</a></li>' for name, words in _HEADING.findall(html)]
+    listed = "\n".join(rows)
+    title = '<p class="title"><b>Contents</b></p>'
+    nav = f'<nav class="contents">\n{title}\n<ol>\n{listed}\n</ol>\n</nav>'
+    return html.replace(PLACE, nav, 1)
+
 
 BESIDE_HEIGHT = 480.0
 """Height of the top view, below which the key plan fits."""
@@ -89,10 +102,10 @@ BESIDE_HEIGHT = 480.0
 REPORT, ANNEX = "report.html", "report_annex.html"
 """Templates."""
 
-MOST_LENGTHS, MOST_WARNINGS = 12, 12
+MAX_LENGTHS, MAX_WARNINGS = 12, 12
 """Numbers of known lengths, worst fit first, and of warnings in the report; the annex has all."""
 
-MOST_CELLS = 30
+MAX_CELLS = 30
 """Number of measurements printed as a table of cells; more become text, which costs less."""
 
 
@@ -118,7 +131,7 @@ def write_report(
     target = Path(path)
     facts = _facts(result, pictures, target)
     for template, file in ((REPORT, target), (ANNEX, annex_of(target))):
-        _write(with_pictures(_page(template, facts), pictures), file)
+        _write(embed_pictures(_page(template, facts), pictures), file)
 
 
 def annex_of(report: Path) -> Path:
@@ -128,17 +141,17 @@ def annex_of(report: Path) -> Path:
 
 def render_report(result: Result, pictures: Pictures = NO_PICTURES) -> str:
     """Return the report as text; names written by people are escaped, nothing is loaded."""
-    return _rendered(REPORT, result, pictures)
+    return _render(REPORT, result, pictures)
 
 
 def render_annex(result: Result, pictures: Pictures = NO_PICTURES) -> str:
     """Return the annex of the report as text, as `render_report` does."""
-    return _rendered(ANNEX, result, pictures)
+    return _render(ANNEX, result, pictures)
 
 
-def _rendered(template: str, result: Result, pictures: Pictures) -> str:
+def _render(template: str, result: Result, pictures: Pictures) -> str:
     page = _page(template, _facts(result, pictures, Path("report.html")))
-    return b"".join(with_pictures(page, pictures)).decode()
+    return b"".join(embed_pictures(page, pictures)).decode()
 
 
 def _write(parts: Iterable[bytes], target: Path) -> None:
@@ -155,51 +168,51 @@ def _write(parts: Iterable[bytes], target: Path) -> None:
 
 def _page(template: str, facts: dict[str, Any]) -> str:
     """Fill in a template, with marks for its pictures."""
-    return with_contents(page(template, **facts))
+    return insert_contents(page(template, **facts))
 
 
 def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
     """Compute the variables of both templates."""
-    units, first = units_of(result), brief(result)
+    units, first = units_of(result), lay_out_brief(result)
     position_m, attitude_deg = largest_sigmas(result.frames.refined)
-    fits = worst_fit_first(result.lines.w)
+    fits = order_worst_fit_first(result.lines.w)
     unwithheld = [int(i) for i in fits if result.lines.status[i] != "checked"]
     return dict(
         result=result,
         effect_words=effect_words,
-        gauge=gauge,
-        interval=partial(interval, units=units),
+        gauge=draw_gauge,
+        interval=partial(format_interval, units=units),
         measurement_text=partial(measurement_text, units=units),
-        options=options_told(result),
+        options=list_options(result),
         group_words=GROUP_WORDS,
         line_words=LINE_STATUS_WORDS,
         frame_words=FRAME_STATUS_WORDS,
         verdict=verdict_words(result),
         status_text=status_text,
-        annex=annex(result),
+        annex=lay_out_annex(result),
         brief=first,
         facts=key_facts(result),
         warnings=_warnings(result),
         report_file=report.name,
         annex_file=annex_of(report).name,
-        foundations=foundations(result),
-        files_shown=files_shown(result),
+        foundations=list_foundations(result),
+        files_shown=select_files(result),
         used_lengths=unwithheld,
-        most_lengths=MOST_LENGTHS,
-        most_warnings=MOST_WARNINGS,
-        measured=shapes_first(result.measurements),
-        most_cells=MOST_CELLS,
+        most_lengths=MAX_LENGTHS,
+        most_warnings=MAX_WARNINGS,
+        measured=order_shapes_first(result.measurements),
+        most_cells=MAX_CELLS,
         not_unique=NOT_UNIQUE if result.measurements.is_ambiguous.any() else "",
         relief=relief_notes(result),
         relief_step=relief_text(units),
         table=partial(result_table, result=result),
         value_text=partial(value_text, units=units),
         spread_text=partial(spread_text, units=units),
-        learnt=learnt_words(result),
-        uneven=departures(result),
+        learnt=describe_learnt_noise(result),
+        uneven=collect_departures(result),
         height_text=height_text,
         sigma_m=np.sqrt(np.diagonal(result.points.covariance_m3, axis1=1, axis2=2)),
-        sampled=sampled_words(result),
+        sampled=describe_sampling(result),
         second_order=second_order_note(result),
         alternatives=alternative_tables(result),
         profiles=profile_drawings(result),
@@ -207,8 +220,8 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         **_plans(result, pictures, first),
         ink=INK,
         letters=LETTERS,
-        rings=rings,
-        place=place(result),
+        rings=draw_rings,
+        place=describe_origin(result),
         why_to_neighbours=WHY_TO_NEIGHBOURS,
         why_two_ellipses=WHY_TWO_ELLIPSES,
         budget=budget_table(result),
@@ -220,8 +233,8 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         three_sigma=THREE_SIGMA,
         suspect_w=line_limits(result),
         weakest=weakest_links(result),
-        most_weakest=MOST_ROWS,
-        picks=worst_fit_first(result.picks.w),
+        most_weakest=MAX_ROWS,
+        picks=order_worst_fit_first(result.picks.w),
         camera=compare_cameras(result.camera, result.shared.intrinsics),
         priors=prior_rows(result),
         pick_count=Counter(result.picks.image),
@@ -230,14 +243,14 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         azimuth_deg=np.degrees(result.points.relative.ellipse_azimuth_rad),
         method=method_facts(result),
         **_made_by(result),
-        **rows_told(result),
+        **select_rows(result),
         **units_shown(result),
     )
 
 
 def _warnings(result: Result) -> tuple[str, ...]:
     """Return the errors and warnings that the first page does not state."""
-    stated = tuple(reason.text for reason in result.verdict.reasons[: 1 + MOST_REASONS])
+    stated = tuple(reason.text for reason in result.verdict.reasons[: 1 + MAX_REASONS])
     return tuple(
         message.text
         for message in result.messages
@@ -251,7 +264,7 @@ def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object
     return {
         "plan_view": plan,
         "view": top_view(result, BESIDE_HEIGHT),
-        "ground": backdrop(plan, pictures),
+        "ground": place_backdrop(plan, pictures),
         "brightened": pictures.ground is not None and pictures.ground.brightened,
         "key": key_plan(result),
         "units_word": "metres" if units_of(result).length == "m" else "feet",
@@ -262,18 +275,18 @@ def _made_by(result: Result) -> dict[str, object]:
     """Return the origin of picks and values, and the ties between photos."""
     return {
         "source_words": SOURCE_WORDS,
-        "found_any": has_found(result),
+        "found_any": has_automatic_picks(result),
         "only_program": ONLY_PROGRAM,
         "ties": ties_text(result),
         "picks_made": picks_text(result),
-        "points_made": points_made(result),
-        "frames_made": frames_made(result),
-        "frames_tied": frames_tied(result),
-        "measured_alone": measured_alone(result),
+        "points_made": point_origins(result),
+        "frames_made": frame_origins(result),
+        "frames_tied": format_frame_ties(result),
+        "measured_alone": note_automatic_values(result),
     }
 
 
-def options_told(result: Result) -> list[tuple[str, str]]:
+def list_options(result: Result) -> list[tuple[str, str]]:
     """Return names and texts of the options that have a value."""
     every = result.provenance.options
     return [(key, option_text(value)) for key, value in every if value is not None and value != ""]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+from base64 import b64encode
 from collections.abc import Iterator, Sequence
+from itertools import zip_longest
 from typing import NamedTuple
 
 import numpy as np
@@ -14,28 +17,31 @@ from uavgram.model.result.pictures import Picture, Pictures, Region
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
-from uavgram.views.report.inline import picture_mark
-from uavgram.views.report.scale_bars import Bar, placed, scale_bars
-from uavgram.views.report.shapes import Mark, mark
+from uavgram.views.formatting import (
+    measurement_text,
+    number,
+    order_shapes_first,
+    size_text,
+)
+from uavgram.views.report.picture_marks import Bar, Mark, draw_mark, place_bar, scale_bars
 from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, hex_colour
-from uavgram.views.survey.drawing import (
+from uavgram.views.survey.outlines import (
     project_from,
-    sampled,
-    thinned,
+    sample_polyline,
+    thin_polyline,
     visible_runs,
 )
-from uavgram.views.survey.sources import measured_alone
-from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
+from uavgram.views.survey.sources import note_automatic_values
+from uavgram.views.survey.text_placement import PlacedText, TextRequest, box, place_texts
 from uavgram.views.survey.top_view import used_labels
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import units_of
-from uavgram.views.wording import measurement_text, number, shapes_first, size_text
 
 WIDTHS = {"overview": 640.0, "single": 500.0, "half": 400.0, "third": 270.0, "point": 210.0}
 """Width of each kind of picture on the page, in units of its marks."""
 SIZES = {0: "half", 1: "single", 2: "half", 4: "half"}
 """Kind of pictures for small numbers of measurements; otherwise three are side by side."""
-MOST_SHOWN = 12
+MAX_SHOWN = 12
 """Number of measurements with a picture in the report, least certain; the annex has the others."""
 DRAWN_OFF = 0.3
 """Tolerance for drawing a bent line, in the same unit."""
@@ -48,17 +54,17 @@ PICKED_BY: dict[Source, str] = {
 }
 
 
-class Look(NamedTuple):
+class LineStyle(NamedTuple):
     """Style of a line."""
 
     colour: str
     dashed: bool
 
 
-ON_MEASURED = Look(hex_colour(MEASURED), dashed=False)
+ON_MEASURED = LineStyle(hex_colour(MEASURED), dashed=False)
 
 
-class Shown(NamedTuple):
+class PhotoPicture(NamedTuple):
     """Picture with its overlay, in pixels of the photo.
 
     Attributes
@@ -82,9 +88,9 @@ class Shown(NamedTuple):
     region: Region
     data: str
     unit: float
-    lines: tuple[tuple[str, Look], ...]
+    lines: tuple[tuple[str, LineStyle], ...]
     marks: tuple[Mark, ...]
-    tags: tuple[Text, ...]
+    tags: tuple[PlacedText, ...]
     bar: Bar | None
     name: str
     told: str
@@ -117,15 +123,15 @@ class Gallery(NamedTuple):
 
     files: tuple[PhotoFile, ...]
     brightened: tuple[str, ...]
-    overview: tuple[Shown, ...]
-    measurements: tuple[Shown, ...]
-    more: tuple[Shown, ...]
-    points: tuple[Shown, ...]
+    overview: tuple[PhotoPicture, ...]
+    measurements: tuple[PhotoPicture, ...]
+    more: tuple[PhotoPicture, ...]
+    points: tuple[PhotoPicture, ...]
     left_out: tuple[str, ...]
     size: str
 
 
-class _Drawn(NamedTuple):
+class _SharedContent(NamedTuple):
     """Content shared by all pictures, made once.
 
     Attributes
@@ -142,7 +148,7 @@ class _Drawn(NamedTuple):
         Checksums by frame that is shown.
     """
 
-    lines: dict[Region, list[tuple[Floats, Look]]]
+    lines: dict[Region, list[tuple[Floats, LineStyle]]]
     bars: dict[Region, Bar]
     alone: Sequence[str]
     picks: dict[int, Ints]
@@ -153,10 +159,10 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
     """Lay out the pictures; return None if there are none."""
     if not pictures.shown:
         return None
-    drawn = _drawn(result, [one.region for one in pictures.shown])
+    drawn = _shared_content(result, [one.region for one in pictures.shown])
     first = _in_report(result, pictures)
     size = SIZES.get(len(first), "third")
-    made: dict[str, list[Shown]] = {"overview": [], "first": [], "more": [], "point": []}
+    made: dict[str, list[PhotoPicture]] = {"overview": [], "first": [], "more": [], "point": []}
     for row, picture in enumerate(pictures.shown):
         subject: str = picture.region.subject
         if subject == "measurement":
@@ -164,7 +170,7 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
         else:
             width = subject
         unit = picture.region.width_px / WIDTHS[width]
-        made[subject].append(_shown(result, drawn, picture, unit, row))
+        made[subject].append(_photo_picture(result, drawn, picture, unit, row))
     stretch = {one.region.frame: _stretch_text(one) for one in pictures.shown}
     brightened = {one.region.frame for one in pictures.shown if one.stretch is not None}
     names = result.frames.frame_id
@@ -184,21 +190,21 @@ def gallery(result: Result, pictures: Pictures) -> Gallery | None:
 
 def _in_report(result: Result, pictures: Pictures) -> set[int]:
     """Return the rows of the pictures of the measurements with the largest relative uncertainty."""
-    rank = {row: k for k, row in enumerate(shapes_first(result.measurements))}
+    rank = {row: k for k, row in enumerate(order_shapes_first(result.measurements))}
     rows = [k for k, one in enumerate(pictures.shown) if one.region.subject == "measurement"]
-    return set(sorted(rows, key=lambda k: rank[pictures.shown[k].region.row])[:MOST_SHOWN])
+    return set(sorted(rows, key=lambda k: rank[pictures.shown[k].region.row])[:MAX_SHOWN])
 
 
-def _drawn(result: Result, regions: Sequence[Region]) -> _Drawn:
+def _shared_content(result: Result, regions: Sequence[Region]) -> _SharedContent:
     picks, frames = result.picks, {region.frame for region in regions}
     image, status = np.array(picks.image), np.array(picks.status)
     removed_last = np.argsort(status == "removed", kind="stable")
     seen = removed_last[status[removed_last] != "unused"]
     names = result.frames.frame_id
-    return _Drawn(
+    return _SharedContent(
         lines=_lines_in(result, regions),
         bars=scale_bars(result, regions),
-        alone=measured_alone(result),
+        alone=note_automatic_values(result),
         picks={frame: seen[image[seen] == names[frame]] for frame in frames},
         sha256={frame: photo_sha256(result, frame) for frame in frames},
     )
@@ -220,13 +226,15 @@ def _stretch_text(picture: Picture) -> str:
     )
 
 
-def _shown(result: Result, drawn: _Drawn, picture: Picture, unit: float, row: int) -> Shown:
+def _photo_picture(
+    result: Result, drawn: _SharedContent, picture: Picture, unit: float, row: int
+) -> PhotoPicture:
     region = picture.region
     picks = _picks_in(result, drawn, region)
     marks = _marks(result, region, picks, unit)
-    bar = placed(drawn.bars.get(region), region, marks, unit)
+    bar = place_bar(drawn.bars.get(region), region, marks, unit)
     name, told = _words(result, drawn, region, picks)
-    return Shown(
+    return PhotoPicture(
         region=region,
         data=picture_mark(row),
         unit=unit,
@@ -254,7 +262,9 @@ def _origin(result: Result, picture: Picture, digest: str) -> str:
     )
 
 
-def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) -> tuple[str, str]:
+def _words(
+    result: Result, drawn: _SharedContent, region: Region, picks: Sequence[int]
+) -> tuple[str, str]:
     if region.subject == "overview":
         is_measured = any(look == ON_MEASURED for _, look in drawn.lines[region])
         most = "shows most of the measurements" if is_measured else "has most of the points"
@@ -278,7 +288,7 @@ def _words(result: Result, drawn: _Drawn, region: Region, picks: Sequence[int]) 
     return row.name, f"{row.value}, {status}{f' ({alone})' if alone else ''}"
 
 
-def _picks_in(result: Result, drawn: _Drawn, region: Region) -> list[int]:
+def _picks_in(result: Result, drawn: _SharedContent, region: Region) -> list[int]:
     """Return the rows of the picks in a region that the adjustment considered, used ones first."""
     rows = drawn.picks[region.frame]
     low = np.array([region.left_px, region.top_px]) - 0.5
@@ -295,7 +305,7 @@ def _marks(result: Result, region: Region, rows: Sequence[int], unit: float) -> 
         x, y = (round(float(part), 2) for part in picks.pixel_px[i])
         kind = "removed" if picks.status[i] == "removed" else picks.source[i]
         colour = hex_colour(BAD if _is_wrong(result, i) else OBSERVED)
-        marks.append(mark((x, y), kind, colour, half_widths))
+        marks.append(draw_mark((x, y), kind, colour, half_widths))
     return tuple(marks)
 
 
@@ -310,9 +320,9 @@ def _is_wrong(result: Result, pick: int) -> bool:
 
 def _tags(
     result: Result, region: Region, rows: Sequence[int], unit: float, bar: Bar | None
-) -> tuple[Text, ...]:
+) -> tuple[PlacedText, ...]:
     """Place the names of the picks of the picture's subject, and of wrong ones."""
-    picks, own = result.picks, _own(result, region)
+    picks, own = result.picks, _subject_labels(result, region)
     low = np.array([region.left_px, region.top_px]) - 0.5
     high = low + np.array([region.width_px, region.height_px])
     half = HALF_MIDDLE * unit
@@ -321,14 +331,14 @@ def _tags(
         middle = bar.left + bar.width / 2, high[1] - 16.0 * unit
         taken.append(box(middle, bar.width / 2, 16.0 * unit))
     wanted = [
-        Wanted(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
+        TextRequest(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
         for i in rows
         if picks.label[i] in own or _is_wrong(result, i)
     ]
-    return placed_texts(wanted, (low, high), taken, unit)[0]
+    return place_texts(wanted, (low, high), taken, unit)[0]
 
 
-def _own(result: Result, region: Region) -> frozenset[str]:
+def _subject_labels(result: Result, region: Region) -> frozenset[str]:
     """Return the labels of a picture's subject; an overview has all that the result depends on."""
     if region.subject == "overview":
         return used_labels(result)
@@ -337,17 +347,19 @@ def _own(result: Result, region: Region) -> frozenset[str]:
     return frozenset(result.measurements.points[region.row])
 
 
-def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tuple[Floats, Look]]]:
+def _lines_in(
+    result: Result, regions: Sequence[Region]
+) -> dict[Region, list[tuple[Floats, LineStyle]]]:
     """Project measurements, and in the overview known lengths, at their adjusted positions."""
     measured = measured_strips(result)
-    drawn: dict[Region, list[tuple[Floats, Look]]] = {region: [] for region in regions}
+    drawn: dict[Region, list[tuple[Floats, LineStyle]]] = {region: [] for region in regions}
     for frame in sorted({region.frame for region in regions}):
-        strips: list[tuple[Region, Floats, Look]] = []
+        strips: list[tuple[Region, Floats, LineStyle]] = []
         for region in (one for one in regions if one.frame == frame):
             strips += [(region, *one) for one in _strips(result, measured, region)]
         if not strips:
             continue
-        lines = [sampled(strip) for _, strip, _ in strips]
+        lines = [sample_polyline(strip) for _, strip, _ in strips]
         # project all lines of a photo at once: there may be hundreds
         pixel = project_from(result, row_poses(result, frame), np.concatenate(lines))
         ends = np.cumsum([len(line) for line in lines])[:-1]
@@ -358,7 +370,7 @@ def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tu
 
 def _strips(
     result: Result, measured: dict[int, list[Floats]], region: Region
-) -> list[tuple[Floats, Look]]:
+) -> list[tuple[Floats, LineStyle]]:
     """Return the (n, 3) lines of a region and their styles: known lengths as on the plan."""
     if region.subject == "point":
         return []
@@ -366,13 +378,36 @@ def _strips(
         return [(strip, ON_MEASURED) for strip in measured.get(region.row, [])]
     status = result.lines.status
     known = [
-        (strip, Look(hex_colour(LINE_COLOURS[status[i]]), dashed=status[i] != "used"))
+        (strip, LineStyle(hex_colour(LINE_COLOURS[status[i]]), dashed=status[i] != "used"))
         for i, strip in reference_strips(result).items()
     ]
     return known + [(strip, ON_MEASURED) for some in measured.values() for strip in some]
 
 
-def _lines(runs: Sequence[tuple[Floats, Look]], unit: float) -> Iterator[tuple[str, Look]]:
+def _lines(
+    runs: Sequence[tuple[Floats, LineStyle]], unit: float
+) -> Iterator[tuple[str, LineStyle]]:
     for run, look in runs:
-        kept = thinned(run, DRAWN_OFF * unit)
+        kept = thin_polyline(run, DRAWN_OFF * unit)
         yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept.tolist()), look
+
+
+GROUND = "ground"
+
+
+_MARK = re.compile(r"<!-- picture (\w+) -->")  # escaped text cannot contain this
+
+
+def picture_mark(which: int | str) -> str:
+    """Return the mark for the address of a picture: a photo by its row, or `GROUND`."""
+    return f"<!-- picture {which} -->"
+
+
+def embed_pictures(html: str, pictures: Pictures) -> Iterator[bytes]:
+    """Yield the page as pieces of UTF-8, with each mark replaced by a data URL of its picture."""
+    parts = _MARK.split(html)
+    for text, which in zip_longest(parts[::2], parts[1::2]):
+        yield text.encode()
+        if which is not None:
+            shown = pictures.ground if which == GROUND else pictures.shown[int(which)]
+            yield b"data:image/jpeg;base64," + b64encode(b"" if shown is None else shown.jpeg)

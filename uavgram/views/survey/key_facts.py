@@ -1,22 +1,90 @@
-"""Main facts of a result, as pairs of question and answer."""
+"""Main facts of a result, its accuracy in words, and the state of each photo."""
 
 from __future__ import annotations
 
+from collections import Counter
+from typing import Literal
+
 import numpy as np
 
+from uavgram.model.naming import counted
 from uavgram.model.result.result import Result
-from uavgram.views.survey.frame_states import frame_counts
-from uavgram.views.units import units_of
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
+    FRAME_STATE_WORDS,
     SIGNED_KINDS,
     alternatives_text,
     axes_text,
+    format_relative_sigma,
+    format_with_sigma,
     number,
-    relative,
+    order_worst_first,
     size_text,
-    with_sigma,
-    worst_first,
 )
+from uavgram.views.survey.verdict import list_named_picks
+from uavgram.views.units import spread_text, units_of
+
+FrameState = Literal["refined", "check", "seeded", "unmatched", "rejected"]
+
+
+def frame_states(result: Result) -> tuple[FrameState, ...]:
+    """Return the (F,) status of each frame; ``check`` if a refined frame deserves a second look.
+
+    That is the case if one of its picks is suspect or was removed, if a reason of the verdict names
+    it with a pick, or if the log contradicts its pose.
+    """
+    odd = {
+        image
+        for image, status in zip(result.picks.image, result.picks.status, strict=True)
+        if status in ("suspect", "removed")
+    }
+    odd |= {image for image, _ in list_named_picks(result.verdict)}
+    odd |= {name for m in result.messages if m.code == "telemetry-strained" for name in m.frames}
+    return tuple(
+        "check" if status == "refined" and name in odd else status
+        for name, status in zip(result.frames.frame_id, result.frames.status, strict=True)
+    )
+
+
+def frame_counts(result: Result) -> str:
+    """Count the frames: ``20 photos: 17 refined (1 to check), 1 rejected``, or none rejected."""
+    status, states = Counter(result.frames.status), Counter(frame_states(result))
+    check = f" ({states['check']} {FRAME_STATE_WORDS['check']})" if states["check"] else ""
+    parts = [f"{status['refined']} refined{check}"]
+    parts += [
+        f"{status[one]} {FRAME_STATE_WORDS[one]}"
+        for one in ("seeded", "unmatched", "rejected")
+        if status[one]
+    ]
+    if not status["rejected"]:
+        parts.append("none rejected")
+    return f"{counted(len(result.frames.frame_id), 'photo')}: {', '.join(parts)}"
+
+
+def accuracy_words(result: Result) -> str:
+    """State both accuracies: ``Distances between neighbouring points are known to about 1 cm``."""
+    points, units = result.points, units_of(result)
+    near = points.neighbour_sigma_m
+    told = []
+    if np.isfinite(near).any():
+        one = spread_text(float(np.nanmedian(near)), "m", units)
+        told.append(f"Distances between neighbouring points are known to about ± {one}.")
+    if not points.label:
+        return ""
+    if result.world.gauge == "plane":
+        told.append("This survey has no tie to the earth: north is arbitrary, lengths are valid.")
+    else:
+        sigma = np.sqrt(np.trace(points.covariance_m2, axis1=1, axis2=2) / 2)
+        place = spread_text(float(np.median(sigma)), "m", units)
+        where = "on the earth"
+        if result.world.origin is None:
+            where = "relative to the control points and lines, which define east and north,"
+        told.append(
+            f"The position of the survey as a whole {where} is known to about ± {place} (east, "
+            "north): an error in it shifts everything together, and changes no length, area or "
+            "angle."
+        )
+    return " ".join(told)
+
 
 Fact = tuple[str, str]
 
@@ -35,7 +103,7 @@ def key_facts(result: Result) -> tuple[Fact, ...]:
 def least_certain_length(result: Result) -> int | None:
     """Return the row of the measured length with the largest relative sigma."""
     rows = result.measurements
-    for i in worst_first(rows):
+    for i in order_worst_first(rows):
         is_length = rows.unit[i] == "m" and rows.kind[i] not in SIGNED_KINDS
         if is_length and np.isfinite(rows.value[i]):
             return int(i)
@@ -54,8 +122,8 @@ def _least_certain(result: Result) -> str:
         return ""
     value, sigma, unit = float(rows.value[row]), float(rows.sigma[row]), rows.unit[row]
     units = units_of(result)
-    why = alternatives_text(rows, row, units) or f"({relative(value, sigma, unit)})"
-    return f"{rows.name[row]}: {with_sigma(value, sigma, unit, units)} {why}"
+    why = alternatives_text(rows, row, units) or f"({format_relative_sigma(value, sigma, unit)})"
+    return f"{rows.name[row]}: {format_with_sigma(value, sigma, unit, units)} {why}"
 
 
 def _worst_fit(result: Result) -> str:

@@ -12,28 +12,28 @@ from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import footprints, shown_poses
 from uavgram.views.survey.sheet import WIDTH, GridLine, Sheet, grid_lines, lay_sheet
-from uavgram.views.survey.texts import (
-    Text,
-    Wanted,
+from uavgram.views.survey.text_placement import (
+    PlacedText,
+    TextRequest,
     around_drawing,
     box,
-    placed_texts,
+    place_texts,
     svg_points,
 )
 from uavgram.views.units import round_bar, units_of
 
-MOST_HEIGHT = 340.0
-MOST_FOOTPRINTS = 40
+MAX_HEIGHT = 340.0
+MAX_FOOTPRINTS = 40
 """Number of photos above which only the cameras are drawn."""
 ROOM = 0.08
 """Margin around the drawing, as a share of its extent."""
 REACH = 0.15
 """Reach of footprints that counts for the extent, as a share of that of cameras and points."""
-LEAST_PREFIX = 3
+MIN_PREFIX = 3
 """Least length of a common prefix that is omitted from the names of photos."""
 ARROW = 30.0
 """Length of the arrow of a level view; steeper views have shorter ones."""
-LEAST_ARROW = 5.0
+MIN_ARROW = 5.0
 """Least length of an arrow; a camera that looks down more steeply has none."""
 HEAD = 4.5
 HALF_CAMERA, HALF_DOT = 4.5, 2.0
@@ -81,7 +81,7 @@ class KeyPlan:
     footprints: tuple[str, ...]
     cameras: tuple[Camera, ...]
     dots: tuple[tuple[float, float], ...]
-    texts: tuple[Text, ...]
+    texts: tuple[PlacedText, ...]
     prefix: str
     unnamed: int
     grid: tuple[GridLine, ...]
@@ -96,10 +96,10 @@ def key_plan(result: Result) -> KeyPlan | None:
     if not len(rows):
         return None
     adjusted = result.has_refined[rows]
-    rings = footprints(result) if int(adjusted.sum()) <= MOST_FOOTPRINTS else {}
+    rings = footprints(result) if int(adjusted.sum()) <= MAX_FOOTPRINTS else {}
     rings = {frame: ring for frame, ring in rings.items() if result.has_refined[frame]}
     centers, points = poses.center_world_m, result.points.position_world_m
-    sheet = lay_sheet(*_extent(np.concatenate([centers[:, :2], points[:, :2]]), rings), MOST_HEIGHT)
+    sheet = lay_sheet(*_extent(np.concatenate([centers[:, :2], points[:, :2]]), rings), MAX_HEIGHT)
     cameras = tuple(_cameras(sheet, centers, poses.world_from_camera[:, :, 2], adjusted))
     names = tuple(result.frames.frame_id[row].rpartition(".")[0] for row in rows)
     prefix = _common_prefix(names)
@@ -142,7 +142,7 @@ def _cameras(sheet: Sheet, centers: Floats, forward: Floats, adjusted: Bools) ->
     for (x, y), axis, is_adjusted in zip(sheet(centers), forward, adjusted, strict=True):
         along = ARROW * axis[:2] * [1.0, -1.0]
         length, arrow, head = float(np.linalg.norm(along)), "", ""
-        if length > LEAST_ARROW:
+        if length > MIN_ARROW:
             tip = np.array([x, y]) + along
             unit = along / length
             across = np.array([-unit[1], unit[0]])
@@ -159,25 +159,25 @@ def _texts(
     names: tuple[str, ...],
     cameras: tuple[Camera, ...],
     taken: list[Floats],
-) -> tuple[tuple[Text, ...], int]:
+) -> tuple[tuple[PlacedText, ...], int]:
     """Place the names of photos and of points; return also the number without room."""
     dots = sheet(result.points.position_world_m)
     wanted = [
-        Wanted(name, "photo", np.array([[one.x, one.y]]))
+        TextRequest(name, "photo", np.array([[one.x, one.y]]))
         for name, one in zip(names, cameras, strict=True)
     ]
     wanted += [
-        Wanted(label, "label", dot[None])
+        TextRequest(label, "label", dot[None])
         for label, dot in zip(result.points.label, dots, strict=True)
     ]
     marks = [box((one.x, one.y), HALF_CAMERA, HALF_CAMERA) for one in cameras]
     marks += [box(dot, HALF_DOT, HALF_DOT) for dot in dots]
-    return placed_texts(wanted, sheet.corners, [*taken, *marks])
+    return place_texts(wanted, sheet.corners, [*taken, *marks])
 
 
 def _common_prefix(names: tuple[str, ...]) -> str:
     """Return the common prefix of all names; empty if it is short, or is a complete name."""
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
     prefix = "".join(letters[0] for letters in alike)
-    short = len(prefix) < LEAST_PREFIX or len(names) == 1
+    short = len(prefix) < MIN_PREFIX or len(names) == 1
     return "" if short or prefix in names else prefix

@@ -9,13 +9,13 @@ import numpy as np
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import COLUMNS
-from uavgram.views.survey.drawing import nice_factor, round_length
-from uavgram.views.survey.texts import Text, Wanted, box, placed_texts
-from uavgram.views.units import Shown, column, round_bar, units_of
-from uavgram.views.wording import decimals_for, number
+from uavgram.views.formatting import decimals_for, number
+from uavgram.views.survey.outlines import nice_factor, round_length
+from uavgram.views.survey.text_placement import PlacedText, TextRequest, box, place_texts
+from uavgram.views.units import DisplayUnit, round_bar, table_unit, units_of
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 720.0, 70.0, 30.0, 34.0, 30.0
-MOST_HEIGHT, LEAST_HEIGHT = 200.0, 24.0
+MAX_HEIGHT, MIN_HEIGHT = 200.0, 24.0
 """Limits of the drawn height: heights are exaggerated as far as the first allows."""
 
 HALF_DOT, HALF_BAR = 2.5, 1.5
@@ -63,7 +63,7 @@ class ProfileDrawing:
     bars: tuple[tuple[float, float, float], ...]
     rulers: tuple[tuple[float, float, float], ...]
     labels: tuple[str, ...]
-    names: tuple[Text, ...]
+    names: tuple[PlacedText, ...]
     grid: tuple[tuple[float, str], ...]
     exaggeration: int
     bar_text: str
@@ -73,7 +73,7 @@ class ProfileDrawing:
 
 def profile_drawings(result: Result) -> tuple[ProfileDrawing, ...]:
     """Draw all profiles of a result."""
-    return tuple(_drawn(result, name, rows) for name, rows in result.profiles.each())
+    return tuple(_draw(result, name, rows) for name, rows in result.profiles.each())
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class _Sheet:
         return np.asarray(TOP + (self.high_m - up_m) * self.steep)
 
 
-def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
+def _draw(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     profiles = result.profiles
     station, _, up, ground = profiles.place_m[rows].T
     reach = WIDE * profiles.sigma_m[rows, 2]
@@ -101,7 +101,7 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     rise, run = max(high - low, 1e-6), max(float(np.ptp(station)), 1e-6)
     # scale along from the width; exaggeration of heights from the 1-2-5 series
     scale = (WIDTH - LEFT - RIGHT) / run
-    factor = nice_factor(rise * scale, MOST_HEIGHT)
+    factor = nice_factor(rise * scale, MAX_HEIGHT)
     sheet = _Sheet(float(station.min()), float(high), scale, scale * factor)
     x, y, below = sheet.x(station), sheet.y(up), sheet.y(ground)
     in_order = np.argsort(station, kind="stable")
@@ -109,7 +109,7 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     off = up != ground
     units = units_of(result)
     bar_m, bar_text = round_bar(run / 4.0, units)
-    height = TOP + max(rise * sheet.steep, LEAST_HEIGHT) + BOTTOM
+    height = TOP + max(rise * sheet.steep, MIN_HEIGHT) + BOTTOM
     labels = tuple(profiles.label[i] for i in rows)
     return ProfileDrawing(
         name=name,
@@ -121,7 +121,7 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
         rulers=_uprights(x[off], y[off], below[off]),
         labels=labels,
         names=_names(labels, bars, y, height),
-        grid=_grid(sheet, low, high, column(units)),
+        grid=_grid(sheet, low, high, table_unit(units)),
         exaggeration=factor,
         bar_text=bar_text,
         bar=bar_m * scale,
@@ -131,11 +131,11 @@ def _drawn(result: Result, name: str, rows: Ints) -> ProfileDrawing:
 
 def _names(
     labels: tuple[str, ...], bars: tuple[Floats, Floats, Floats], y: Floats, height: float
-) -> tuple[Text, ...]:
+) -> tuple[PlacedText, ...]:
     """Place labels around the tops of their bars, as far as there is room above the scale bar."""
     x, top, bottom = bars
     wanted = [
-        Wanted(label, "name", np.array([spot]), is_needed=False, rank=rank)
+        TextRequest(label, "name", np.array([spot]), is_needed=False, rank=rank)
         for rank, (label, spot) in enumerate(
             zip(labels, np.column_stack([x, top]).tolist(), strict=True)
         )
@@ -146,10 +146,12 @@ def _names(
         box((a, b), HALF_BAR, float(c))
         for a, b, c in zip(x, middle, np.abs(bottom - top) / 2, strict=True)
     ]
-    return placed_texts(wanted, (np.array([LEFT, 0.0]), np.array([WIDTH, height])), taken)[0]
+    return place_texts(wanted, (np.array([LEFT, 0.0]), np.array([WIDTH, height])), taken)[0]
 
 
-def _grid(sheet: _Sheet, low: float, high: float, one: Shown) -> tuple[tuple[float, str], ...]:
+def _grid(
+    sheet: _Sheet, low: float, high: float, one: DisplayUnit
+) -> tuple[tuple[float, str], ...]:
     """Return level lines at round heights in the unit that is shown."""
     low, high = low * one.factor, high * one.factor
     step = round_length(max(high - low, 1e-6) / GRID_LINES * 2.0)
@@ -171,7 +173,7 @@ def _uprights(x: Floats, top: Floats, bottom: Floats) -> tuple[tuple[float, floa
 
 def _cells(result: Result, row: int) -> tuple[str, ...]:
     """Format place and sigma of each of `COLUMNS`; values fixed by definition have no sigma."""
-    cells, factor = [], column(units_of(result)).factor
+    cells, factor = [], table_unit(units_of(result)).factor
     for k in range(len(COLUMNS)):
         place = factor * float(result.profiles.place_m[row, k])
         sigma = factor * float(result.profiles.sigma_m[row, k])

@@ -1,4 +1,4 @@
-"""Reliability of the result in words: undetected errors, priors, removals, second order."""
+"""Reliability of the result in words, and the limits of its test statistics."""
 
 from __future__ import annotations
 
@@ -6,21 +6,57 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from uavgram.estimation.reliability.redundancy import compute_critical_value, compute_level
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import counted, listed
+from uavgram.model.options import SolveOptions
 from uavgram.model.result.reliability import ChecksOverall, Effects, PriorResults, RemovalRecord
 from uavgram.model.result.result import Result
-from uavgram.views.survey.limits import prior_limits
+from uavgram.views.formatting import UNIT_WORDS, chance, number, order_computed_first
 from uavgram.views.units import spread_text, units_of
-from uavgram.views.wording import UNIT_WORDS, chance, computed_first, number
 
-MOST_PRIORS = 20
+
+def significance_of(result: Result) -> float:
+    """Return the significance that a run used; the default if its result does not state it."""
+    stated = dict(result.provenance.options).get("solve.significance")
+    return stated if isinstance(stated, float) else SolveOptions().significance
+
+
+def pick_limit(result: Result) -> float:
+    """Return the critical absolute w of the picks under test, of two coordinates each.
+
+    For a significance of one in a thousand: 3.29 up to five picks, 4.1 for a hundred.
+    """
+    return _limit(result, 2 * int(np.isfinite(result.picks.w).sum()))
+
+
+def line_limits(result: Result) -> Floats:
+    """Return the (L,) critical absolute w of known lengths; each withheld one is tested alone."""
+    checked = np.array([status == "checked" for status in result.lines.status], dtype=bool)
+    together = int((np.isfinite(result.lines.w) & ~checked).sum())
+    return np.where(checked, _limit(result, 1), _limit(result, together))
+
+
+def prior_limits(result: Result) -> Floats:
+    """Return the (N,) critical absolute w of priors; control points share a limit of their own."""
+    if result.evidence is None:
+        return np.zeros(0)
+    control = np.array([kind == "control" for kind in result.evidence.priors.kind], dtype=bool)
+    counts = int(control.sum()), int((~control).sum())
+    return np.where(control, *(_limit(result, count) for count in counts))
+
+
+def _limit(result: Result, tests: int) -> float:
+    return compute_critical_value(compute_level(significance_of(result), tests))
+
+
+MAX_PRIORS = 20
 """Number of priors shown: those with the largest test statistics."""
 
-MOST_UNCHECKED = 6
+MAX_UNCHECKED = 6
 """Number of unchecked observations named for a measurement."""
 
-MOST_MOVED = 5
+MAX_MOVED = 5
 """Number of measurements named as moved by a removal."""
 
 LARGE = 1000.0
@@ -36,7 +72,7 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
         return []
     rows, links = result.measurements, result.evidence.weakest
     table = []
-    for i in computed_first(rows):
+    for i in order_computed_first(rows):
         name = rows.name[i]
         if not np.isfinite(rows.value[i]):
             continue
@@ -47,7 +83,7 @@ def weakest_links(result: Result) -> list[dict[str, str]]:
                 f"an undetected error of {_amount(links.bias[i], links.unit[i])} in the "
                 f"{links.what[i]} would move it by {number(abs(links.change[i]))} {unit}"
             )
-        unchecked = listed(links.unchecked[i], MOST_UNCHECKED)
+        unchecked = listed(links.unchecked[i], MAX_UNCHECKED)
         table.append({"name": name, "weakest": weakest, "unchecked": unchecked})
     return table
 
@@ -77,7 +113,7 @@ def prior_rows(result: Result) -> list[dict[str, str | bool]]:
         return []
     priors: PriorResults = result.evidence.priors
     limit = prior_limits(result)
-    order = np.argsort(-np.abs(priors.w), kind="stable")[:MOST_PRIORS]
+    order = np.argsort(-np.abs(priors.w), kind="stable")[:MAX_PRIORS]
     return [
         {
             "name": priors.name[i],
@@ -109,12 +145,12 @@ def removal_rows(result: Result) -> list[str]:
             text += f" No test can distinguish it from: {', '.join(one.group)}."
         if one.rivals:
             text += f" It could also have been: {', '.join(one.rivals)}."
-        moved = _moved(result, one)
+        moved = _list_moved(result, one)
         sentences.append(f"{text} That moved {moved}." if moved else text)
     return sentences
 
 
-def _moved(result: Result, one: RemovalRecord) -> str:
+def _list_moved(result: Result, one: RemovalRecord) -> str:
     """List the measurements that a removal moved by most of their sigmas; count the others."""
     rows, change = result.measurements, np.array(one.change, dtype=np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -124,7 +160,7 @@ def _moved(result: Result, one: RemovalRecord) -> str:
     named = [
         f"{rows.name[i]!r} by {number(change[i], signed=True)} "
         f"{UNIT_WORDS.get(rows.unit[i], rows.unit[i])}"
-        for i in order[:MOST_MOVED]
+        for i in order[:MAX_MOVED]
     ]
     more = len(order) - len(named)
     return ", ".join(named) + (f" and {more} more by fewer of their sigmas" if more else "")

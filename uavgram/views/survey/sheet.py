@@ -10,14 +10,14 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import Units
 from uavgram.views.style import ABOVE, BELOW, hex_colour
-from uavgram.views.units import column, round_bar
+from uavgram.views.units import round_bar, table_unit
 
 WIDTH = 720.0
 """Width of every drawing, in its own units; letters are 11 of them high: 8 points on paper."""
 MARGIN, MARGIN_SHARE = 60.0, 0.12
 """Margin around the drawing; for a low drawing a share of its height."""
-LEAST_HEIGHT, MOST_HEIGHT = 260.0, 840.0
-MOST_STEP = 140.0
+MIN_HEIGHT, MAX_HEIGHT = 260.0, 840.0
+MAX_STEP = 140.0
 """Largest distance of grid lines; the least is two fifths of that."""
 EDGE, LETTER = 4.0, 5.6
 """Gap between the side of a drawing and text along it; width of a letter there."""
@@ -83,7 +83,7 @@ class Sheet:
         return np.array([west, north - size[1]]), np.array([west + size[0], north])
 
 
-def lay_sheet(low_m: Floats, high_m: Floats, most_height: float = MOST_HEIGHT) -> Sheet:
+def lay_sheet(low_m: Floats, high_m: Floats, most_height: float = MAX_HEIGHT) -> Sheet:
     """Fit a rectangle of ground into a drawing.
 
     Parameters
@@ -102,7 +102,7 @@ def lay_sheet(low_m: Floats, high_m: Floats, most_height: float = MOST_HEIGHT) -
         west_m=float(low_m[0] - (across / scale - size[0]) / 2),
         north_m=float(high_m[1]),
         scale=scale,
-        height=float(max(size[1] * scale + 2 * margin, min(LEAST_HEIGHT, most_height))),
+        height=float(max(size[1] * scale + 2 * margin, min(MIN_HEIGHT, most_height))),
         margin=margin,
     )
 
@@ -123,8 +123,8 @@ class GridLine:
 def grid_lines(sheet: Sheet, units: Units) -> Iterator[GridLine]:
     """Draw lines at round numbers of metres or feet from the origin, named along two sides."""
     low, high = sheet.extent_m
-    step_m = round_bar(MOST_STEP / sheet.scale, units)[0]
-    unit = column(units)
+    step_m = round_bar(MAX_STEP / sheet.scale, units)[0]
+    unit = table_unit(units)
     for axis, name in enumerate("EN"):
         first, last = np.ceil(low[axis] / step_m), np.floor(high[axis] / step_m)
         for count in np.arange(first, last + 1):

@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import SOURCES, count_picks_by_source, is_only_by_program
 from uavgram.model.survey.observations import Source
-from uavgram.views.wording import number
+from uavgram.views.formatting import number
 
 SOURCE_WORDS: dict[Source, str] = {"hand": "by hand", "match": "matched", "target": "target"}
 
@@ -18,7 +18,7 @@ ONLY_PROGRAM = "only the program's picks"
 """Note beside a value that depends on no pick of a person."""
 
 
-def has_found(result: Result) -> bool:
+def has_automatic_picks(result: Result) -> bool:
     """Return whether the program made any of the picks."""
     return not result.picks.by_hand.all()
 
@@ -41,13 +41,13 @@ def picks_text(result: Result) -> str:
     return f"Picks: {told}." if told else ""
 
 
-def points_made(result: Result) -> tuple[str, ...]:
+def point_origins(result: Result) -> tuple[str, ...]:
     """Return the (K,) origins of the picks of points; empty texts if a person made all of them."""
     made = count_picks_by_source(result.picks)
     return tuple(counts_text(made.get(label, {})) for label in result.points.label)
 
 
-def frames_made(result: Result) -> tuple[str, ...]:
+def frame_origins(result: Result) -> tuple[str, ...]:
     """Return the (F,) origins of the picks in photos; empty texts if a person made all of them."""
     made: dict[str, Counter[Source]] = {}
     for image, source in zip(result.picks.image, result.picks.source, strict=True):
@@ -55,14 +55,14 @@ def frames_made(result: Result) -> tuple[str, ...]:
     return tuple(counts_text(made.get(name, {})) for name in result.frames.frame_id)
 
 
-def frames_tied(result: Result) -> tuple[str, ...]:
+def format_frame_ties(result: Result) -> tuple[str, ...]:
     """Format (F,) the tie points of each photo, and rms of their residuals: ``131 (0.21 px)``."""
     frames = result.frames
     pairs = zip(frames.ties.tolist(), frames.ties_rms_px.tolist(), strict=True)
     return tuple(f"{count} ({number(rms, 2)} px)" if count else "0" for count, rms in pairs)
 
 
-def measured_alone(result: Result) -> tuple[str, ...]:
+def note_automatic_values(result: Result) -> tuple[str, ...]:
     """Return (M,) the note on each value's picks; empty if a person made some."""
     rows = result.measurements
     alone = is_only_by_program(result.picks, rows.points) & np.isfinite(rows.value)

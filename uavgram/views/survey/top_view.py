@@ -16,25 +16,31 @@ from uavgram.stages.products.map_layers import (
     position_strips,
     reference_strips,
 )
+from uavgram.views.formatting import number, order_worst_first
+from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.style import hex_colour
-from uavgram.views.survey.departures import Departures, departures
-from uavgram.views.survey.drawing import longest_part, nice_factor
+from uavgram.views.survey.off_ground import Departures, collect_departures
+from uavgram.views.survey.outlines import longest_part, nice_factor
 from uavgram.views.survey.sheet import (
     INK,
-    MOST_HEIGHT,
+    MAX_HEIGHT,
     WIDTH,
     GridLine,
     Sheet,
     grid_lines,
     lay_sheet,
 )
-from uavgram.views.survey.texts import Text, Wanted, around_drawing, box, placed_texts
-from uavgram.views.unit_words import in_units
+from uavgram.views.survey.text_placement import (
+    PlacedText,
+    TextRequest,
+    around_drawing,
+    box,
+    place_texts,
+)
 from uavgram.views.units import INCH_M, round_bar, units_of, value_text
-from uavgram.views.wording import number, worst_first
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
-MOST_ROOM = 0.3
+MAX_ROOM = 0.3
 # Half size of the area around a point without text.
 HALF_DOT = 2.5
 # Half the diagonal of the mark of a point off the ground.
@@ -42,7 +48,7 @@ DIAMOND = 5.0
 # Departures from the plane are shown to millimetres if their sigma is below this.
 WELL_KNOWN_M = 0.01
 # With more lines than this they are thin, and only some of the measured ones are named.
-MANY_LINES, MOST_MEASURED = 20, 12
+MANY_LINES, MAX_MEASURED = 20, 12
 BOLD, FINE, THIN = 2.0, 1.0, 0.5
 
 
@@ -102,7 +108,7 @@ class TopView:
     off_plane: tuple[tuple[float, float, str], ...]
     off_ground: tuple[str, ...]
     full_m: float
-    texts: tuple[Text, ...]
+    texts: tuple[PlacedText, ...]
     unnamed: int
     ellipse_factor: int
     fill_ellipses: bool
@@ -154,8 +160,8 @@ def used_points(result: Result) -> Bools:
     return found if found.any() else np.ones_like(found)
 
 
-def lay_out(
-    result: Result, most_height: float = MOST_HEIGHT, shown: Bools | None = None
+def fit_layout(
+    result: Result, most_height: float = MAX_HEIGHT, shown: Bools | None = None
 ) -> Layout | None:
     """Fit the points into a drawing; return None if there are none.
 
@@ -178,34 +184,34 @@ def lay_out(
     usual = float(np.median(major))
     factor = nice_factor(usual, ELLIPSE_SHARE * extent_m)
     # room for the ellipses too, unless they would leave none for the points
-    room = min(factor * float(major.max()), MOST_ROOM * extent_m)
+    room = min(factor * float(major.max()), MAX_ROOM * extent_m)
     return Layout(lay_sheet(low - room, high + room, most_height), extent_m, factor, usual)
 
 
 def top_view(
-    result: Result, most_height: float = MOST_HEIGHT, shown: Bools | None = None
+    result: Result, most_height: float = MAX_HEIGHT, shown: Bools | None = None
 ) -> TopView | None:
     """Lay out the drawing; return None if there is no point to draw.
 
     Parameters
     ----------
     result, most_height, shown
-        See `lay_out`; with `shown`, only these points have names and dots, and there are no
+        See `fit_layout`; with `shown`, only these points have names and dots, and there are no
         heights.
     """
-    layout = lay_out(result, most_height, shown)
+    layout = fit_layout(result, most_height, shown)
     if layout is None:
         return None
     sheet, extent_m, factor, usual = layout
     position = result.points.position_world_m
     units = units_of(result)
     bar_m, bar_text = round_bar(extent_m / 5, units)
-    uneven = departures(result) if shown is None else None
+    uneven = collect_departures(result) if shown is None else None
     grid, rows = tuple(grid_lines(sheet, units)), slice(None) if shown is None else shown
     dots = sheet(position[rows])
     taken = [box(dot, HALF_DOT, HALF_DOT) for dot in dots]
     taken += around_drawing(sheet, grid, bar_m * sheet.scale)
-    texts, unnamed = placed_texts(list(_texts(result, sheet, uneven, shown)), sheet.corners, taken)
+    texts, unnamed = place_texts(list(_texts(result, sheet, uneven, shown)), sheet.corners, taken)
     return TopView(
         width=WIDTH,
         height=sheet.height,
@@ -288,45 +294,45 @@ def _diamonds(spots: Floats) -> Iterator[str]:
         yield _points(spot + corners)
 
 
-def _over_ground(result: Result, spots: Floats) -> Iterator[Wanted]:
+def _over_ground(result: Result, spots: Floats) -> Iterator[TextRequest]:
     """Yield heights of points over the ground [m], the highest first."""
     points, units = result.points, units_of(result)
     off, height = np.flatnonzero(points.is_off_ground), points.height_above_ground_m
     for k in off[np.argsort(-np.abs(height[off]), kind="stable")]:
         sign = "+" if height[k] > 0 else ""
         text = sign + value_text(float(height[k]), float(points.height_sigma_m[k]), "m", units)
-        yield Wanted(text, "off_ground", spots[k : k + 1], is_needed=False)
+        yield TextRequest(text, "off_ground", spots[k : k + 1], is_needed=False)
 
 
-def _off_their_plane(result: Result, spots: Floats, uneven: Departures) -> Iterator[Wanted]:
+def _off_their_plane(result: Result, spots: Floats, uneven: Departures) -> Iterator[TextRequest]:
     """Yield departures of points from their plane [cm or in], the farthest first."""
     small_m = 0.01 if units_of(result).length == "m" else INCH_M
     for k in np.argsort(-np.abs(uneven.value_m), kind="stable"):
         places = int(uneven.sigma_m[k] < WELL_KNOWN_M)
         text = number(float(uneven.value_m[k]) / small_m, places, signed=True)
-        yield Wanted(text, "off_plane", spots[uneven.rows[k]][None], is_needed=False)
+        yield TextRequest(text, "off_plane", spots[uneven.rows[k]][None], is_needed=False)
 
 
 def _texts(
     result: Result, sheet: Sheet, uneven: Departures | None, named: Bools | None
-) -> Iterator[Wanted]:
+) -> Iterator[TextRequest]:
     """Yield names and values of all objects; of many measured values the least certain."""
     rows, units, measured = result.measurements, units_of(result), measured_strips(result)
-    shown = [int(i) for i in worst_first(rows) if measured.get(int(i))]
-    for i in shown[: MOST_MEASURED if len(shown) > MANY_LINES else None]:
+    shown = [int(i) for i in order_worst_first(rows) if measured.get(int(i))]
+    for i in shown[: MAX_MEASURED if len(shown) > MANY_LINES else None]:
         value = value_text(float(rows.value[i]), float(rows.sigma[i]), rows.unit[i], units)
         text = f"{rows.name[i]} {value}{' ?' if rows.is_ambiguous[i] else ''}"
-        yield Wanted(text, "measured", sheet(longest_part(measured[i])))
+        yield TextRequest(text, "measured", sheet(longest_part(measured[i])))
     for name, strip in zip(result.control_lines.name, position_strips(result), strict=True):
-        yield Wanted(name, "known", sheet(strip))
+        yield TextRequest(name, "known", sheet(strip))
     for i, strip in reference_strips(result).items():
         length_m = float(result.lines.length_m[i])
-        text = f"{result.lines.name[i]} {in_units(f'{length_m:.2f} m', units, exact=[length_m])}"
-        yield Wanted(text, "known", sheet(strip))
+        length = convert_sentence(f"{length_m:.2f} m", units, exact=[length_m])
+        yield TextRequest(f"{result.lines.name[i]} {length}", "known", sheet(strip))
     spots = sheet(result.points.position_world_m)
     for k, label in enumerate(result.points.label):
         if named is None or named[k]:
-            yield Wanted(label, "name", spots[k : k + 1])
+            yield TextRequest(label, "name", spots[k : k + 1])
     if named is not None:
         return
     yield from _over_ground(result, spots)

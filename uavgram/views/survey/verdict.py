@@ -12,7 +12,7 @@ from uavgram.model.naming import counted
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
-from uavgram.views.wording import NOT_COMPUTED, with_sigma
+from uavgram.views.formatting import NOT_COMPUTED, format_with_sigma
 
 # The usual limit in surveying for a check.
 THREE_SIGMA = 3.0
@@ -23,7 +23,7 @@ LEVEL_WORDS: dict[VerdictLevel | None, str] = {
     "red": "red, do not use these numbers",
     None: "none, as nothing is measured",
 }
-MOST_VALUES = 1
+MAX_VALUES = 1
 """Number of measurements up to which the headline gives their values, not their count."""
 
 STATUS_WORDS: dict[MeasurementStatus, str] = {
@@ -95,7 +95,7 @@ def reason_sentence(reason: Reason) -> str:
     return f"{reason.plain} To correct it: {todo}."
 
 
-def headline(result: Result) -> str:
+def summarise_result(result: Result) -> str:
     """Summarise the result beside the light: ``Check: 3 of 4 measurements are in order.``."""
     level = result.verdict.level
     if level is None:
@@ -108,9 +108,9 @@ def headline(result: Result) -> str:
 def _known(result: Result) -> str:
     """Return the value of the only measurement, or the number of those in order."""
     rows = result.measurements
-    if len(rows.name) <= MOST_VALUES:
+    if len(rows.name) <= MAX_VALUES:
         return (
-            f"{rows.name[0]} is {with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}"
+            f"{rows.name[0]} is {format_with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}"
             f"{', and is checked' if result.verdict.level == 'green' else ''}."
         )
     if result.verdict.level == "green":
@@ -119,7 +119,7 @@ def _known(result: Result) -> str:
     return f"{in_order} of {len(rows.name)} measurements are in order."
 
 
-def named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
+def list_named_picks(verdict: Verdict) -> frozenset[tuple[str, str]]:
     """Return photo and label of the picks that reasons name."""
     return frozenset(
         pick for reason in verdict.reasons for pick in product(reason.frames, reason.labels)

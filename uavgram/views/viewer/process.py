@@ -30,11 +30,11 @@ class _Started:
     def call(command: list[str]) -> int:
         """Run a program until it ends, or standard input is closed; return its exit status."""
         with subprocess.Popen(command, stdin=subprocess.DEVNULL) as viewer:  # noqa: S603
-            threading.Thread(target=_end_with_who_started, args=(viewer,), daemon=True).start()
+            threading.Thread(target=_end_with_parent, args=(viewer,), daemon=True).start()
             return viewer.wait()
 
 
-def _end_with_who_started(viewer: subprocess.Popen[bytes]) -> None:
+def _end_with_parent(viewer: subprocess.Popen[bytes]) -> None:
     while os.read(0, 1024):
         pass
     viewer.terminate()

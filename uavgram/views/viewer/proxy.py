@@ -34,7 +34,7 @@ HEADERS_S = 10.0
 WRITE_S = 15.0
 """Time limit for a reader to take the next `PIECE_BYTES`; slower ones are disconnected."""
 PIECE_BYTES = 1 << 18
-MOST_AT_ONCE = 64
+MAX_AT_ONCE = 64
 POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval'; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; font-src 'self' data:; "
@@ -54,7 +54,7 @@ _HANDED_ON = ("content-type", "content-encoding", "rerun-final-length")
 _OWN_SITE = {"same-origin", "none"}  # https://www.w3.org/TR/fetch-metadata/; none: typed in
 
 
-class ViewerGate(ThreadingHTTPServer):
+class ViewerProxy(ThreadingHTTPServer):
     """Server on a port of its own before the viewer's.
 
     Parameters
@@ -66,7 +66,7 @@ class ViewerGate(ThreadingHTTPServer):
     """
 
     daemon_threads = True
-    request_queue_size = 2 * MOST_AT_ONCE
+    request_queue_size = 2 * MAX_AT_ONCE
 
     def __init__(self, page_port: int, recording: Path) -> None:
         super().__init__((LOOPBACK, 0), _Handler)
@@ -75,7 +75,7 @@ class ViewerGate(ThreadingHTTPServer):
         self.way = f"/{secrets.token_urlsafe(32)}/{RECORDING}"
         self._page: dict[str, tuple[dict[str, str], bytes]] = {}
         self._asking = threading.Lock()
-        self._free = threading.Semaphore(MOST_AT_ONCE)
+        self._free = threading.Semaphore(MAX_AT_ONCE)
         self._thread = threading.Thread(target=self.serve_forever, daemon=True)
         self._thread.start()
 
@@ -127,7 +127,7 @@ class ViewerGate(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     """Handler that forwards the viewer's files, and serves the recording."""
 
-    server: ViewerGate
+    server: ViewerProxy
 
     def setup(self) -> None:
         """Set the time limit for reads and writes."""

@@ -14,7 +14,7 @@ from urllib.parse import quote
 from uavgram.errors import InputError, UavgramError
 from uavgram.input_files import opened
 from uavgram.views.viewer import process as viewer_process
-from uavgram.views.viewer.proxy import LOOPBACK, ViewerGate
+from uavgram.views.viewer.proxy import LOOPBACK, ViewerProxy
 
 MAGIC = (b"RRF2", b"RRIO", b"RRF0", b"RRF1")
 START_S = 30.0
@@ -81,15 +81,15 @@ class RecordingServer:
     def __init__(self, recording: Path) -> None:
         _check(recording)
         page, data = _free_ports(2)
-        self._gate: ViewerGate | None = None
+        self._gate: ViewerProxy | None = None
         where = ("--web-viewer-port", str(page), "--port", str(data))
         self._process = _start(["--serve-web", "--bind", LOOPBACK, *where], RUST_LOG="error")
         try:
-            self._await(page, data)
+            self._wait_for_start(page, data)
         except BaseException:
             self.stop()
             raise
-        self._gate = ViewerGate(page, recording)
+        self._gate = ViewerProxy(page, recording)
         home = f"http://{LOOPBACK}:{self._gate.server_port}"
         self.address = f"{home}?url={quote(home + self._gate.way, safe='')}&theme=dark"
 
@@ -98,7 +98,7 @@ class RecordingServer:
         """Whether it still runs."""
         return self._process.poll() is None
 
-    def _await(self, *ports: int) -> None:
+    def _wait_for_start(self, *ports: int) -> None:
         if not all(_is_up(self._process, port) for port in ports):
             raise UavgramError(
                 "the Rerun viewer's server did not start: see its messages above, and "

@@ -17,12 +17,11 @@ from uavgram.model.result.reliability import (
 )
 from uavgram.model.result.result import Result
 from uavgram.model.result.shared import AreaPlane
-from uavgram.views.markdown import MOST_ROWS, plain, table
-from uavgram.views.recording.curves.plots import frame_curves
-from uavgram.views.recording.curves.pose_curves import pose_curves
-from uavgram.views.recording.pages.frames import frame_sheets
-from uavgram.views.recording.pages.tables import (
+from uavgram.views.pages import MAX_ROWS, plain, table
+from uavgram.views.recording.curves import frame_curves, pose_curves
+from uavgram.views.recording.pages import (
     checks_page,
+    frame_sheets,
     lengths_page,
     measured_page,
     messages_page,
@@ -30,7 +29,7 @@ from uavgram.views.recording.pages.tables import (
     points_page,
     summary,
 )
-from uavgram.views.recording.photo.frame_picks import project_picks
+from uavgram.views.recording.photo import project_picks
 from uavgram.views.recording.scene import measure_scene
 from uavgram.views.survey.verdict import verdict_words
 
@@ -171,7 +170,7 @@ def test_what_people_wrote_cannot_become_markdown() -> None:
 
 
 def test_a_table_says_what_it_leaves_out() -> None:
-    shown = table(("a", "b"), [("1", "2")] * (MOST_ROWS + 5))
+    shown = table(("a", "b"), [("1", "2")] * (MAX_ROWS + 5))
 
-    assert shown.count("| 1 | 2 |") == MOST_ROWS
+    assert shown.count("| 1 | 2 |") == MAX_ROWS
     assert shown.endswith("5 more rows are in the report and in results.json.")

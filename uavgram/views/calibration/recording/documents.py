@@ -6,15 +6,15 @@ import numpy as np
 import rerun as rr
 
 from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
-from uavgram.views.calibration.camera_text import parameter_cells
-from uavgram.views.calibration.drawing import SQRT2, pixels_text, rows_by_photo
+from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text, rows_by_photo
+from uavgram.views.calibration.text import parameter_cells
 from uavgram.views.calibration.verdict import calibration_facts, judge_calibration
-from uavgram.views.markdown import plain, table
+from uavgram.views.formatting import LEVEL_RANK, number
+from uavgram.views.pages import plain, table
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.wording import LEVEL_RANK, number
 
 SUMMARY, CAMERA_PAGE, SHEET = "documents/summary", "documents/camera", "documents/photo"
-MOST_ODD = 20
+MAX_ODD = 20
 
 
 def log_calibration_documents(recorder: Recorder, account: CalibrationAccount) -> None:
@@ -110,7 +110,7 @@ def photo_sheet(result: CalibrationResult, k: int) -> str:
         size = np.linalg.norm(corners.residual_px, axis=1)
         cells = [
             (str(corners.corner[i]), f"{pixels_text(float(size[i]))} px", corners.status[i])
-            for i in odd[:MOST_ODD]
+            for i in odd[:MAX_ODD]
         ]
         parts += ["## Corners that do not fit", table(("corner", "residual", ""), cells)]
     return "\n\n".join(parts)

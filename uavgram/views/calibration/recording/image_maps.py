@@ -7,7 +7,7 @@ import rerun as rr
 
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.views.calibration.drawing import (
+from uavgram.views.calibration.drawing_rules import (
     mean_residual_factor,
     pixels_text,
     uncertainty_shares,

@@ -1,4 +1,4 @@
-"""One photo at a time: the moving camera with its photo, corners and exaggerated residuals."""
+"""One photo at a time: camera, corners, exaggerated residuals, and curves over the photos."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import rerun as rr
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Bools
 from uavgram.model.camera.calibration_result import CalibrationResult
-from uavgram.views.calibration.drawing import residual_factor, rows_by_photo
-from uavgram.views.calibration.recording.space import CAMERA, DEPTH_OF_CURRENT, Room
+from uavgram.views.calibration.drawing_rules import SQRT2, residual_factor, rows_by_photo
+from uavgram.views.calibration.recording.space import CAMERA, DEPTH_OF_CURRENT, SceneExtent
 from uavgram.views.recording.photo_marks import (
     CENTRE_PX,
     log_camera_poses,
@@ -19,14 +19,35 @@ from uavgram.views.recording.photo_marks import (
     log_polylines,
 )
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import BAD, MEASURED, OBSERVED, SEED
+from uavgram.views.style import BAD, GOOD, MEASURED, OBSERVED, QUIET, REFINED, SEED, Rgb
+
+RESIDUAL, TILT, STATUS = "plots/residual", "plots/tilt", "photo_status"
+_STATES: dict[str, Rgb] = {"used": GOOD, "suspect": BAD, "removed": QUIET}
+
+
+def log_photo_plots(recorder: Recorder, result: CalibrationResult) -> None:
+    """Log every curve and the states."""
+    photos = result.photos
+    noise = np.full(len(photos.file), result.quality.sigma_px)
+    for path, values, name, colour in (
+        (f"{RESIDUAL}/adjusted", photos.rms_px / SQRT2, "residual [px]", REFINED),
+        (f"{RESIDUAL}/left_out", photos.held_out_px, "when left out [px]", SEED),
+        (f"{RESIDUAL}/sigma_of_corners", noise, "σ of a corner [px]", OBSERVED),
+        (f"{TILT}/tilt", photos.tilt_deg, "tilt [°]", REFINED),
+    ):
+        recorder.curve(path, values, name, colour)
+    recorder.states(STATUS, photos.status, _STATES, {state: state for state in _STATES})
+
 
 PHOTO = f"{CAMERA}/photo"
 OVERLAYS = ("residual_exaggerated", "residual_exaggerated_odd", "corners", "corners_odd", "first")
 
 
 def log_board_photos(
-    recorder: Recorder, result: CalibrationResult, room: Room, previews: Mapping[str, Preview]
+    recorder: Recorder,
+    result: CalibrationResult,
+    room: SceneExtent,
+    previews: Mapping[str, Preview],
 ) -> None:
     """Log the moving camera, its photo and all drawings on it.
 

@@ -32,7 +32,7 @@ STATUS_COLOURS: dict[str, Rgb] = {"used": REFINED, "suspect": BAD, "removed": QU
 
 
 @dataclass(frozen=True, eq=False)
-class Room:
+class SceneExtent:
     """Extent of the scene, from which drawings are scaled.
 
     Attributes
@@ -53,7 +53,7 @@ class Room:
     boards_m: Floats
 
 
-def measure_room(result: CalibrationResult) -> Room:
+def measure_extent(result: CalibrationResult) -> SceneExtent:
     """Place cameras and boards."""
     poses, rim = result.photos.poses, _rim(result)
     center, turn = poses.center_world_m, poses.world_from_camera
@@ -65,7 +65,7 @@ def measure_room(result: CalibrationResult) -> Room:
     frusta = center[:, None] + np.einsum("mij,kj->mki", turn, outline)
     # the current camera is drawn larger
     large = frusta + (DEPTH_OF_CURRENT - 1) * (frusta - center[:, None])
-    return Room(
+    return SceneExtent(
         frustum_m=depth,
         around_m=np.concatenate([rim, large.reshape(-1, 3)]),
         before_m=np.concatenate([outline, boards.reshape(-1, 3)]),
@@ -74,7 +74,7 @@ def measure_room(result: CalibrationResult) -> Room:
     )
 
 
-def log_space(recorder: Recorder, result: CalibrationResult, room: Room) -> None:
+def log_space(recorder: Recorder, result: CalibrationResult, room: SceneExtent) -> None:
     """Log the board, the cameras, and the boards in the camera's frame.
 
     Parameters

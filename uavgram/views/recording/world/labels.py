@@ -7,29 +7,28 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, point_index, reference_strips
-from uavgram.views.recording.eye import Eye
-from uavgram.views.recording.scene import Scene
-from uavgram.views.recording.view_texts import ViewTexts, place_in_space
-from uavgram.views.survey.drawing import longest_middle
-from uavgram.views.survey.key_facts import least_certain_length
-from uavgram.views.survey.off_ground import height_label
-from uavgram.views.survey.verdict import STATUS_WORDS, status_text
-from uavgram.views.unit_words import in_units
-from uavgram.views.units import units_of
-from uavgram.views.wording import (
+from uavgram.views.formatting import (
     alternatives_text,
     axes_text,
-    relative,
-    with_sigma,
-    worst_first,
+    format_relative_sigma,
+    format_with_sigma,
+    order_worst_first,
 )
+from uavgram.views.recording.scene import Eye, Scene
+from uavgram.views.recording.view_texts import ViewTexts, place_in_space
+from uavgram.views.sentence_units import convert_sentence
+from uavgram.views.survey.key_facts import least_certain_length
+from uavgram.views.survey.off_ground import height_label
+from uavgram.views.survey.outlines import longest_middle
+from uavgram.views.survey.verdict import STATUS_WORDS, status_text
+from uavgram.views.units import units_of
 
 # More than a dozen values are easier to read in tables.
-MOST_LABELS = 14
-MOST_MEASURED = 8
-MOST_OF_A_KIND = 3
+MAX_LABELS = 14
+MAX_MEASURED = 8
+MAX_OF_A_KIND = 3
 # The view from the side shows nothing else.
-MOST_HEIGHTS = 24
+MAX_HEIGHTS = 24
 # With more lines than this, which would hide the ground: thin lines, and labels farther apart.
 MANY_LINES = 20
 SPREAD = 1.5
@@ -47,9 +46,9 @@ def reference_text(result: Result, row: int) -> str:
     lines = result.lines
     units = units_of(result)
     length_m, adjusted_m = float(lines.length_m[row]), float(lines.adjusted_m[row])
-    taped = f"{lines.name[row]}: {in_units(f'{length_m:.2f} m', units, exact=[length_m])}"
+    taped = f"{lines.name[row]}: {convert_sentence(f'{length_m:.2f} m', units, exact=[length_m])}"
     if lines.status[row] in ("suspect", "removed"):
-        found = in_units(f"{adjusted_m:.2f} m", units, exact=[adjusted_m])
+        found = convert_sentence(f"{adjusted_m:.2f} m", units, exact=[adjusted_m])
         return f"{lines.status[row].upper()} {taped} taped, {found} found"
     return f"{taped} (withheld)" if lines.status[row] == "checked" else f"{taped} (known)"
 
@@ -60,7 +59,7 @@ def measured_text(result: Result, row: int) -> str:
     The latter is the value of another solution that fits as well.
     """
     rows, units = result.measurements, units_of(result)
-    value = with_sigma(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row], units)
+    value = format_with_sigma(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row], units)
     status = status_text(rows, row)
     status = "" if status in {STATUS_WORDS["ok"], value} else f"({status})"
     words = (rows.name[row], value, alternatives_text(rows, row, units), status)
@@ -83,13 +82,13 @@ def survey_labels(result: Result, scene: Scene) -> tuple[ViewTexts, frozenset[in
     """
     known = reference_strips(result)
     suspect = [i for i in known if result.lines.status[i] in ("suspect", "removed")]
-    measured, trouble = _measured(result), _trouble(result)
+    measured, trouble = _measured(result), _problem_labels(result)
     wanted = [*_known(result, suspect), *measured[:1], *_worst_point(result, scene), *trouble]
-    wanted += measured[1:MOST_MEASURED]
+    wanted += measured[1:MAX_MEASURED]
     wanted += _known(result, [i for i in known if i not in suspect])
     wanted += _heights(result, scene)
     spread = SPREAD if len(measured) > MANY_LINES else 1.0
-    texts = _placed(wanted, scene.eye, result, MOST_LABELS, spread)
+    texts = _place(wanted, scene.eye, result, MAX_LABELS, spread)
     return texts, frozenset(wanted[k][2] for k in texts.rows.tolist() if wanted[k][2] >= 0)
 
 
@@ -105,10 +104,10 @@ def height_labels(result: Result, scene: Scene, eye: Eye) -> ViewTexts:
     eye
         Eye of the view.
     """
-    return _placed(_heights(result, scene), eye, result, MOST_HEIGHTS)
+    return _place(_heights(result, scene), eye, result, MAX_HEIGHTS)
 
 
-def _placed(
+def _place(
     wanted: list[Candidate], eye: Eye, result: Result, most: int, spread: float = 1.0
 ) -> ViewTexts:
     anchors = np.reshape([anchor for anchor, _, _ in wanted], (-1, 3))
@@ -139,13 +138,13 @@ def _worst_point(result: Result, scene: Scene) -> list[Candidate]:
     row, points = scene.worst_point, result.points
     if row is None:
         return []
-    axes = in_units(axes_text(points.relative.ellipse_95_m[row]), units_of(result))
+    axes = convert_sentence(axes_text(points.relative.ellipse_95_m[row]), units_of(result))
     return [
         (points.position_world_m[row], f"{points.label[row]}: largest 95 % ellipse, {axes}", -1)
     ]
 
 
-def _trouble(result: Result) -> list[Candidate]:
+def _problem_labels(result: Result) -> list[Candidate]:
     """Label rejected frames at their place by the flight log, and suspect picks.
 
     At most MOST_OF_A_KIND of each are returned.
@@ -165,13 +164,13 @@ def _trouble(result: Result) -> list[Candidate]:
         for p, status in enumerate(picks.status)
         if status == "suspect" and picks.label[p] in at
     ]
-    return [*rejected[:MOST_OF_A_KIND], *suspect[:MOST_OF_A_KIND]]
+    return [*rejected[:MAX_OF_A_KIND], *suspect[:MAX_OF_A_KIND]]
 
 
 def _measured(result: Result) -> list[Candidate]:
     """Return the least certain length first, marked as such, then the others in that order."""
     strips, worst = measured_strips(result), least_certain_length(result)
-    rows = [int(i) for i in worst_first(result.measurements) if strips.get(int(i))]
+    rows = [int(i) for i in order_worst_first(result.measurements) if strips.get(int(i))]
     rows.sort(key=lambda i: i != worst)
     return [
         (
@@ -188,5 +187,5 @@ def _least_certain(result: Result, row: int) -> str:
     rows = result.measurements
     if rows.is_ambiguous[row]:
         return "NOT UNIQUE: "
-    share = relative(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row])
+    share = format_relative_sigma(float(rows.value[row]), float(rows.sigma[row]), rows.unit[row])
     return f"LEAST CERTAIN LENGTH (by {share}): "

@@ -8,9 +8,11 @@ from PIL import Image, ImageDraw, ImageFont
 
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
+from uavgram.views.formatting import size_text
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.world.points import has_outlines, sigma_shares
+from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.style import (
     ABOVE,
     BAD,
@@ -30,16 +32,14 @@ from uavgram.views.style import (
     Rgb,
     scale_colours,
 )
-from uavgram.views.survey.frame_states import frame_states
-from uavgram.views.survey.verdict import STATUS_WORDS, headline
-from uavgram.views.unit_words import in_units
+from uavgram.views.survey.key_facts import frame_states
+from uavgram.views.survey.verdict import STATUS_WORDS, summarise_result
 from uavgram.views.units import units_of
-from uavgram.views.wording import size_text
 
 LEGEND = "legend"
 # Twice the displayed size, for sharp letters; wider if the texts need it.
 WIDTH_PX, HEIGHT_PX = 2400, 160
-BACKGROUND: Rgb = (13, 16, 17)
+LEGEND_BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
 BAND_PX = 44
@@ -83,7 +83,7 @@ def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Im
     brightened
         Whether the ground is brighter than in the photos.
     """
-    image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), BACKGROUND)
+    image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), LEGEND_BACKGROUND)
     pen = ImageDraw.Draw(image)
     font = ImageFont.load_default(FONT_PX)
     rows = [20.0, 20.0]
@@ -100,7 +100,7 @@ def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Im
     if brightened:
         remarks.append("ground brightened")
     if scene.off_ground is not None:
-        remarks.append(f"ellipsoids off the ground {enlarged(scene.ellipsoid_factor)}")
+        remarks.append(f"ellipsoids off the ground {describe_exaggeration(scene.ellipsoid_factor)}")
     ends = [right, right]
     for k, text in enumerate(remarks):
         pen.text((ends[k % 2], ROWS_PX[k % 2]), text, fill=TEXT, font=font)
@@ -118,13 +118,18 @@ def _band(
 ) -> None:
     """Draw the verdict above everything else: its words on its colour."""
     pen.rectangle((0, 0, width, BAND_PX), fill=LEVEL_COLOURS[result.verdict.level])
-    pen.text((20, 4), headline(result), fill=(0, 0, 0), font=font)
+    pen.text((20, 4), summarise_result(result), fill=(0, 0, 0), font=font)
 
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
     """Return row, text and colour of each swatch; only of objects that can be seen."""
     on_lines = [(1, "line of known position", REFERENCE)] * bool(result.control_lines.name)
-    return [*_cameras_and_lines(result), *on_lines, *_heights(scene), *_found(result)]
+    return [
+        *_cameras_and_lines(result),
+        *on_lines,
+        *_heights(scene),
+        *_automatic_pick_entries(result),
+    ]
 
 
 def _cameras_and_lines(result: Result) -> list[tuple[int, str, Rgb]]:
@@ -166,7 +171,7 @@ def _heights(scene: Scene) -> list[tuple[int, str, Rgb]]:
     return entries
 
 
-def _found(result: Result) -> list[tuple[int, str, Rgb]]:
+def _automatic_pick_entries(result: Result) -> list[tuple[int, str, Rgb]]:
     """Return swatches of automatic picks, and of manual ones if there are any automatic ones."""
     entries: list[tuple[int, str, Rgb]] = []
     marks = [SOURCE_MARKS[s] for s in SOURCE_MARKS if s in result.picks.source]
@@ -177,7 +182,7 @@ def _found(result: Result) -> list[tuple[int, str, Rgb]]:
     return entries
 
 
-def enlarged(factor: int) -> str:
+def describe_exaggeration(factor: int) -> str:
     """Describe the exaggeration of ellipses, in letters that the legend's font has."""
     return "at true size" if factor == 1 else f"{factor} times too large"
 
@@ -194,16 +199,16 @@ def _scale(
     colours = scale_colours(np.linspace(0, 1, 300))
     words = "points by the half axis of their 95 % ellipses:"
     if has_outlines(result):
-        words = f"95 % ellipses, drawn {enlarged(scene.ellipse_factor)}; half axis:"
+        words = f"95 % ellipses, drawn {describe_exaggeration(scene.ellipse_factor)}; half axis:"
     pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
     end = left + int(pen.textlength(words, font=font))
     y = ROWS_PX[1] + 6
     units = units_of(result)
-    first = in_units(size_text(low), units)
+    first = convert_sentence(size_text(low), units)
     pen.text((left, ROWS_PX[1]), first, fill=TEXT, font=font)
     x = left + int(pen.textlength(first, font=font)) + 16
     for k, colour in enumerate(colours):
         pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
-    last = in_units(size_text(high), units)
+    last = convert_sentence(size_text(high), units)
     pen.text((x + 316, ROWS_PX[1]), last, fill=TEXT, font=font)
     return max(end, x + 316 + int(pen.textlength(last, font=font))) + GAP_PX

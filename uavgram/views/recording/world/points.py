@@ -1,28 +1,35 @@
-"""Picked points in 3-D: dots, names, ellipses, and departures of the ground from its plane."""
+"""Picked points in 3-D: names, ellipses, heights with ellipsoids, departures of the ground."""
 
 from __future__ import annotations
+
+from typing import get_args
 
 import numpy as np
 import rerun as rr
 
+from uavgram.geometry.motion.rotation import xyzw_from_matrix
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import TieCloud
+from uavgram.model.result.tables import HeightSource, TieCloud
 from uavgram.stages.products.map_layers import ellipse_outlines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.view_texts import log_in_space, place_in_space
-from uavgram.views.recording.world.heights import MOST_ELLIPSOIDS, log_heights
-from uavgram.views.recording.world.marks import polylines, texts
-from uavgram.views.style import OBSERVED, TIE_FAINT, scale_colours
-from uavgram.views.survey.departures import Departures
+from uavgram.views.recording.view_texts import (
+    log_in_space,
+    make_polylines,
+    make_texts,
+    place_in_space,
+)
+from uavgram.views.recording.world.labels import height_labels
+from uavgram.views.style import HEIGHT_COLOURS, OBSERVED, TIE_FAINT, scale_colours
+from uavgram.views.survey.off_ground import Departures, OffGround, height_of
 from uavgram.views.units import round_bar, units_of
 
 # Outlines slow the viewer down.
-MOST_OUTLINES = 5_000
+MAX_OUTLINES = 5_000
 # Rerun hides the labels of larger batches itself; from this number on it is done explicitly.
-MOST_POINT_LABELS = 30
+MAX_POINT_LABELS = 30
 # Flat ellipsoids: half a millimetre of height keeps them from flickering with the ground.
 FLAT_M = 1e-3
 # Close-up of the least certain point: a bar to compare with its ellipse, at true scale, south of
@@ -35,7 +42,7 @@ BAR_WIDTH = 4.0
 
 def has_outlines(result: Result) -> bool:
     """Return whether enlarged ellipses are drawn; with more points, the points are coloured."""
-    return len(result.points.label) <= MOST_OUTLINES
+    return len(result.points.label) <= MAX_OUTLINES
 
 
 def sigma_shares(result: Result) -> tuple[Floats, float, float]:
@@ -66,7 +73,7 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
     """
     points, position, within = result.points, result.points.position_world_m, result.points.relative
     colours = scale_colours(sigma_shares(result)[0])
-    few = len(points.label) <= MOST_POINT_LABELS
+    few = len(points.label) <= MAX_POINT_LABELS
     log_heights(recorder, result, scene, colours)
     recorder.static(
         "survey/points/picked",
@@ -79,10 +86,10 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
         ),
     )
     grounded = np.flatnonzero(~points.is_off_ground)
-    for start in range(0, len(grounded), MOST_ELLIPSOIDS):
-        part = grounded[start : start + MOST_ELLIPSOIDS]
+    for start in range(0, len(grounded), MAX_ELLIPSOIDS):
+        part = grounded[start : start + MAX_ELLIPSOIDS]
         recorder.static(
-            f"survey/points/ellipse_95_true_size/{start // MOST_ELLIPSOIDS}",
+            f"survey/points/ellipse_95_true_size/{start // MAX_ELLIPSOIDS}",
             _flat_ellipses(result, part, colours),
         )
     if has_outlines(result):
@@ -94,7 +101,7 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
         )
         recorder.static(
             "survey/points/ellipse_95_exaggerated",
-            polylines(np.concatenate([outlines, height], axis=-1), colours, 1.3),
+            make_polylines(np.concatenate([outlines, height], axis=-1), colours, 1.3),
         )
     if few:
         names = place_in_space(scene.top_eye, position, points.label, dots_m=position)
@@ -130,7 +137,7 @@ def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Dep
     height = scene.departure_factor * np.abs(uneven.value_m)
     top = position + height[:, None] * [0.0, 0.0, 1.0]
     bars = np.stack([position, top], axis=1)
-    recorder.static("survey/points/off_plane", polylines(bars, uneven.colours, BAR_WIDTH))
+    recorder.static("survey/points/off_plane", make_polylines(bars, uneven.colours, BAR_WIDTH))
 
 
 def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
@@ -164,7 +171,7 @@ def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
         ),
     )
     spot = result.points.position_world_m[[scene.worst_point]]
-    recorder.static(f"{CLOSE_UP}/name", texts(spot, (result.points.label[scene.worst_point],)))
+    recorder.static(f"{CLOSE_UP}/name", make_texts(spot, (result.points.label[scene.worst_point],)))
     if result.points.is_off_ground[scene.worst_point]:
         colours = scale_colours(sigma_shares(result)[0])
         worst = np.array([scene.worst_point])
@@ -189,3 +196,79 @@ def _yaw_quaternions(azimuth_rad: Floats) -> Floats:
     half = (np.pi / 2 - azimuth_rad) / 2
     zero = np.zeros_like(half)
     return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=-1)
+
+
+# Rerun draws at most 60 000 ellipsoids of one entity.
+MAX_ELLIPSOIDS = 50_000
+RULERS = "survey/points/heights"
+ELLIPSOIDS = "survey/points/ellipsoid_95"
+SIDE_TEXTS = "from_the_side/heights"
+# In points of the screen.
+RULER_WIDTH = 2.5
+
+
+def log_heights(recorder: Recorder, result: Result, scene: Scene, colours: Pixels) -> None:
+    """Log rulers, ellipsoids and texts that show heights and their accuracy.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Result of the run.
+    scene
+        Extent of the scene, from which drawings are scaled.
+    colours
+        (K, 3) colours of all points' ellipses.
+    """
+    standing = scene.off_ground
+    if standing is None or scene.side_eye is None:
+        return
+    for source in get_args(HeightSource):
+        _rulers(recorder, result, standing, source)
+    _ellipsoids(recorder, result, standing, "true_size", 1, colours)
+    if scene.ellipsoid_factor > 1:
+        _ellipsoids(recorder, result, standing, "exaggerated", scene.ellipsoid_factor, colours)
+    log_in_space(recorder, SIDE_TEXTS, height_labels(result, scene, scene.side_eye))
+
+
+def _rulers(recorder: Recorder, result: Result, standing: OffGround, source: HeightSource) -> None:
+    """Log the ruler from the ground to each point; its label under the pointer is the height."""
+    which = standing.of(source)
+    if not len(which):
+        return
+    points, rows = result.points, standing.rows[which]
+    recorder.static(
+        f"{RULERS}/{source}",
+        rr.LineStrips3D(
+            np.stack([standing.foot_m[which], points.position_world_m[rows]], axis=1),
+            colors=HEIGHT_COLOURS[source],
+            radii=rr.Radius.ui_points(RULER_WIDTH / 2),
+            labels=[f"{points.label[row]} {height_of(points, row)}" for row in rows.tolist()],
+            show_labels=False,
+        ),
+    )
+
+
+def _ellipsoids(
+    recorder: Recorder,
+    result: Result,
+    standing: OffGround,
+    size: str,
+    factor: int,
+    colours: Pixels,
+) -> None:
+    known = np.flatnonzero(standing.half_axes_m[:, 0] > 0)
+    for start in range(0, len(known), MAX_ELLIPSOIDS):
+        part = known[start : start + MAX_ELLIPSOIDS]
+        rows = standing.rows[part]
+        recorder.static(
+            f"{ELLIPSOIDS}_{size}/{start // MAX_ELLIPSOIDS}",
+            rr.Ellipsoids3D(
+                centers=result.points.position_world_m[rows],
+                half_sizes=factor * standing.half_axes_m[part],
+                quaternions=xyzw_from_matrix(standing.directions[part]),
+                colors=colours[rows],
+                fill_mode="TransparentFillMajorWireframe",
+            ),
+        )

@@ -10,13 +10,13 @@ import rerun as rr
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.view_texts import hanging, place_texts
+from uavgram.views.recording.view_texts import place_texts, places_below
 from uavgram.views.style import FREE, GROUND, MEASURED, OBSERVED, QUIET, SPREAD, Rgb
 from uavgram.views.survey.profiles import LEFT, WIDTH, Place, ProfileDrawing, profile_drawings
 
 PROFILES = "profiles"
 # The view opens on as many as fit into this height; the others are below.
-MOST_SHOWN = 600.0
+MAX_SHOWN = 600.0
 # Rerun's letters and lines, in units of the drawing.
 HALF_LETTER, LINE, HALF_DOT = 4.5, 24.0, 3.0
 TITLE_UP, BAR_UP, NUMBER_AT = 6.0, 8.0, 26.0
@@ -25,10 +25,10 @@ GAP = 36.0
 Word = tuple[Place, str]
 
 
-def shown_height(result: Result) -> float:
+def opening_height(result: Result) -> float:
     """Return the height of the drawings on which the view opens."""
     heights = np.cumsum([one.height + GAP for one in profile_drawings(result)])
-    return float(heights[heights <= max(MOST_SHOWN, heights[0])][-1])
+    return float(heights[heights <= max(MAX_SHOWN, heights[0])][-1])
 
 
 def log_profiles(recorder: Recorder, result: Result) -> None:
@@ -45,15 +45,15 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
 
     def log_uprights(name: str, colour: Rgb, width: float) -> None:
         uprights = [(bar, top) for one, top in both for bar in getattr(one, name)]
-        lines = [_lower(((x, a), (x, b)), top) for (x, a, b), top in uprights]
+        lines = [_stack(((x, a), (x, b)), top) for (x, a, b), top in uprights]
         log_lines(name, lines, colour, width)
 
-    log_lines("grid", [_lower(line, top) for one, top in both for line in _grid(one)], QUIET, 0.5)
-    log_lines("ground", [_lower(one.ground, top) for one, top in both], GROUND, 2.0)
-    log_lines("line", [_lower(one.dots, top) for one, top in both], MEASURED, 2.0)
+    log_lines("grid", [_stack(line, top) for one, top in both for line in _grid(one)], QUIET, 0.5)
+    log_lines("ground", [_stack(one.ground, top) for one, top in both], GROUND, 2.0)
+    log_lines("line", [_stack(one.dots, top) for one, top in both], MEASURED, 2.0)
     log_uprights("rulers", FREE, 1.0)
     log_uprights("bars", SPREAD, 3.0)
-    dots = np.concatenate([_lower(one.dots, top) for one, top in both])
+    dots = np.concatenate([_stack(one.dots, top) for one, top in both])
     recorder.static(
         f"{PROFILES}/points", rr.Points2D(dots, radii=rr.Radius.ui_points(3.0), colors=OBSERVED)
     )
@@ -71,7 +71,7 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
     )
 
 
-def _lower(places: Floats | tuple[Place, ...], top: float) -> Floats:
+def _stack(places: Floats | tuple[Place, ...], top: float) -> Floats:
     """Shift the (n, 2) places of one drawing to below the drawings before it."""
     lowered: Floats = np.asarray(places) + np.array([0.0, top])
     return lowered
@@ -109,8 +109,8 @@ def _words(drawing: ProfileDrawing, top: float) -> Iterator[tuple[Floats, str, F
         np.array([[x, y, HALF_DOT, HALF_DOT, 0.0] for x, y in drawing.dots]),
         ranks=[-1] * len(fixed) + list(range(len(tops))),
     )
-    hung = hanging(placed)
+    hung = places_below(placed)
     for k, (_, text) in enumerate(words):
         if np.isfinite(hung[k, 0]):
             ends = np.stack([placed.leaders[k, 0], hung[k]])
-            yield _lower(hung[k], top), text, _lower(ends, top)
+            yield _stack(hung[k], top), text, _stack(ends, top)

@@ -1,0 +1,273 @@
+"""The search in other photos: the newest picks first, nothing proposed of what is gone."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from types import SimpleNamespace
+from typing import ClassVar, cast
+
+import numpy as np
+import pytest
+
+from uavgram.errors import InputError
+from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.imaging.matching.matches import REASON_TEXTS, Matches, RefusalReason
+from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.raster import Image
+from uavgram.model.arrays import Bools, Floats, Ints
+from uavgram.model.survey.observations import Picks
+from uavgram.picking.document.proposals import BY_HAND, Outcomes
+from uavgram.picking.document.state import Pick, State
+from uavgram.picking.session import point_search as module
+from uavgram.picking.session.point_search import PointSearch, SearchInput
+from uavgram.picking.session.proposal_table import ProposalTable
+from uavgram.pipeline.match.patch_search import Photos, Task
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
+from uavgram.pipeline.pick.places import PredictedPlaces
+from uavgram.stages.match import CONTRADICTED, RAISED_PX
+
+LAST = cast("LiveAdjustment", SimpleNamespace())
+LONGEST_WAIT_S = 20.0
+TARGETS = ("2.jpg", "3.jpg")
+
+
+def state(*labels: str, u: float = 10.0) -> State:
+    return State(picks=tuple(Pick(image="1.jpg", label=one, u_px=u, v_px=5.0) for one in labels))
+
+
+class Agreeing(PredictedPlaces):
+    """Places of which some are contradicted: of these photo and label."""
+
+    wrong: ClassVar[Collection[tuple[str, str]]] = ()
+
+    def mark_contradicted(self, rows: Ints, *_: Floats) -> Bools:
+        return np.array([(self.image[k], self.label[k]) in self.wrong for k in rows])
+
+
+class World:
+    """Stands in for the adjustment and the photos: every label should be seen in both targets.
+
+    Attributes
+    ----------
+    radius_px
+        Of the regions.
+    refused
+        Why nothing is found in a photo.
+    looked
+        Photo and label of what was looked at, in order.
+    """
+
+    def __init__(self) -> None:
+        self.radius_px = 20.0
+        self.refused: dict[str, RefusalReason] = {}
+        self.looked: list[tuple[str, str]] = []
+        self.places: PredictedPlaces | None = None
+        self.wrong: list[tuple[str, str]] = []
+        self.raised: tuple[str, ...] = ()
+        self.adjustment = cast("Adjustment", SimpleNamespace())
+        self.go_on, self.begun = threading.Event(), threading.Event()
+        self.go_on.set()
+
+    def expected(
+        self, _: LiveSurvey, __: LiveAdjustment, picks: Picks, labels: Collection[str] | None
+    ) -> PredictedPlaces:
+        rows = [
+            (i, image)
+            for i, label in enumerate(picks.label)
+            for image in TARGETS
+            if picks.source_of(i) != "match" and (labels is None or label in labels)
+        ]
+        n, pick = len(rows), np.array([i for i, _ in rows], dtype=np.int64)
+        image = tuple(image for _, image in rows)
+        both = np.tile(np.eye(2), (n, 1, 1))
+        nothing = (
+            np.zeros((n, 2)),
+            np.zeros((n, 2, 0)),
+            np.zeros((n, 0), np.int64),
+            np.zeros((n, 2, 6)),
+        )
+        found = TransferredPixels(pick, image, np.full((n, 2), 50.0), both, both, *nothing)
+        label = tuple(picks.label[i] for i in pick)
+        radius, row = np.full(n, self.radius_px), np.arange(n)
+        Agreeing.wrong = self.wrong
+        raised = np.array([one in self.raised for one in label], np.bool_)
+        self.places = Agreeing(pick, image, label, radius, raised, row, found, self.adjustment)
+        return self.places
+
+    def look(self, photos: Photos, work: Sequence[Task], count: int) -> Matches:
+        self.begun.set()
+        self.go_on.wait(LONGEST_WAIT_S)
+        why = np.zeros(count, np.int64)
+        for task in work:
+            photos.get(task.target)
+            self.looked += [(task.target, f"{u:.0f}") for u, _ in task.sought.source_px]
+            why[task.rows] = self.refused.get(task.target, RefusalReason.NONE)
+        pixel = np.where(why[:, None] > 0, np.nan, 50.5)
+        return Matches(
+            pixel_px=np.broadcast_to(pixel, (count, 2)),
+            covariance_px2=np.tile(np.diag([0.03**2, 0.06**2]), (count, 1, 1)),
+            sigma_px=np.where(why > 0, np.nan, 0.06),
+            score=np.full(count, 0.9),
+            refused=why,
+        )
+
+
+def decoded(name: str) -> Image:
+    if name == "gone.jpg":
+        raise InputError(name, "cannot be read")
+    return np.zeros((4, 4), np.uint8)
+
+
+Told = list[tuple[Outcomes, set[str], int]]
+Start = Callable[[World], tuple[PointSearch, Told]]
+
+
+@pytest.fixture
+def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
+    running: list[tuple[PointSearch, GreyPhotos]] = []
+
+    def begin(world: World) -> tuple[PointSearch, Told]:
+        monkeypatch.setattr(module, "predict_places", world.expected)
+        monkeypatch.setattr(module, "search_places", world.look)
+        told: Told = []
+        photos = GreyPhotos(dict.fromkeys(("1.jpg", *TARGETS), 16), decoded)
+        survey = cast("LiveSurvey", SimpleNamespace())
+        proposed = ProposalTable(lambda all_, of, left: told.append((all_, set(of), left)))
+        one = PointSearch(survey, photos, proposed)
+        one.start()
+        running.append((one, photos))
+        return one, told
+
+    yield begin
+    for one, photos in running:
+        one.stop()
+        photos.stop()
+
+
+def until(holds: Callable[[], bool]) -> None:
+    latest = time.monotonic() + LONGEST_WAIT_S
+    while not holds():
+        assert time.monotonic() < latest
+        time.sleep(0.002)
+
+
+def test_what_is_found_is_proposed_and_what_is_not_is_asked_for_in_words(start: Start) -> None:
+    world = World()
+    world.refused = {"3.jpg": RefusalReason.NOT_UNIQUE}
+    seeker, told = start(world)
+    seeker.submit(SearchInput(state("A"), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    found, asked = seeker.proposed.outcomes["2.jpg", "A"], seeker.proposed.outcomes["3.jpg", "A"]
+    assert found.found is not None
+    assert (found.found.source, found.found.sigma_px, found.found.from_u_px) == ("match", 0.06, 10)
+    assert (asked.found, asked.why) == (None, REASON_TEXTS[RefusalReason.NOT_UNIQUE])
+    until(lambda: bool(told) and told[-1][2] == 0)
+    assert told[-1][1] == {"A"}
+
+
+def test_what_stands_off_the_ground_is_known_less_well(start: Start) -> None:
+    world = World()
+    world.raised = ("A",)
+    seeker, _ = start(world)
+    seeker.submit(SearchInput(state("A"), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    found = seeker.proposed.outcomes["2.jpg", "A"].found
+
+    assert found is not None
+    assert found.sigma_px == pytest.approx(np.hypot(0.06, RAISED_PX), abs=1e-4)
+
+
+def test_it_is_kept_whether_all_that_surrounds_a_find_is_alike(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    likeness = iter([0.79, 0.81])
+    monkeypatch.setattr(module, "compute_worst_quarter_correlation", lambda *_: next(likeness))
+    seeker, _ = start(World())
+    seeker.submit(SearchInput(state("A"), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+
+    assert sorted(one.is_alike for one in seeker.proposed.outcomes.values()) == [False, True]
+
+
+def test_what_others_in_the_photo_contradict_is_proposed_no_longer(start: Start) -> None:
+    world = World()
+    world.wrong = [("2.jpg", "B")]
+    seeker, told = start(world)
+    seeker.submit(SearchInput(state("A", "B"), LAST))
+    until(lambda: bool(told) and told[-1][1] == {"B"})
+    assert seeker.proposed.outcomes["2.jpg", "B"].why == CONTRADICTED
+    assert seeker.proposed.outcomes["2.jpg", "B"].found is None
+    assert seeker.proposed.outcomes["3.jpg", "B"].found is not None
+
+
+def test_nothing_is_looked_at_twice_until_far_more_is_known(start: Start) -> None:
+    world = World()
+    world.refused = {"3.jpg": RefusalReason.TOO_FAR}
+    seeker, _ = start(world)
+    for radius, looked in ((20.0, 2), (15.0, 2), (8.0, 3)):
+        world.radius_px, world.places = radius, None
+        seeker.submit(SearchInput(state("A"), LAST))
+        until(lambda: world.places is not None)
+        until(lambda n=looked: len(world.looked) >= n)  # type: ignore[misc]
+        time.sleep(0.02)
+        assert len(world.looked) == looked
+
+
+def test_newer_picks_are_not_waited_for(start: Start) -> None:
+    world = World()
+    seeker, _ = start(world)
+    world.go_on.clear()
+    seeker.submit(SearchInput(state("A", "B"), LAST))
+    world.begun.wait(LONGEST_WAIT_S)
+    seeker.submit(SearchInput(state("A", "B", "C", u=99.0), LAST))
+    world.go_on.set()
+    until(lambda: len(seeker.proposed.outcomes) == 6)
+    assert all(one.source == ("1.jpg", 99.0, 5.0) for one in seeker.proposed.outcomes.values())
+    assert ("3.jpg", "10") not in world.looked  # the second photo was no longer looked at
+
+
+def test_a_pick_that_moved_takes_its_proposals_along(start: Start) -> None:
+    seeker, told = start(World())
+    seeker.submit(SearchInput(state("A"), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    seeker.submit(SearchInput(state("B"), None))
+    until(lambda: not seeker.proposed.outcomes)
+    assert told[-1][:2] == ({}, {"A"})
+
+
+def test_what_is_refused_is_not_proposed_again(start: Start) -> None:
+    world = World()
+    seeker, _ = start(world)
+    seeker.submit(SearchInput(state("A"), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    seeker.proposed.refuse([("2.jpg", "A")])
+    world.radius_px = 1.0
+    seeker.submit(SearchInput(state("A"), LAST))
+    seeker.submit(SearchInput(state("A", "B"), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 4)
+    assert seeker.proposed.outcomes["2.jpg", "A"].why == BY_HAND
+    assert seeker.proposed.outcomes["2.jpg", "A"].found is None
+    assert len(world.looked) == 4  # nor looked at
+
+
+def test_what_is_picked_there_is_not_sought(start: Start) -> None:
+    world = World()
+    seeker, _ = start(world)
+    there = Pick(image="2.jpg", label="A", u_px=10.0, v_px=5.0, source="match")
+    seeker.submit(SearchInput(State(picks=(*state("A").picks, there)), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 1)
+    assert set(seeker.proposed.outcomes) == {("3.jpg", "A")}
+
+
+def test_a_photo_that_is_gone_is_said_and_ends_nothing(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(globals(), "TARGETS", ("gone.jpg", "3.jpg"))
+    seeker, _ = start(World())
+    seeker.submit(SearchInput(state("A"), LAST))
+    until(lambda: len(seeker.proposed.outcomes) == 2)
+    assert "cannot be read" in seeker.proposed.outcomes["gone.jpg", "A"].why
+    assert seeker.proposed.outcomes["3.jpg", "A"].found is not None

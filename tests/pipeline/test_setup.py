@@ -1,0 +1,121 @@
+"""What a folder holds, and what the page writes about it: comments and all else stay."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Literal
+
+import pytest
+import yaml
+from pick_pages import small_project
+
+from uavgram.config.project import load_project
+from uavgram.config.project_text import Settings, apply_settings
+from uavgram.errors import UavgramError
+from uavgram.model.naming import IMPERIAL
+from uavgram.model.provenance import Case
+from uavgram.pipeline.new import Choices
+from uavgram.pipeline.setup import Setup, SetupChoices, inspect_folder, set_up
+
+GCP = """EPSG:32632
+350000.0 5650000.0 100.0 120.5 130.5 P1.jpg A
+350010.0 5650000.0 100.0 320.5 130.5 P1.jpg B
+350000.0 5650000.0 100.0 120.5 330.5 P2.jpg A
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """Photos and a camera file, no project."""
+    small_project(tmp_path / "case").unlink()
+    return tmp_path / "case"
+
+
+def test_a_gcp_list_is_taken_with_its_sigma(folder: Path) -> None:
+    (folder / "gcp_list.txt").write_text(GCP)
+    (folder / "notes.odt").write_bytes(b"x")
+    found = inspect_folder(folder)
+    assert found.gcp_lists == ("gcp_list.txt",)
+    assert "odt" in found.passed_over
+    path = set_up(
+        folder,
+        SetupChoices(choices=Choices(), setup=Setup(), gcp_list="gcp_list.txt", gcp_sigma_m=0.03),
+    )
+    assert load_project(path).control == str(folder / "control.csv")
+    assert "0.03" in (folder / "control.csv").read_text()
+    assert (folder / "picks.csv").read_text().count("\n") == 4
+
+
+def test_what_cannot_be_taken_leaves_the_folder_as_it_was(folder: Path) -> None:
+    (folder / "gcp_list.txt").write_text("EPSG:32632\nnonsense\n")
+    before = sorted(folder.rglob("*"))
+    wanted = SetupChoices(choices=Choices(), setup=Setup(), gcp_list="gcp_list.txt")
+    with pytest.raises(UavgramError):
+        set_up(folder, wanted)
+    assert sorted(folder.rglob("*")) == before
+
+
+def test_a_project_that_is_there_is_changed_only_in_what_differs(folder: Path) -> None:
+    wanted = Setup(
+        pitch_deg=-30.0, reading_sigma_m=0.004, units=IMPERIAL, case=Case(number="no", place="a: #")
+    )
+    path = set_up(folder, SetupChoices(choices=Choices(camera=Path("unknown")), setup=wanted))
+    text = path.read_text()
+    found = inspect_folder(folder)
+    assert (found.setup, found.camera, found.fault) == (wanted, "unknown", "")
+    set_up(folder, SetupChoices(choices=Choices(camera=Path("unknown")), setup=wanted))
+    assert path.read_text() == text
+    set_up(folder, SetupChoices(choices=Choices(camera=Path("camera.yaml")), setup=wanted))
+    assert path.read_text() == text.replace("camera: unknown", "camera: camera.yaml")
+
+
+def test_a_log_is_left_out_taken_and_taken_back(folder: Path, data_dir: Path) -> None:
+    shutil.copy(data_dir / "street_oblique" / "flight.tlog", folder)
+    found = inspect_folder(folder)
+    assert (found.logs, found.log, found.has_gimbal) == (("flight.tlog",), None, False)
+    path = set_up(folder, SetupChoices(choices=Choices(log="none"), setup=Setup()))
+    assert load_project(path).log is None
+    chosen: tuple[tuple[Path | Literal["none"] | None, str | None], ...] = (
+        (Path("flight.tlog"), "flight.tlog"),
+        (None, "flight.tlog"),
+        ("none", None),
+    )
+    for choice, named in chosen:
+        set_up(folder, SetupChoices(choices=Choices(log=choice), setup=Setup()))
+        assert inspect_folder(folder).log == named
+    assert load_project(path).log is None
+
+
+@pytest.mark.parametrize(
+    ("before", "settings", "after"),
+    [
+        ("a: 1\nmount: {gimbal: none} # x", {"mount": {"pitch_deg": -45.0}}, None),
+        ("mount:\n    gimbal: none\nb: 2\n", {"mount": {"pitch_deg": -1.5}}, None),
+        (
+            "a: 1\r\n# units: metric # read\r\n",
+            {"units": "imperial"},
+            "a: 1\r\nunits: imperial # read\r\n",
+        ),
+        ("# case:  # head\n#   number: ''  # n\n# b\n", {"case": {"number": "7"}}, None),
+        ("a: [1,\n  2]\n", {"case": {"title": "x: y # z"}}, None),
+        ("mount: &m\n  gimbal: none\n", {"mount": {"pitch_deg": 0.0}}, ""),
+        ("mount: {gimbal: none,\n  pitch_deg: 0}\n", {"mount": {"pitch_deg": -1.0}}, ""),
+    ],
+)
+def test_settings_are_written_where_a_person_would(
+    before: str, settings: Settings, after: str | None
+) -> None:
+    """`after`: the text; empty: it cannot be changed; None: as YAML reads it, nothing is lost."""
+    changed = apply_settings(before, settings)
+    if after == "":
+        assert changed is None
+        return
+    assert changed is not None
+    if after is not None:
+        assert changed == after
+    said = yaml.safe_load(changed)
+    for key, value in settings.items():
+        old = (yaml.safe_load(before) or {}).get(key) or {}
+        assert said[key] == ({**old, **value} if isinstance(value, dict) else value)
+    assert changed.count("#") >= before.count("#") - before.count("\n#") - before.startswith("#")

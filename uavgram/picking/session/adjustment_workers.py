@@ -1,0 +1,169 @@
+"""Workers that adjust the newest state and skip older ones.
+
+Two workers: one answers at once, to first order from the last full adjustment, if the full one is
+slower than people notice or is busy with an older state; the other adjusts in full, and waits
+while a step continues (a drag). So numbers move with the pointer even if an adjustment is slow.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from uavgram.errors import UavgramError
+from uavgram.picking.document.state import State, make_observations
+from uavgram.picking.protocol.encode_survey import (
+    Json,
+    adjusted_json,
+    linearised_json,
+    unadjusted_json,
+)
+from uavgram.picking.session.latest_task import LatestTask
+from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey, Observations
+
+log = logging.getLogger(__name__)
+
+AT_ONCE_S = 0.1
+"""Longest delay that people perceive as immediate [s] (Miller 1968; Nielsen 1993, ch. 5)."""
+
+ON_THE_WAY_S = 0.05
+"""Part of it for the way from the pointer to the server and back onto the screen [s]."""
+
+FAULT = (
+    "uavgram has failed at this state (a fault of the program: its log says where). Nothing that "
+    "was done is lost; take the last change back, or go on."
+)
+
+REST_S = 0.3
+"""Pause of a step after which it is adjusted in full, though it may continue [s]."""
+
+
+Answer = Callable[[int, Json], None]
+"""Receiver of a state's number and its results, called from a worker's thread."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """State to adjust: its number, and whether the step that made it has ended."""
+
+    version: int
+    state: State
+    final: bool
+
+
+class AdjustmentWorkers:
+    """Workers that adjust the newest state.
+
+    Parameters
+    ----------
+    survey
+        The project.
+    index
+        Numbers of the photos by name.
+    answer
+        Called with each answer, by one worker at a time.
+    """
+
+    def __init__(self, survey: LiveSurvey, index: dict[str, int], answer: Answer) -> None:
+        self._survey, self._index, self._answer = survey, index, answer
+        self._newest: LatestTask[Task] = LatestTask(
+            {"first order": self._answer_first_order, "adjustment": self._adjust}
+        )
+        self._waiting: Task | None = None  # task for the full adjustment
+        self._due_s = 0.0  # earliest start of the full adjustment, on the monotonic clock
+        self._busy = False
+        self.last: LiveAdjustment | None = None  # the last full adjustment
+        self._answering = threading.Lock()
+        self._linearised_task: Task | None = None  # newest task answered to first order
+
+    def start(self) -> None:
+        """Start the workers."""
+        self._newest.start()
+
+    def submit(self, task: Task) -> None:
+        """Adjust this state next; waiting ones are skipped."""
+        self._newest.submit(task)
+
+    def stop(self) -> None:
+        """End after the current adjustment."""
+        self._newest.stop()
+
+    def _answer_first_order(self) -> None:
+        """Answer tasks at once if that helps, and pass all on to the full adjustment."""
+        task: Task | None = None
+        while (task := self._newest.newer(task)) is not None:
+            rests = self._at_once(task) and not task.final
+            with self._newest.changed:
+                self._waiting = task
+                self._due_s = time.monotonic() + (REST_S if rests else 0.0)
+                self._newest.changed.notify_all()
+
+    def _at_once(self, task: Task) -> bool:
+        """Answer to first order; return False if only the full adjustment applies."""
+        with self._answering:
+            last = self.last
+            slow = self._busy or (last is not None and last.seconds > AT_ONCE_S - ON_THE_WAY_S)
+            if not (slow and self._first_order(task)):
+                return False
+            self._linearised_task = task
+        return True
+
+    def _first_order(self, task: Task) -> bool:
+        if self.last is None:
+            return False
+        try:
+            quick = self._survey.update_linearly(self.last, collect_observations(task.state))
+        except Exception:  # a bug here must not end the worker: a full answer follows
+            log.exception("the first-order answer failed")
+            return False
+        if quick is None:
+            return False
+        self._answer(task.version, linearised_json(quick, self._index))
+        return True
+
+    def _adjust(self) -> None:
+        """Adjust tasks in full when they are due."""
+        while (task := self._due()) is not None:
+            adjusted, message = self._full(task)
+            with self._answering:
+                self.last = adjusted
+                self._answer(task.version, message)
+                if (
+                    self._linearised_task is not None
+                    and self._linearised_task.version > task.version
+                ):
+                    self._first_order(self._linearised_task)  # repeat it from the newer base
+                self._busy = False
+
+    def _due(self) -> Task | None:
+        newest = self._newest
+        with newest.changed:
+            while not newest.is_over:
+                left_s = self._due_s - time.monotonic()
+                if self._waiting is None or self._waiting is not newest.task:
+                    newest.changed.wait()
+                elif left_s > 0:
+                    newest.changed.wait(left_s)
+                else:
+                    task, self._waiting, self._busy = self._waiting, None, True
+                    return task
+        return None
+
+    def _full(self, task: Task) -> tuple[LiveAdjustment | None, Json]:
+        try:
+            adjusted = self._survey.adjust(collect_observations(task.state))
+            return adjusted, adjusted_json(adjusted, self._index)
+        except UavgramError as why:
+            return None, unadjusted_json(str(why), self._survey.inputs.messages)
+        except Exception:  # a bug here must not end the worker: the page goes on
+            log.exception("the adjustment failed")
+            return None, unadjusted_json(FAULT, self._survey.inputs.messages)
+
+
+def collect_observations(state: State) -> Observations:
+    """Return a state in the form of the adjustment."""
+    picks, lines = make_observations(state)
+    return Observations(picks=picks, lines=lines, requests=state.requests)

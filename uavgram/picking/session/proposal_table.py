@@ -1,0 +1,100 @@
+"""Proposals on the page, shared by the search threads and the person who accepts or refuses."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Collection, Mapping
+
+from uavgram.picking.document.proposals import (
+    Outcome,
+    Outcomes,
+    Pair,
+    refuse,
+    reopen,
+    select_valid,
+)
+from uavgram.picking.document.state import State
+
+Tell = Callable[[Outcomes, Collection[str], int], None]
+"""Receiver of all outcomes, the labels with changed ones, and the number of places left."""
+
+
+class ProposalTable:
+    """Search outcomes by photo and label.
+
+    Parameters
+    ----------
+    tell
+        Called after each change, in the thread that made it.
+    """
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._changed = threading.Lock()
+        self._outcomes: dict[Pair, Outcome] = {}
+
+    @property
+    def outcomes(self) -> dict[Pair, Outcome]:
+        """Copy of the present outcomes."""
+        with self._changed:
+            return dict(self._outcomes)
+
+    def put(
+        self,
+        new: Mapping[Pair, Outcome],
+        left: int = 0,
+        gone: Collection[Pair] = (),
+        *,
+        always: bool = False,
+    ) -> None:
+        """Store new outcomes; refused ones stay refused.
+
+        Parameters
+        ----------
+        new
+            Outcomes by photo and label.
+        left
+            Number of places still to be searched.
+        gone
+            Photos and labels whose outcomes are void.
+        always
+            Whether to notify even if nothing changed.
+        """
+        with self._changed:
+            over = {pair for pair, one in self._outcomes.items() if one.is_over}
+            known = {} if always else self._outcomes
+            changed = {pair: one for pair, one in new.items() if known.get(pair) != one}
+            self._outcomes |= {pair: one for pair, one in changed.items() if pair not in over}
+            lost = [pair for pair in gone if pair in self._outcomes and pair not in over]
+            for pair in lost:
+                del self._outcomes[pair]
+            told = dict(self._outcomes)
+        labels = {label for _, label in (*changed, *lost)}
+        if labels or always:
+            self._tell(told, labels, left)
+
+    def let_go(self, state: State) -> None:
+        """Remove outcomes whose source pick no longer exists."""
+        with self._changed:
+            before = self._outcomes
+            self._outcomes = select_valid(before, state)
+            gone = {label for _, label in before.keys() - self._outcomes.keys()}
+            told = dict(self._outcomes)
+        if gone:
+            self._tell(told, gone, 0)
+
+    def refuse(self, pairs: Collection[Pair]) -> None:
+        """Stop proposing, or asking for, some labels."""
+        self._set(refuse, pairs)
+
+    def reopen(self, pairs: Collection[Pair]) -> None:
+        """Forget the outcomes of some refused proposals."""
+        self._set(reopen, pairs)
+
+    def _set(
+        self, how: Callable[[Outcomes, Collection[Pair]], dict[Pair, Outcome]], of: Collection[Pair]
+    ) -> None:
+        with self._changed:
+            self._outcomes = how(self._outcomes, of)
+            told = dict(self._outcomes)
+        self._tell(told, {label for _, label in of}, 0)

@@ -1,0 +1,180 @@
+"""Requested labels and photos of a project, their checks, and finds as rows of picks.csv."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from uavgram.errors import InputError, near_miss
+from uavgram.model.arrays import Bools, Floats
+from uavgram.model.naming import listed
+from uavgram.model.survey.observations import SAME_PLACE_PX, Picks, Source
+from uavgram.pipeline.measure.inputs import Inputs
+from uavgram.stages.match import Found, Pair
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Requested labels and photos by name; without names: all."""
+
+    labels: tuple[str, ...] = ()
+    photos: tuple[str, ...] = ()
+
+    def has(self, pair: Pair) -> bool:
+        """Return whether a label in a photo is requested."""
+        image, label = pair
+        return (not self.photos or image in self.photos) and (
+            not self.labels or label in self.labels
+        )
+
+
+def mark_existing_matches(picks: Picks, asked: Selection) -> Bools:
+    """Mark existing matches (P,) among the requested ones."""
+    pairs = zip(picks.image, picks.label, strict=True)
+    again = np.array([asked.has(pair) for pair in pairs], dtype=np.bool_)
+    return picks.of_source("match") & again
+
+
+MISSED = 1.0 / 30.0, 5.0 / 6.0
+"""Share of the photos that do not show a label at its place on the ground: for points on it, and
+for corners of cars and walls. Measured on rendered streets."""
+
+EVEN_ODDS = 1.0
+"""Odds that a label without a height is on the ground, without further information."""
+
+
+def find_raised_labels(
+    picks: Picks, found: Iterable[Pair], missed: Iterable[Pair], odds: float = EVEN_ODDS
+) -> set[str]:
+    """Find labels without a height that are more likely off the ground than on it.
+
+    Bayes' rule with the numbers of photos that show a label at its place on the ground, and that do
+    not.
+
+    Parameters
+    ----------
+    picks
+        All picks; the first of a label shows it wherever it is.
+    found, missed
+        Finds at the place on the ground, and unsuccessful searches there.
+    odds
+        Odds that a label is on the ground, before any other photo is searched.
+    """
+    shown = Counter([*picks.label, *(label for _, label in found)])
+    not_there = Counter(list_labels_without_height(picks, missed))
+    of_ground, of_raised = MISSED
+    if_shown, if_missed = (1.0 - of_ground) / (1.0 - of_raised), of_ground / of_raised
+    return {
+        label
+        for label, count in not_there.items()
+        if odds * if_shown ** (shown[label] - 1) * if_missed**count < 1.0
+    }
+
+
+def list_labels_without_height(picks: Picks, pairs: Iterable[Pair]) -> list[str]:
+    """List the labels of pairs whose height is neither stated nor free."""
+    stated = set(np.array(picks.label)[picks.is_free | ~np.isnan(picks.height_m)].tolist())
+    return [label for _, label in pairs if label not in stated]
+
+
+def mark_valid_matches(picks: Picks) -> Bools:
+    """Mark matches (P,) whose pick is where they were found from."""
+    made = picks.of_source("match")
+    clicks = picks.clicks
+    holds = np.zeros(len(made), dtype=np.bool_)
+    for i in np.flatnonzero(made).tolist() if picks.from_image else ():
+        own = clicks.get((picks.from_image[i], picks.label[i]), [])
+        away = np.linalg.norm(picks.pixel_px[own] - picks.from_px[i], axis=1)
+        holds[i] = (away <= SAME_PLACE_PX).any()
+    return holds
+
+
+def check_selection(inputs: Inputs, asked: Selection) -> None:
+    """Refuse labels without a pick, and photos that the project does not have."""
+    by_hand = list_manual_labels(inputs.picks)
+    _check_names(inputs, asked, by_hand)
+    if not by_hand:
+        raise InputError(
+            inputs.project.picks,
+            "holds no pick made by a person, and only these are looked for in other photos: pick "
+            "points with `uavgram pick`",
+        )
+    if len(inputs.photos.frame_id) < 2:
+        raise InputError(
+            inputs.project_path, "has one photo: there is no other one to find points in"
+        )
+
+
+def check_matches_exist(inputs: Inputs, asked: Selection) -> None:
+    """Refuse labels and photos without a match."""
+    _check_names(inputs, asked, tuple(dict.fromkeys(inputs.picks.label)))
+
+
+_MAX_NAMED = 8
+
+
+def _check_names(inputs: Inputs, asked: Selection, labels: tuple[str, ...]) -> None:
+    """Refuse labels not among these, and photos that the project does not have."""
+    for label in asked.labels:
+        if label not in labels:
+            hint = near_miss(label, labels) or f"picked are {listed(labels, _MAX_NAMED)}"
+            raise InputError(inputs.project.picks, f"no label {label!r} is picked: {hint}")
+    for photo in asked.photos:
+        if photo not in inputs.photos.frame_id:
+            names = inputs.photos.frame_id
+            hint = near_miss(photo, names) or f"it has {listed(names, _MAX_NAMED)}"
+            raise InputError(inputs.project_path, f"the project has no photo {photo!r}: {hint}")
+
+
+def list_manual_labels(picks: Picks) -> tuple[str, ...]:
+    """Return labels with a pick by a person."""
+    by_hand = np.flatnonzero(picks.of_source("hand")).tolist()
+    return tuple(dict.fromkeys(picks.label[i] for i in by_hand))
+
+
+def append_matches(picks: Picks, found: Mapping[Pair, Found], keep: Bools | None = None) -> Picks:
+    """Append finds to picks.
+
+    Parameters
+    ----------
+    picks
+        All picks.
+    found
+        By photo and label, each from one of these picks.
+    keep
+        (P,) picks that stay; by default all.
+    """
+    every = np.ones(len(picks.image), np.bool_) if keep is None else keep
+    rows: list[int] = np.flatnonzero(every).tolist()
+    pairs, news = list(found), list(found.values())
+    origin = [one.pick for one in news]
+    unknown = np.full(len(news), np.nan)
+    match: Source = "match"
+    return Picks(
+        image=(*_some(picks.image, rows), *(image for image, _ in pairs)),
+        label=(*_some(picks.label, rows), *(label for _, label in pairs)),
+        pixel_px=np.concatenate([picks.pixel_px[rows], _pixels([n.pixel_px for n in news])]),
+        sigma_px=np.concatenate([picks.sigma_px[rows], [one.sigma_px for one in news]]),
+        height_m=np.concatenate([picks.height_m[rows], unknown]),
+        height_sigma_m=np.concatenate([picks.height_sigma_m[rows], unknown]),
+        is_free=np.concatenate([picks.is_free[rows], np.zeros(len(news), np.bool_)]),
+        area=(*_some(picks.area, rows), *("" for _ in news)) if picks.area else (),
+        source=(*(picks.source_of(i) for i in rows), *(match for _ in news)),
+        score=np.concatenate([picks.score[rows], [one.score for one in news]]),
+        from_image=(
+            *_some(picks.from_image, rows),
+            *(picks.image[i] for i in origin),
+        ),
+        from_px=np.concatenate([picks.from_px[rows], picks.pixel_px[origin].reshape(-1, 2)]),
+    )
+
+
+def _some(texts: Sequence[str], rows: Sequence[int]) -> list[str]:
+    return [texts[i] for i in rows] if texts else [""] * len(rows)
+
+
+def _pixels(pixels: Sequence[tuple[float, float]]) -> Floats:
+    return np.array(pixels, dtype=np.float64).reshape(-1, 2)

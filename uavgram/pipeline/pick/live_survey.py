@@ -1,0 +1,267 @@
+"""Repeated adjustment while picks and lengths change, without reading inputs twice.
+
+The parts that depend on photos and log only (times, matching, seed poses) are computed once.
+`adjust` then runs every stage in memory; `linearised` returns within milliseconds the first-order
+update of the last adjustment when picks move or readings change, with its sigmas unchanged.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from uavgram.errors import UavgramError
+from uavgram.estimation.measuring.predicted_pixels import (
+    FlightOfPhotos,
+    PredictedPixels,
+    predict_pixels,
+    predict_unpicked,
+)
+from uavgram.estimation.measuring.propagation import compute_values
+from uavgram.estimation.measuring.scale import LineAdvice, find_next_line
+from uavgram.estimation.survey.adjustment import Adjustment
+from uavgram.estimation.survey.departures import compute_heights_at
+from uavgram.estimation.survey.observations.lengths import select_taped_known
+from uavgram.estimation.survey.unknowns import State
+from uavgram.model.arrays import Floats
+from uavgram.model.result.result import Result
+from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
+from uavgram.pipeline.measure.compute import Computation, compute
+from uavgram.pipeline.measure.inputs import Inputs, read_inputs
+from uavgram.pipeline.measure.observations import append_plate_sides
+from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
+from uavgram.pipeline.threads import with_one_blas_thread
+from uavgram.stages.linear_update import update_linearly
+
+NOTHING_PICKED = (
+    "Nothing is picked yet. Click a point on the ground in a photo; a second one makes a distance, "
+    "and lengths that were taped make it exact."
+)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Observations:
+    """Observations of one adjustment."""
+
+    picks: Picks
+    lines: KnownLines
+    requests: tuple[MeasurementRequest, ...]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LiveAdjustment:
+    """Full adjustment, with additional results.
+
+    Attributes
+    ----------
+    observed
+        Its observations.
+    computed
+        Result and adjustment.
+    predicted
+        Labels in photos in which they are not picked.
+    picked_px, picked_covariance_px2
+        (n, 2), (n, 2, 2): adjusted points in the photos in which they are picked.
+    advice
+        The length to tape next.
+    seconds
+        Duration of the adjustment.
+    """
+
+    observed: Observations
+    computed: Computation
+    predicted: PredictedPixels
+    picked_px: Floats
+    picked_covariance_px2: Floats
+    advice: LineAdvice | None
+    seconds: float
+
+    @property
+    def result(self) -> Result:
+        """Everything that `uavgram run` would write."""
+        return self.computed.result
+
+    @property
+    def adjustment(self) -> Adjustment:
+        """Adjusted survey."""
+        return self.computed.refined.adjustment
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LinearUpdate:
+    """First-order update for observations that changed a little; sigmas are those of `base`.
+
+    Attributes
+    ----------
+    base
+        The adjustment from which it starts.
+    value
+        (M,) measurements, in the order of the result's.
+    length_m
+        (L,) known lengths as adjusted; NaN where an end is not picked.
+    residual_px
+        (n, 2) of the adjustment's picks: projection minus pick.
+    world_m, height_m
+        (K, 3), (K,) the adjustment's points, and their heights over the ground.
+    """
+
+    base: LiveAdjustment
+    value: Floats
+    length_m: Floats
+    residual_px: Floats
+    world_m: Floats
+    height_m: Floats
+
+
+class LiveSurvey:
+    """Project during picking.
+
+    Parameters
+    ----------
+    inputs
+        As read, with the initial picks, lengths and measurements of the session.
+    """
+
+    @with_one_blas_thread
+    def __init__(self, inputs: Inputs) -> None:
+        self.inputs = inputs
+        self.posed: PosedFrames | None = None
+        self.unposed_because = ""
+        try:
+            self.posed = pose_frames(inputs)
+        except UavgramError as why:  # the page opens anyway, and reports it
+            self.unposed_because = str(why)
+
+    @classmethod
+    def open(cls, project: Path) -> LiveSurvey:
+        """Read a project that may lack picks, lengths and measurements.
+
+        Raises
+        ------
+        UavgramError
+            The project has another problem.
+        """
+        return cls(read_inputs(project, unfinished=True))
+
+    @with_one_blas_thread
+    def adjust(self, observed: Observations) -> LiveAdjustment:
+        """Adjust and measure in full.
+
+        Raises
+        ------
+        UavgramError
+            Nothing can be adjusted yet; the message names the missing inputs.
+        """
+        if self.posed is None:
+            raise UavgramError(self.unposed_because)
+        if not observed.picks.image:
+            raise UavgramError(NOTHING_PICKED)
+        started = time.perf_counter()
+        inputs = replace(
+            self.inputs, picks=observed.picks, lines=observed.lines, requests=observed.requests
+        )
+        computed = compute(inputs, posed=self.posed, curved=False)
+        adjustment = computed.refined.adjustment
+        picked, covariance = predict_pixels(
+            adjustment, adjustment.survey.pick_frame, adjustment.survey.pick_label
+        )
+        return LiveAdjustment(
+            observed=observed,
+            computed=computed,
+            predicted=predict_unpicked(adjustment, self.flight()),
+            picked_px=picked,
+            picked_covariance_px2=covariance,
+            advice=find_next_line(adjustment),
+            seconds=time.perf_counter() - started,
+        )
+
+    @with_one_blas_thread
+    def update_linearly(self, base: LiveAdjustment, observed: Observations) -> LinearUpdate | None:
+        """Update the last adjustment to first order; None if more than numbers changed."""
+        if self.posed is None or not _alike(base.observed, observed):
+            return None
+        survey, picks = base.adjustment.survey, observed.picks
+        before = base.observed.picks
+        clicks = before.clicks
+        rows = []
+        for f, k, place in zip(survey.pick_frame, survey.pick_label, survey.pixel_px, strict=True):
+            own = clicks[survey.frame_id[f], survey.label[k]]
+            away = np.abs(before.pixel_px[own] - place).max(axis=1)
+            rows.append(own[int(away.argmin())])
+        was, lines = (self._lines(one) for one in (base.observed, observed))
+        taken = _project_lines(base.adjustment, was)
+        if taken is None:
+            return None
+        update = update_linearly(base.adjustment, picks.pixel_px[rows], lines.length_m[taken])
+        return LinearUpdate(
+            base=base,
+            value=compute_values(
+                base.adjustment.problem, update.state, observed.requests, self.posed.frames
+            ),
+            length_m=_lengths(base.adjustment, lines, update.state),
+            residual_px=update.residual_px,
+            world_m=update.world_m,
+            height_m=compute_heights_at(base.adjustment, update.state),
+        )
+
+    def _lines(self, observed: Observations) -> KnownLines:
+        """Return all known lengths, including those of the plates."""
+        return append_plate_sides(observed.lines, observed.picks, self.inputs.project.targets)
+
+    def flight(self) -> FlightOfPhotos | None:
+        """Return the flight of all photos with telemetry; None without."""
+        telemetry = None if self.posed is None else self.posed.telemetry
+        if telemetry is None:
+            return None
+        return telemetry.prior, telemetry.track, telemetry.poses.frame_id
+
+
+def _alike(before: Observations, now: Observations) -> bool:
+    """Return whether only pixels and readings differ."""
+    a, b, la, lb = before.picks, now.picks, before.lines, now.lines
+    return (
+        (a.image, a.label, a.area, a.source) == (b.image, b.label, b.area, b.source)
+        and np.array_equal(a.sigma_px, b.sigma_px, equal_nan=True)
+        and np.array_equal(a.height_m, b.height_m, equal_nan=True)
+        and np.array_equal(a.height_sigma_m, b.height_sigma_m, equal_nan=True)
+        and np.array_equal(a.is_free, b.is_free)
+        and (la.name, la.start, la.end) == (lb.name, lb.start, lb.end)
+        and (la.tape, la.along) == (lb.tape, lb.along)
+        and np.array_equal(la.sigma_m, lb.sigma_m)
+        and np.array_equal(la.adjust, lb.adjust)
+        and before.requests == now.requests
+    )
+
+
+def _project_lines(adjustment: Adjustment, lines: KnownLines) -> list[int] | None:
+    """Find each length of the adjustment among all known lengths; None where one is missing.
+
+    An outlier has a larger sigma in the adjustment than stated; a corrected length has another
+    reading, or other ends.
+    """
+    survey, found = adjustment.survey, []
+    free: dict[tuple[str, str, float], list[int]] = {}
+    for i in np.flatnonzero(lines.adjust).tolist():
+        free.setdefault((lines.start[i], lines.end[i], lines.length_m[i]), []).append(i)
+    for k in adjustment.problem.line_index:
+        ends = survey.label[survey.line_start[k]], survey.label[survey.line_end[k]]
+        same = free.get((*ends, survey.length_m[k]))
+        if not same:
+            return None
+        as_stated = [i for i in same if lines.sigma_m[i] == survey.length_sigma_m[k]]
+        found.append((as_stated or same)[0])
+        same.remove(found[-1])
+    return found
+
+
+def _lengths(adjustment: Adjustment, lines: KnownLines, state: State) -> Floats:
+    """Predict the readings of tapes (L,) between adjusted points; NaN where one is not adjusted."""
+    start, end = adjustment.label_rows(lines.start), adjustment.label_rows(lines.end)
+    seen = np.flatnonzero((start >= 0) & (end >= 0))
+    found = np.full(len(lines.name), np.nan)
+    taped = select_taped_known(lines, seen, start[seen], end[seen])
+    found[seen], _, _ = adjustment.problem.readings(state, taped)
+    return found

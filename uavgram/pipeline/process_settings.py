@@ -1,0 +1,67 @@
+"""Settings for processes of this program only: the command line's, or a worker of a batch."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import sys
+from collections.abc import Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec, PathFinder
+from importlib.util import LazyLoader
+from types import ModuleType
+
+UNUSED_MODULES = frozenset({"pandas"})
+"""Modules that no command needs, but that Arrow, in which recordings are written, loads if
+installed: a third of a second. Where the search for a module fails, it counts as not installed."""
+
+LATE_MODULES = frozenset(
+    {
+        "ezdxf.fonts.lff",
+        "ezdxf.fonts.shapefile",
+        "ezdxf.tools.pattern",
+        "ezdxf.tools.text_size",
+        "numpy.ctypeslib",
+        "numpy.f2py",
+        "numpy.polynomial",
+        "numpy.testing",
+        "psutil",
+        "pydoc",
+        "rerun.experimental",
+        "rerun.server",
+        "rerun.urdf",
+        "scipy.spatial.transform",
+    }
+)
+"""Modules that are executed at their first use, which is rare: scipy loads all of numpy, including
+its Fortran compiler, Rerun its complete viewer interface, and ezdxf all hatches and fonts of CAD.
+Modules that threads may use simultaneously are excluded: while the first thread executes the
+module, the others find half of it. So numpy.ma, which each median uses, is loaded."""
+
+
+def collect_garbage_rarely() -> None:
+    """Collect garbage rarely, and not at the end.
+
+    The half thousand modules of a run are a million permanent objects. Repeated searches for cycles
+    among them take a twentieth of a short run, and another one before the process ends as long.
+    """
+    gc.set_threshold(1_000_000, 20, 100)
+    atexit.register(gc.freeze)
+
+
+def avoid_modules() -> None:
+    """Avoid unnecessary modules from now on: see `UNUSED_MODULES` and `LATE_MODULES`."""
+    sys.meta_path.insert(0, _ModuleFilter())
+
+
+class _ModuleFilter(MetaPathFinder):
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Return None for all other modules, so that the search continues."""
+        if fullname.partition(".")[0] in UNUSED_MODULES:
+            raise ModuleNotFoundError(fullname, name=fullname)
+        spec = PathFinder.find_spec(fullname, path, target) if fullname in LATE_MODULES else None
+        if spec is not None and isinstance(spec.loader, Loader):
+            spec.loader = LazyLoader(spec.loader)
+        return spec

@@ -1,0 +1,440 @@
+"""A planned flight as a recording: pages, legend, and the plan in space."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from PIL import Image, ImageDraw, ImageFont
+
+from uavgram.errors import OutputError
+from uavgram.imaging.photos.preview import Pixels
+from uavgram.model.arrays import Floats
+from uavgram.model.naming import METRIC, Units
+from uavgram.model.planned import FlightPlanned
+from uavgram.stages.products.planned_layers import grid_cells, wanted_shapes
+from uavgram.views.flight_plan import (
+    centimetres,
+    describe_accuracy,
+    describe_alternatives,
+    describe_criterion,
+    flight_facts,
+    line_rows,
+    list_assumptions,
+    metres,
+    plate_rows,
+    summarise_work,
+    take_off_words,
+    value_rows,
+)
+from uavgram.views.pages import plain, table
+from uavgram.views.recording.blueprint import BACKGROUND, layout, space_view
+from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE, Eye
+from uavgram.views.recording.stream import Recorder, open_recording
+from uavgram.views.recording.view_texts import log_in_space, make_polylines, place_in_space
+from uavgram.views.recording.world.legend import (
+    FONT_PX,
+    GAP_PX,
+    LEGEND,
+    LEGEND_BACKGROUND,
+    TEXT,
+    WIDTH_PX,
+)
+from uavgram.views.recording.world.survey import close_border
+from uavgram.views.sentence_units import convert_sentence, select_like_lengths
+from uavgram.views.style import (
+    BAD,
+    MEASURED,
+    OBSERVED,
+    QUIET,
+    REFERENCE,
+    REFINED,
+    Rgb,
+    scale_colours,
+)
+from uavgram.views.survey.outlines import corner_rays, longest_middle, pyramids
+
+SUMMARY, LAY, PHOTO = "documents/summary", "documents/lines", "documents/photo"
+
+
+def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units) -> None:
+    """Log all pages.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    planned
+        The plan.
+    units
+        Units of the lengths shown.
+    """
+    named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
+    kept = select_like_lengths(named)
+    for path, text in ((SUMMARY, summary_page(planned, units)), (LAY, lines_page(planned))):
+        told = convert_sentence(text, units, kept)
+        recorder.static(path, rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN))
+    sheets = [
+        convert_sentence(photo_page(planned, k), units) for k in range(len(planned.frames.name))
+    ]
+    recorder.sheets(PHOTO, sheets)
+
+
+def summary_page(planned: FlightPlanned, units: Units) -> str:
+    """Write the summary page."""
+    parts = [f"# {plain(summarise_work(planned))}", *map(plain, describe_accuracy(planned))]
+    parts += [f"**{plain(m.text)}** `{m.code}`" for m in planned.messages if m.level != "info"]
+    if planned.measurements.name:
+        rows = [
+            (
+                plain(row.name),
+                row.about,
+                f"**± {row.sigma}**",
+                f"± {row.wanted}" if row.wanted else "–",
+                {None: "–", True: "yes", False: "**NO**"}[row.is_good],
+            )
+            for row in value_rows(planned, units)
+        ]
+        head = ("value", "about", "will be known to", "wished", "good enough?")
+        parts += ["## What will be measured", table(head, rows)]
+    facts = [(plain(key), f"**{plain(value)}**") for key, value in flight_facts(planned)]
+    parts += ["## The flight", table(("", ""), facts), plain(take_off_words(planned))]
+    if planned.gains:
+        more = [(plain(gain.what), f"± {100 * gain.mean_sigma:.1f} cm") for gain in planned.gains]
+        parts += ["## Other choices", table(("with", "on average"), more)]
+    parts += [
+        plain(text) for text in (describe_criterion(planned), list_assumptions(planned)) if text
+    ]
+    parts += [f"{plain(m.text)} `{m.code}`" for m in planned.messages if m.level == "info"]
+    return "\n\n".join(parts)
+
+
+def lines_page(planned: FlightPlanned) -> str:
+    """Write the page of lines and plates to lay out, and of alternatives."""
+    rows = [
+        (
+            plain(row.name),
+            f"**{row.length}**",
+            plain(f"{row.start}: {row.start_place}"),
+            plain(f"{row.end}: {row.end_place}"),
+            str(row.photos),
+            row.mistake or "never: tape it twice",
+        )
+        for row in line_rows(planned)
+    ]
+    if planned.plates.name:
+        plates = [(row.name, plain(row.place), str(row.photos)) for row in plate_rows(planned)]
+        laid = table(("plate", "middle", "photos"), plates)
+        return "\n\n".join([laid, *map(plain, describe_alternatives(planned))])
+    if not rows:
+        return "No line is to be laid."
+    head = ("line", "length", "from", "to", "photos", "mistake noticed from")
+    return "\n\n".join([table(head, rows), *map(plain, describe_alternatives(planned))])
+
+
+def photo_page(planned: FlightPlanned, row: int) -> str:
+    """Write the sheet of one photo: position and attitude of the drone."""
+    frames = planned.frames
+    facts = [
+        ("height above the ground", metres(float(frames.height_above_ground_m[row]))),
+        ("nose", f"{frames.heading_deg[row] % 360:.0f}° from north"),
+        ("camera", f"{-frames.gimbal_pitch_deg[row]:.0f}° below level"),
+    ]
+    return f"# {plain(frames.name[row])}\n\n" + table(("", ""), facts)
+
+
+ROWS_PX = (12, 62)
+HEIGHT_PX = 108
+BAR_PX = 300
+
+
+def log_plan_legend(recorder: Recorder, planned: FlightPlanned, units: Units) -> None:
+    """Log the picture.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    planned
+        The plan.
+    units
+        Units of the lengths shown.
+    """
+    image = np.asarray(draw_plan_legend(planned, units))
+    recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
+
+
+def draw_plan_legend(planned: FlightPlanned, units: Units) -> Image.Image:
+    """Draw swatches for the objects that occur, then the colours of the map."""
+    image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), LEGEND_BACKGROUND)
+    pen, font = ImageDraw.Draw(image), ImageFont.load_default(FONT_PX)
+    x = 20.0
+    for text, colour in _entries(planned):
+        y = ROWS_PX[0] + FONT_PX / 2 + 3
+        pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
+        pen.text((x + 70, ROWS_PX[0]), text, fill=TEXT, font=font)
+        x += 70 + pen.textlength(text, font=font) + GAP_PX
+    reach = accuracy_range(planned)
+    if reach is None:
+        pen.text((20, ROWS_PX[1]), "nothing can be measured in the area", fill=TEXT, font=font)
+        return image
+    length = convert_sentence(metres(planned.grid.length_m), units)
+    words = f"ground: lengths of {length} will be known to ± "
+    low, high = (convert_sentence(centimetres(one), units) for one in reach)
+    x = 20.0
+    pen.text((x, ROWS_PX[1]), words + low, fill=TEXT, font=font)
+    x += pen.textlength(words + low, font=font) + 16
+    for k, colour in enumerate(map_colours(np.linspace(0, 1, BAR_PX))):
+        ends = [(x + k, ROWS_PX[1] + 4), (x + k, ROWS_PX[1] + 32)]
+        pen.line(ends, fill=tuple(colour.tolist()))
+    pen.text((x + BAR_PX + 16, ROWS_PX[1]), high, fill=TEXT, font=font)
+    return image
+
+
+def _entries(planned: FlightPlanned) -> list[tuple[str, Rgb]]:
+    entries: list[tuple[str, Rgb]] = []
+    if planned.lines.name:
+        entries.append(("line to lay and tape", REFERENCE))
+    if planned.plates.name:
+        entries.append(("plate to lay", REFERENCE))
+    entries += [("photo to take", REFINED), ("this photo and its footprint", OBSERVED)]
+    if planned.measurements.name:
+        entries.append(("will be measured", MEASURED))
+    if planned.no_go_world_m:
+        entries.append(("keep out", BAD))
+    return entries
+
+
+SPACE = "plan"
+NAMES, FLAT_NAMES = f"{SPACE}/names", f"{SPACE}/names_from_above"
+
+DIM = 0.6
+_DROP = 1e-3
+"""Offset of the map below the objects on it, as a share of the size of the scene."""
+FROM_ABOVE = 1.15
+"""Distance of the eye above the area, relative to the size of the area."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanScene:
+    """Extent of the scene, from which drawings are scaled.
+
+    Attributes
+    ----------
+    size_m
+        Size of the area.
+    frusta_m
+        (F, 10, 3) frusta of all photos.
+    eye, top_eye
+        Eye of the first view, which shows area, lines and photos; of the view from above.
+    """
+
+    size_m: float
+    frusta_m: Floats
+    eye: Eye
+    top_eye: Eye
+
+
+def measure_plan(planned: FlightPlanned) -> PlanScene:
+    """Measure the extent of a plan."""
+    frames, lines, camera = planned.frames, planned.lines, planned.camera
+    area = planned.area_world_m
+    size = float(np.ptp(area, axis=0).max())
+    steps = np.linalg.norm(np.diff(frames.center_world_m, axis=0), axis=1)
+    # as deep as frusta of other recordings, but visible even for a single photo
+    depth = 2.0 * FRUSTUM_SHARE * planned.flight.height_m
+    if len(steps):
+        depth = min(depth, SPACING_SHARE * float(np.median(steps)))
+    rays = depth * corner_rays(camera.parameters, camera.width_px, camera.height_px)
+    frusta = pyramids(frames.center_world_m, frames.world_from_camera, rays)
+    shown = [area, lines.start_world_m, lines.end_world_m, frusta.reshape(-1, 3)]
+    above = Eye(np.array([0.0, 0.0, 1.0]), area.mean(axis=0), FROM_ABOVE * size)
+    return PlanScene(size, frusta, Eye.fit(np.concatenate(shown), TO_THE_EYE), above)
+
+
+def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
+    """Log all static objects, and the photo of the timeline.
+
+    Parameters
+    ----------
+    recorder
+        The open recording; its frames are the photos of the plan.
+    planned
+        The plan.
+    scene
+        Extent of the scene.
+    units
+        Units of the names.
+    """
+    recorder.static(SPACE, rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+    _ground(recorder, planned, scene)
+    _flight(recorder, planned, scene)
+    lines = planned.lines
+    strips = np.stack([lines.start_world_m, lines.end_world_m], axis=1)
+    if len(strips):
+        recorder.static(f"{SPACE}/lines_to_lay", make_polylines(strips, REFERENCE, 5.0))
+    if planned.plates.name:
+        rings = [close_border(ring) for ring in planned.plates.corner_world_m]
+        recorder.static(f"{SPACE}/plates_to_lay", make_polylines(rings, REFERENCE, 5.0))
+    wanted = [strip for some in wanted_shapes(planned) for strip in some]
+    if wanted:
+        recorder.static(f"{SPACE}/wanted", make_polylines(wanted, MEASURED, 3.0))
+    if planned.points.label:
+        dots = rr.Points3D(planned.points.world_m, colors=MEASURED, radii=rr.Radius.ui_points(3.5))
+        recorder.static(f"{SPACE}/points", dots)
+    _names(recorder, planned, scene, units)
+
+
+def accuracy_range(planned: FlightPlanned) -> tuple[float, float] | None:
+    """Return the best and worst standard deviation of the map; None if nothing can be measured."""
+    known = planned.grid.sigma_m[np.isfinite(planned.grid.sigma_m)]
+    return (float(known.min()), float(known.max())) if len(known) else None
+
+
+def map_colours(share: Floats) -> Pixels:
+    """Return (N, 3) dim colours of the map, from the best (0) to the worst (1), as a background."""
+    return (DIM * scale_colours(share)).astype(np.uint8)
+
+
+def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
+    area = [close_border(planned.area_world_m)]
+    recorder.static(f"{SPACE}/area", make_polylines(area, OBSERVED, 2.0))
+    if planned.no_go_world_m:
+        rings = [close_border(ring) for ring in planned.no_go_world_m]
+        recorder.static(f"{SPACE}/keep_out", make_polylines(rings, BAD, 4.0))
+    reach = accuracy_range(planned)
+    if reach is None:
+        return
+    low, high = reach
+    known = np.isfinite(planned.grid.sigma_m)
+    share = (planned.grid.sigma_m[known] - low) / max(high - low, 1e-12)
+    corners = grid_cells(planned)[known] - np.array([0.0, 0.0, _DROP * scene.size_m])
+    first = 4 * np.arange(len(corners))[:, None]
+    triangles = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
+    recorder.static(
+        f"{SPACE}/accuracy",
+        rr.Mesh3D(
+            vertex_positions=corners.reshape(-1, 3),
+            triangle_indices=triangles,
+            vertex_colors=np.repeat(map_colours(share), 4, axis=0),
+        ),
+    )
+
+
+def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
+    frames = planned.frames
+    if len(frames.name) > 1:
+        way = [frames.center_world_m]
+        recorder.static(f"{SPACE}/flight", make_polylines(way, REFINED, 1.5))
+    recorder.static(f"{SPACE}/photos", make_polylines(scene.frusta_m, REFINED, 1.5))
+    rings = [close_border(ring) for ring in frames.footprint_world_m]
+    recorder.static(f"{SPACE}/footprints", make_polylines(rings, QUIET, 0.8))
+    _one_by_one(recorder, f"{SPACE}/this_photo", list(scene.frusta_m), 3.0)
+    _one_by_one(recorder, f"{SPACE}/footprint_of_this_photo", rings, 2.0)
+
+
+def _one_by_one(recorder: Recorder, path: str, strips: list[Floats], width: float) -> None:
+    """Log one white polyline for each photo."""
+    radius = rr.Radius.ui_points(width / 2)
+    recorder.static(path, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=radius))
+    recorder.each(path, lambda some: rr.LineStrips3D.columns(strips=[strips[k] for k in some]))
+
+
+def _name_places(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str]]:
+    """Return (3,) places on the ground and their names, the most important first."""
+    lines, rows = planned.lines, planned.measurements
+    places = list((lines.start_world_m + lines.end_world_m) / 2)
+    words = [
+        f"{name} {convert_sentence(metres(float(length)), units)}"
+        for name, length in zip(lines.name, lines.length_m, strict=True)
+    ]
+    places += list(planned.plates.center_world_m)
+    words += list(planned.plates.name)
+    for name, sigma, unit, strips in zip(
+        rows.name, rows.sigma, rows.unit, wanted_shapes(planned), strict=True
+    ):
+        if strips:
+            places.append(longest_middle(strips))
+            known = (
+                f" ± {convert_sentence(centimetres(float(sigma)), units)}" if unit == "m" else ""
+            )
+            words.append(f"{name}{known}")
+    places += [ring.mean(axis=0) for ring in planned.no_go_world_m]
+    words += ["keep out"] * len(planned.no_go_world_m)
+    places += list(planned.area_world_m)
+    words += [f"corner {k}" for k in range(1, len(planned.area_world_m) + 1)]
+    return places, words
+
+
+def _names(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units: Units) -> None:
+    """Log separate names for both views, as their free space differs."""
+    places, words = _name_places(planned, units)
+    frames, points = planned.frames, planned.points.world_m
+    above = np.array(places)
+    log_in_space(recorder, FLAT_NAMES, place_in_space(scene.top_eye, above, words, dots_m=points))
+    placed = place_in_space(
+        scene.eye,
+        np.concatenate([above, frames.center_world_m]),
+        [*words, *frames.name],
+        dots_m=np.concatenate([points, frames.center_world_m]),
+    )
+    log_in_space(recorder, NAMES, placed)
+
+
+def write_plan_recording(planned: FlightPlanned, path: Path, units: Units = METRIC) -> None:
+    """Write a Rerun recording with its blueprint inside; its frames are the photos to take.
+
+    Parameters
+    ----------
+    planned
+        The plan.
+    path
+        The .rrd file.
+    units
+        Units in which lengths are shown.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    scene = measure_plan(planned)
+    count = len(planned.frames.name)
+    try:
+        path.touch()  # Rerun's own error for a missing folder is no OSError
+        identity = ("plan", planned.name, planned.frames.center_world_m.tobytes())
+        times = np.full(count, np.nan)  # the time of the flight is unknown
+        with open_recording(path, identity, f"{planned.name}: plan", times) as recorder:
+            log_plan(recorder, planned, scene, units)
+            log_plan_legend(recorder, planned, units)
+            log_plan_documents(recorder, planned, units)
+            recorder.stream.send_blueprint(plan_blueprint(scene))
+    except OSError as error:
+        raise OutputError(f"{path}: the recording cannot be written: {error}") from error
+
+
+def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:
+    """Lay out the plan in space on the left, pages on the right."""
+    contents = [f"+ /{SPACE}/**", f"- /{SPACE}/footprints"]
+    eye, above = scene.eye, scene.top_eye
+    flat = [*contents, f"- /{NAMES}/**", f"- /{SPACE}/photos", f"- /{SPACE}/this_photo"]
+    contents.append(f"- /{FLAT_NAMES}/**")
+    views = rrb.Tabs(
+        space_view(
+            "Plan, north away from you", contents, eye.position_m, eye.target_m, up=(0, 0, 1)
+        ),
+        space_view("From above, north up", flat, above.position_m, above.target_m),
+        active_tab=0,
+    )
+    legend = rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND)
+    pages = rrb.Tabs(
+        rrb.TextDocumentView(origin=SUMMARY, name="Summary"),
+        rrb.TextDocumentView(origin=LAY, name="What to lay"),
+        rrb.TextDocumentView(origin=PHOTO, name="This photo"),
+        active_tab=0,
+    )
+    left = rrb.Vertical(views, legend, row_shares=[10, 1.0])
+    return layout(rrb.Horizontal(left, pages, column_shares=[1.5, 1]))

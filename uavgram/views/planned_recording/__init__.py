@@ -1,1 +1,0 @@
-"""Recording of a plan for the Rerun viewer."""

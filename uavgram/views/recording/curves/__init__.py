@@ -1,1 +1,0 @@
-"""Curves of the recording over the photos: residuals, tests, poses, states."""

@@ -1,0 +1,270 @@
+"""Text pages of the recording, each from its template."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+import rerun as rr
+
+from uavgram.model.naming import counted
+from uavgram.model.result.result import Result
+from uavgram.model.result.shared import compare_cameras
+from uavgram.views.formatting import (
+    FRAME_STATUS_WORDS,
+    LEVEL_RANK,
+    LINE_STATUS_WORDS,
+    NOT_UNIQUE,
+    WHY_TO_NEIGHBOURS,
+    WHY_TWO_ELLIPSES,
+    describe_origin,
+    order_computed_first,
+    order_worst_fit_first,
+)
+from uavgram.views.pages import page_environment, units_shown
+from uavgram.views.recording.curves import FrameCurves, PoseCurves
+from uavgram.views.recording.photo import FramePicks
+from uavgram.views.recording.scene import Scene
+from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.world.points import has_outlines
+from uavgram.views.result_tables import result_table
+from uavgram.views.survey.key_facts import key_facts
+from uavgram.views.survey.off_ground import OffGround, height_of
+from uavgram.views.survey.reliability import (
+    effect_words,
+    overall_words,
+    prior_rows,
+    removal_rows,
+    second_order_rows,
+    weakest_links,
+)
+from uavgram.views.survey.sources import (
+    frame_origins,
+    has_automatic_picks,
+    note_automatic_values,
+    picks_text,
+    ties_text,
+)
+from uavgram.views.survey.verdict import (
+    THREE_SIGMA,
+    VerdictWords,
+    status_text,
+    summarise_result,
+    verdict_words,
+)
+
+LEVEL_MARKS = {"green": "✔", "amber": "⚠", "red": "⚠", None: "-"}
+"""Mark before the headline, by level of the verdict.
+
+The viewer's font has few signs, and a text ends at a sign that it does not have.
+"""
+
+
+def _page(name: str, result: Result, **shown: object) -> str:
+    """Render one page from its template, with the variables that several of them use."""
+    template = page_environment().get_template(f"recording/{name}.md")
+    text = template.render(
+        result=result,
+        effect_words=effect_words,
+        table=partial(result_table, result=result),
+        **units_shown(result),
+        line_words=LINE_STATUS_WORDS,
+        status_text=status_text,
+        not_unique=NOT_UNIQUE,
+        why_to_neighbours=WHY_TO_NEIGHBOURS,
+        why_two_ellipses=WHY_TWO_ELLIPSES,
+        measured=order_computed_first(result.measurements),
+        measured_alone=note_automatic_values(result),
+        **shown,
+    )
+    return re.sub(r"\n{3,}", "\n\n", text).strip("\n")
+
+
+def summary(result: Result, verdict: VerdictWords, scene: Scene) -> str:
+    """Render the summary: verdict, problems, and measurements.
+
+    Parameters
+    ----------
+    result
+        Result of a run.
+    verdict
+        Verdict on the result.
+    scene
+        Extent of the scene, from which drawings are scaled.
+    """
+    return _page(
+        "summary",
+        result,
+        verdict=verdict,
+        headline=summarise_result(result),
+        mark=LEVEL_MARKS[verdict.level],
+        scene=scene,
+        facts=key_facts(result),
+        has_outlines=has_outlines(result),
+        place=describe_origin(result),
+        quoted=repr,
+        found_any=has_automatic_picks(result),
+        picks_made=picks_text(result),
+        ties=ties_text(result),
+    )
+
+
+def measured_page(result: Result) -> str:
+    """Render all measurements, with the effect of undetected errors on each."""
+    links = weakest_links(result)
+    return _page("measured", result, weakest=links, second_order=second_order_rows(result))
+
+
+def lengths_page(result: Result) -> str:
+    """Render the known lengths, the worst fit first, with the errors that the tests can detect."""
+    return _page("lengths", result, lengths=order_worst_fit_first(result.lines.w))
+
+
+def checks_page(result: Result) -> str:
+    """Render the evidence for and against the result."""
+    return _page(
+        "checks",
+        result,
+        three_sigma=THREE_SIGMA,
+        overall=overall_words(result),
+        removals=removal_rows(result),
+        priors=prior_rows(result),
+        camera=compare_cameras(result.camera, result.shared.intrinsics),
+    )
+
+
+def points_page(result: Result) -> str:
+    """Render the ground points, the least certain relative to their neighbours first."""
+    within, rated = result.points.relative, result.points.neighbour_sigma_m
+    known = np.isfinite(rated).any()  # a single point has no neighbours
+    order = np.argsort(-(rated if known else within.ellipse_95_m[:, 0]), kind="stable")
+    return _page(
+        "points",
+        result,
+        points_order=order,
+    )
+
+
+def heights_page(result: Result, standing: OffGround) -> str:
+    """Render the heights of points off the ground, the least certain first.
+
+    Parameters
+    ----------
+    result
+        Result of a run.
+    standing
+        Its points off the ground.
+    """
+    points = result.points
+    order = np.argsort(-points.height_sigma_m[standing.rows], kind="stable")
+    return _page(
+        "heights",
+        result,
+        points=points,
+        order=order,
+        rows=standing.rows,
+        half_axes_m=standing.half_axes_m,
+        height_of=height_of,
+    )
+
+
+def messages_page(result: Result) -> str:
+    """Render the messages of the run, the worst first."""
+    ordered = sorted(result.messages, key=lambda message: LEVEL_RANK[message.level])
+    return _page("messages", result, messages=ordered)
+
+
+def messages_title(result: Result) -> str:
+    """Return the title of the messages: ``Messages: 1 error, 2 warnings``."""
+    counts = Counter(message.level for message in result.messages)
+    loud = [counted(counts[level], level) for level in ("error", "warning") if counts[level]]
+    return "Messages" + (f": {', '.join(loud)}" if loud else "")
+
+
+def frame_sheets(
+    result: Result, picks: FramePicks, curves: FrameCurves, poses: PoseCurves
+) -> Iterator[str]:
+    """Yield the text sheet of each frame, in their order.
+
+    Parameters
+    ----------
+    result
+        Result of a run.
+    picks
+        Picks of each frame.
+    curves, poses
+        Residuals and corrections of every frame.
+    """
+    template = page_environment().get_template("recording/frame.md")
+    frames = result.frames
+    sigma = np.sqrt(np.diagonal(frames.refined.covariance, axis1=1, axis2=2))
+    moved = np.linalg.norm(frames.refined.center_world_m - frames.seed.center_world_m, axis=1)
+    w = np.nan_to_num(np.abs(result.picks.w))
+    made, shown = frame_origins(result), units_shown(result)
+    for i, rows in enumerate(picks.rows):
+        sheet = template.render(
+            **shown,
+            result=result,
+            frames=frames,
+            frame_words=FRAME_STATUS_WORDS,
+            i=i,
+            picks=rows,
+            made=made,
+            curves=curves,
+            poses=poses,
+            position_sigma_m=sigma[i, :3],
+            moved_m=moved[i],
+            worst_label=result.picks.label[rows[np.argmax(w[rows])]] if len(rows) else "",
+        )
+        yield sheet.rstrip("\n")
+
+
+SUMMARY = "documents/summary"
+FRAME_SHEET = "documents/frame"
+MEASURED = "documents/measurements"
+LENGTHS = "documents/known_lengths"
+CHECKS = "documents/checks"
+POINTS = "documents/points"
+HEIGHTS = "documents/heights"
+MESSAGES = "documents/messages"
+
+
+def log_documents(
+    recorder: Recorder,
+    result: Result,
+    scene: Scene,
+    picks: FramePicks,
+    curves: FrameCurves,
+    poses: PoseCurves,
+) -> None:
+    """Log all pages.
+
+    Parameters
+    ----------
+    recorder
+        The open recording.
+    result
+        Result of the run.
+    scene
+        Extent of the scene, from which drawings are scaled.
+    picks
+        Picks of each frame.
+    curves, poses
+        Residuals and corrections of every frame.
+    """
+    for path, text in (
+        (SUMMARY, summary(result, verdict_words(result), scene)),
+        (MEASURED, measured_page(result)),
+        (LENGTHS, lengths_page(result)),
+        (CHECKS, checks_page(result)),
+        (POINTS, points_page(result)),
+        (MESSAGES, messages_page(result)),
+    ):
+        recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+    if scene.off_ground is not None:
+        text = heights_page(result, scene.off_ground)
+        recorder.static(HEIGHTS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+    recorder.sheets(FRAME_SHEET, list(frame_sheets(result, picks, curves, poses)))

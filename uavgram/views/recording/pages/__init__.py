@@ -1,1 +1,0 @@
-"""Text pages of the recording: summary, checks, tables, a sheet for each photo."""

@@ -1,1 +1,0 @@
-"""View of one photo in the recording, and its overlay."""

@@ -1,0 +1,169 @@
+"""Measurements: values, sampled intervals, second order, and other solutions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.result.reliability import Noise
+from uavgram.model.result.result import Alternative, Result
+from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
+from uavgram.views.formatting import number, order_computed_first, relief_text, shift_text
+from uavgram.views.survey.reliability import second_order_rows
+from uavgram.views.units import units_of
+
+MAX_RELIEF = 10
+"""Largest number of single-photo measurements with a sentence of their own, the least certain."""
+
+MAX_DIFFERENT = 10
+"""Number of measurements shown for another solution: those that it changes most."""
+
+LITTLE = 0.05
+"""Relative change of a sigma, or of an error's size, that is not mentioned."""
+
+
+def describe_sampling(result: Result) -> str:
+    """Explain the sampled columns; empty if nothing was sampled."""
+    sampled = result.monte_carlo
+    if sampled is None:
+        return ""
+    left_out = f"; {sampled.failed} more did not converge and are left out"
+    return (
+        f"Sampled: all observations and everything known beforehand were drawn anew "
+        f"{sampled.samples} times (seed {sampled.seed}), and everything adjusted and measured "
+        f"again{left_out if sampled.failed else ''}; the interval is from the 2.5 % to the 97.5 % "
+        "quantile."
+    )
+
+
+class ReliefNotes(NamedTuple):
+    """Dependence of single photos on the ground's shape: sentences, and number of the others."""
+
+    sentences: tuple[str, ...]
+    more: int
+
+
+def relief_notes(result: Result) -> ReliefNotes:
+    """Describe each measurement whose points are seen in one photo only, the worst first."""
+    rows, points = result.measurements, result.points
+    photos = dict(zip(points.label, points.frames, strict=True))
+    alone = [
+        i
+        for i in order_computed_first(rows)
+        if np.isfinite(rows.shift_relief_10cm[i])
+        and all(len(photos.get(label, ())) == 1 for label in rows.points[i])
+    ]
+    relief = relief_text(units_of(result))
+    sentences = tuple(
+        f"{rows.name[i]}: each of its points is seen in one photo only, so no observation "
+        f"checks the height of the ground there. If that is {relief} higher or lower than assumed, "
+        f"this value shifts by up to {shift_text(rows.shift_relief_10cm[i], rows.unit[i])}."
+        for i in alone[:MAX_RELIEF]
+    )
+    return ReliefNotes(sentences, len(alone) - len(sentences))
+
+
+def describe_learnt_noise(result: Result) -> str:
+    """Compare the uncertainties with those for errors as stated; empty if they are alike."""
+    rows, noise = result.measurements, result.noise
+    known = np.isfinite(rows.sigma) & (rows.sigma_stated > 0)
+    ratio = rows.sigma[known] / rows.sigma_stated[known]
+    if noise is None or np.abs(ratio - 1.0).max(initial=0.0) <= LITTLE:
+        return ""
+    low, high = number(float(ratio.min()), 1), number(float(ratio.max()), 1)
+    times = high if low == high else f"{low} to {high}"
+    causes = _causes(noise)
+    because = f", because {' and '.join(causes)}" if causes else ""
+    return f"The uncertainties are {times} times as large as with errors as stated{because}."
+
+
+def _causes(noise: Noise) -> list[str]:
+    causes = []
+    if any(area.size_m > (1.0 + LITTLE) * area.stated_m for area in noise.roughness):
+        causes.append("the ground is not a plane")
+    for picks in noise.picks:
+        if abs(picks.factor - 1.0) > LITTLE:
+            found = picks.stated_px * picks.factor
+            how = "less" if picks.factor > 1.0 else "more"
+            sizes = f"{picks.stated_px:.2g} px stated, {found:.2g} px found"
+            causes.append(f"the {noise.called(picks)} are {how} exact than stated ({sizes})")
+    return causes
+
+
+class SecondOrderNote(NamedTuple):
+    """Whether first-order propagation is good enough.
+
+    Attributes
+    ----------
+    sentence
+        Result for all measurements.
+    doubtful
+        A sentence for each measurement for which it is not.
+    advice
+        How to treat these.
+    """
+
+    sentence: str
+    doubtful: tuple[str, ...]
+    advice: str
+
+
+def second_order_note(result: Result) -> SecondOrderNote | None:
+    """Describe the second-order check; return None if there was none."""
+    second, rows = result.second_order, result.measurements
+    if second is None or not np.isfinite(rows.value).any():
+        return None
+    computed = np.isfinite(rows.value) & (rows.sigma > 0)
+    sigma = rows.sigma[computed]
+    change = np.nan_to_num(np.abs(second.sigma[computed] / sigma - 1.0))
+    shift = np.nan_to_num(np.abs(second.bias[computed] / sigma))
+    sentence = (
+        f"Second-order terms were computed for each of them: they change a sigma by "
+        f"{100 * change.max(initial=0.0):.1f} % at most, and move a mean by "
+        f"{shift.max(initial=0.0):.2f} sigma at most. First order is good enough up to "
+        f"{100 * MAX_SIGMA_DIFFERENCE:.0f} % and {MAX_BIAS_SIGMAS} sigma."
+    )
+    advice = (
+        "run again with --monte-carlo and use its intervals"
+        if result.monte_carlo is None
+        else "use the sampled intervals"
+    )
+    return SecondOrderNote(sentence, tuple(second_order_rows(result)), advice)
+
+
+class AlternativeTable(NamedTuple):
+    """Another solution and its effect on the measurements.
+
+    Attributes
+    ----------
+    solution
+        The other one.
+    rows
+        Row, value there and difference in sigmas of the measurements that it changes most.
+    others
+        A sentence on those that it changes less; empty if there are none.
+    """
+
+    solution: Alternative
+    rows: list[tuple[int, float, float]]
+    others: str
+
+
+def alternative_tables(result: Result) -> list[AlternativeTable]:
+    """Return the other solutions, each with its effect on the measurements."""
+    return [_alternative(result, one) for one in result.solution.alternatives]
+
+
+def _alternative(result: Result, other: Alternative) -> AlternativeTable:
+    rows = result.measurements
+    values = np.array(other.values, dtype=np.float64)
+    count = len(values)
+    difference = values - rows.value[:count]
+    sigmas = np.abs(difference) / np.where(rows.sigma > 0, rows.sigma, np.nan)[:count]
+    order = np.argsort(-np.nan_to_num(sigmas, nan=-1.0), kind="stable")
+    order = order[np.isfinite(sigmas[order])]
+    shown, rest = order[:MAX_DIFFERENT], order[MAX_DIFFERENT:]
+    most = number(float(sigmas[rest].max(initial=0.0)), 1)
+    others = f"All others ({len(rest)}) differ by at most {most} sigmas." if len(rest) else ""
+    return AlternativeTable(other, [(int(i), values[i], sigmas[i]) for i in shown], others)

@@ -1,0 +1,433 @@
+"""A simulation in words, drawings and tables, on the terminal and in simulation.html."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import NamedTuple
+
+import numpy as np
+
+from uavgram.model.arrays import Floats
+from uavgram.model.naming import METRIC
+from uavgram.model.result.verdict import VerdictLevel
+from uavgram.model.simulation import Accuracy, Repetitions, Simulation, Variant
+from uavgram.views.formatting import number
+from uavgram.views.pages import page
+from uavgram.views.terminal import align_columns
+from uavgram.views.units import decimals, display_unit
+
+MUCH = 1.5
+"""Errors over stated sigmas above which a survey is called wrong instead of optimistic."""
+
+WORDS = {
+    "slope_deg": "the ground slopes along the road",
+    "crown_percent": "the road has a crown",
+    "slope_break_percent": "the ground rises beside the road",
+    "kerb_m": "there is a kerb",
+    "relief_m": "the ground is uneven",
+    "readout_ms": "the camera reads its photos row after row",
+    "identification_m": "people pick another place of the same mark in each photo",
+    "tape_long": "the tape reads too long",
+    "level_tape": "the tape is held level on sloping ground",
+    "focal_wrong": "the focal length is not the calibrated one",
+    "lag_s": "the log's exposures are late",
+    "yaw_deg": "the log's heading is off",
+    "mount_deg": "the camera is tilted in its mount",
+    "gps_jump_m": "the receiver jumps during the flight",
+    "heavy_tails": "some picks are careless",
+    "pick_factor": "picks are worse than stated",
+    "raised": "points are off the ground without being marked so",
+    "swapped": "labels are swapped in one photo",
+    "wrong_lengths": "a length was misread",
+}
+"""Words for errors of a scenario, by key without its section."""
+
+
+PRIORS = {
+    "position_bias_m": ("the position of the whole flight", " m"),
+    "heading_bias_deg": ("the heading of the whole flight", "°"),
+    "boresight_deg": ("the camera in its mount", "°"),
+    "lever_arm_sigma_m": ("the place of the camera", " m"),
+    "tape_scale": ("the scale of the tape", ""),
+    "height_sigma_m": ("the height of the ground", " m"),
+    "slope_sigma_deg": ("the slope of the ground", "°"),
+}
+"""Words and unit of the priors that a scenario draws, by key without its section."""
+
+
+class Cells(NamedTuple):
+    """Row of one measurement."""
+
+    name: str
+    unit: str
+    runs: str
+    bias: str
+    spread: str
+    predicted: str
+    stated: str
+    inner: str
+    middle: str
+    outer: str
+    z: str
+    is_bad: bool
+
+
+HEADER = (
+    *("measurement", "unit", "runs", "bias (95 % range)", "spread (95 % range)", "predicted"),
+    *("stated", "in 68 %", "in 95 % (range)", "in 99.7 %", "error/stated (range)"),
+)
+
+
+def measurement_rows(found: Repetitions, accuracy: Accuracy) -> list[Cells]:
+    """Return the rows of all measurements in the order of the scenario.
+
+    Parameters
+    ----------
+    found, accuracy
+        Results of the same repetitions.
+    """
+    return [_row(found, accuracy, i) for i in range(len(found.name))]
+
+
+def _row(found: Repetitions, accuracy: Accuracy, i: int) -> Cells:
+    spread = float(accuracy.spread[i])
+    one = display_unit(found.unit[i], METRIC)
+    sized = spread if math.isfinite(spread) else float(found.predicted[i])
+    places = decimals(sized * one.factor, one)
+
+    def text(value: float, *, signed: bool = False) -> str:
+        return number(float(value) * one.factor, places, signed=signed)
+
+    def ranged(value: float, ends: Floats, *, signed: bool = False) -> str:
+        if not math.isfinite(value):
+            return "–"
+        low, high = (text(end, signed=signed) for end in ends)
+        return f"{text(value, signed=signed)} ({low} to {high})"
+
+    z, (z_low, z_high) = float(accuracy.z[i]), accuracy.z_range[i].tolist()
+    shares = [number(100 * share, 0) for share in accuracy.coverage[i].tolist()]
+    low, high = (number(100 * end, 0) for end in accuracy.coverage_range[i, 1].tolist())
+    return Cells(
+        name=found.name[i],
+        unit=one.symbol,
+        runs=str(int(accuracy.count[i])),
+        bias=ranged(accuracy.bias[i], accuracy.bias_range[i], signed=True),
+        spread=ranged(spread, accuracy.spread_range[i]),
+        predicted=text(found.predicted[i]),
+        stated=text(accuracy.stated[i]),
+        inner=f"{shares[0]} %",
+        middle=f"{shares[1]} % ({low} to {high})",
+        outer=f"{shares[2]} %",
+        z=f"{number(z, 2)} ({number(z_low, 2)} to {number(z_high, 2)})" if z > 0 else "–",
+        is_bad=z_low > 1.0,
+    )
+
+
+def rate_sigmas(simulation: Simulation) -> VerdictLevel:
+    """Rate the sigmas: green if they hold; amber if errors are larger; red if much larger.
+
+    It is also red if too many repetitions gave no result.
+    """
+    accuracy = simulation.accuracy
+    known = np.isfinite(accuracy.z)
+    lost = simulation.repetitions.failed + simulation.repetitions.unsettled
+    if not known.any() or lost > 0.05 * len(simulation.repetitions.number):
+        return "red"
+    bold = accuracy.z_range[known, 0] > 1.0
+    if bold.any():
+        return "red" if float(np.median(accuracy.z[known])) > MUCH else "amber"
+    return "green"
+
+
+def summarise_simulation(simulation: Simulation) -> str:
+    """Describe the result in a sentence for everyone."""
+    if not np.isfinite(simulation.accuracy.z).any():
+        return "None of the repetitions gave a result."
+    level = rate_sigmas(simulation)
+    bad = [
+        row.name
+        for row in measurement_rows(simulation.repetitions, simulation.accuracy)
+        if row.is_bad
+    ]
+    if level == "green":
+        return "The program's ± are reliable here: the errors were no larger than stated."
+    if not bad:
+        return (
+            "Too many repetitions gave no result: the survey is too weak, or its errors too large."
+        )
+    which = f"{len(bad)} of {len(simulation.repetitions.name)} measurements"
+    z, low = simulation.accuracy.z, simulation.accuracy.z_range[:, 0]
+    factor = float(np.median(z[low > 1.0]))
+    return (
+        f"The program's ± are too small here: the errors of {which} were larger than stated "
+        f"(typically {factor:.1f} times as large)."
+    )
+
+
+def count_repetitions(found: Repetitions) -> str:
+    """Count the repetitions that gave a result, by colour."""
+    colours = Counter(level for level in found.level if level is not None)
+    told = ", ".join(f"{colours[one]} {one}" for one in ("green", "amber", "red") if colours[one])
+    total = len(found.number)
+    parts = [f"{total - found.failed} of {total} repetitions gave a result ({told or 'none'})"]
+    if found.failed:
+        parts.append(f"{found.failed} gave none")
+    if found.unsettled:
+        parts.append(f"{found.unsettled} did not converge and are not counted")
+    return "; ".join(parts) + "."
+
+
+def count_failures(found: Repetitions, most: int = 5) -> list[tuple[int, str]]:
+    """Count the reasons of failed repetitions, in the words of the first of each kind."""
+    told = [text for text in found.failure if text]
+    kinds = Counter(_kind(text) for text in told)
+    first = {_kind(text): text for text in reversed(told)}
+    return [(count, first[kind]) for kind, count in kinds.most_common(most)]
+
+
+def _kind(text: str) -> str:
+    """Remove the digits from a message."""
+    return "".join(letter for letter in text if not letter.isdigit())
+
+
+def count_warnings(found: Repetitions, most: int = 8) -> list[tuple[str, int]]:
+    """Return the most frequent warnings, and the number of repetitions with each."""
+    return Counter(code for codes in found.codes for code in codes).most_common(most)
+
+
+def describe_changed_values(simulation: Simulation) -> str:
+    """Describe the values drawn otherwise than stated, in a sentence; empty if there are none."""
+    told = []
+    for one in simulation.unlike:
+        what, unit = PRIORS[one.key.rpartition(".")[2]]
+        drawn, stated = (" and ".join(f"{v:.2g}" for v in vs) for vs in (one.drawn, one.stated))
+        told.append(f"{what} (drawn ± {drawn}{unit}, stated ± {stated}{unit})")
+    if not told:
+        return ""
+    return (
+        f"Drawn with other sigmas than the project states: {', '.join(told)}. The errors may then "
+        "differ from the prediction; --as-stated draws each of these as stated."
+    )
+
+
+def describe_unstated_errors(simulation: Simulation) -> str:
+    """Describe the errors of the scenario that its project does not state; empty if none."""
+    named = [_named(key) for key in simulation.deviations]
+    if not named:
+        return ""
+    told = (
+        f"The scenario has errors that its project does not state: {'; '.join(named)}. The ± may "
+        "then be wrong"
+    )
+    return f"{told}." if simulation.variants else f"{told}; --compare shows the effect of each."
+
+
+def _named(key: str) -> str:
+    words = WORDS.get(key.rpartition(".")[2])
+    return f"{words} ({key})" if words else key
+
+
+class ErrorEffect(NamedTuple):
+    """Effect of one error of the scenario."""
+
+    what: str
+    error: str
+    z: str
+    within: str
+    green: str
+
+
+def error_effects(simulation: Simulation) -> list[ErrorEffect]:
+    """Return all variants of a simulation, and itself last; empty if none were requested."""
+    if not simulation.variants:
+        return []
+    clean = simulation.variants[0]
+    whole = Variant(
+        name="all of it together",
+        repetitions=simulation.repetitions,
+        accuracy=simulation.accuracy,
+    )
+    return [_error_effect(one, clean) for one in (*simulation.variants, whole)]
+
+
+def _error_effect(one: Variant, clean: Variant) -> ErrorEffect:
+    ratio = _rms_error(one) / _rms_error(clean)
+    known = ratio[np.isfinite(ratio)]
+    z = one.accuracy.z[np.isfinite(one.accuracy.z)]
+    within = one.accuracy.coverage[:, 1]
+    green = sum(level == "green" for level in one.repetitions.level)
+    return ErrorEffect(
+        what=_named(one.name),
+        error=f"{np.median(known):.2f}" if known.size else "–",
+        z=f"{np.sqrt(np.mean(z**2)):.2f}" if z.size else "–",
+        within=f"{100 * np.nanmean(within):.0f} %" if np.isfinite(within).any() else "–",
+        green=f"{green} of {len(one.repetitions.level)}",
+    )
+
+
+def _rms_error(one: Variant) -> Floats:
+    """Compute the (M,) root mean square errors."""
+    n = one.accuracy.count
+    with np.errstate(invalid="ignore", divide="ignore"):
+        # mean square error = bias^2 + variance with n instead of n - 1
+        spread = one.accuracy.spread**2 * (n - 1) / n
+        return np.asarray(np.sqrt(one.accuracy.bias**2 + spread))
+
+
+LEFT, WIDTH, RIGHT = 210.0, 1000.0, 30.0
+ROW, TOP, BOTTOM = 26.0, 22.0, 34.0
+LOWEST, HIGHEST = 0.25, 8.0
+"""Ratios at the ends of the axis; values beyond are drawn at the end."""
+
+TICKS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
+CURVE_HEIGHT = 190.0
+
+
+class Bar(NamedTuple):
+    """Row of a measurement: name, height in the drawing, ends and estimate on the axis."""
+
+    name: str
+    y: float
+    low: float
+    high: float
+    at: float
+    is_bad: bool
+
+
+class Ranges(NamedTuple):
+    """Drawing of ranges: size, positions of ticks with their texts, rows."""
+
+    width: float
+    height: float
+    ticks: list[tuple[float, str]]
+    rows: list[Bar]
+
+
+class Curve(NamedTuple):
+    """Convergence of spread over prediction; `band` is the effect of chance on one value."""
+
+    width: float
+    height: float
+    path: str
+    band: str
+    one: float
+    ticks: list[tuple[float, str]]
+    heights: list[tuple[float, str]]
+
+
+def _across(ratio: float) -> float:
+    """Return the position on the logarithmic axis."""
+    share = math.log(min(max(ratio, LOWEST), HIGHEST) / LOWEST) / math.log(HIGHEST / LOWEST)
+    return LEFT + (WIDTH - LEFT - RIGHT) * share
+
+
+def draw_ranges(simulation: Simulation) -> Ranges:
+    """Draw the error over stated sigma of each measurement, with its 95 % range.
+
+    Parameters
+    ----------
+    simulation
+        The simulation.
+    """
+    accuracy = simulation.accuracy
+    known = np.flatnonzero(np.isfinite(accuracy.z)).tolist()
+    rows = []
+    for k, i in enumerate(known):
+        low, high = accuracy.z_range[i].tolist()
+        rows.append(
+            Bar(
+                name=simulation.repetitions.name[i],
+                y=TOP + ROW * (k + 0.5),
+                low=_across(low),
+                high=_across(high),
+                at=_across(float(accuracy.z[i])),
+                is_bad=low > 1.0,
+            )
+        )
+    ticks = [(_across(tick), f"{tick:g}") for tick in TICKS]
+    return Ranges(WIDTH, TOP + ROW * len(rows) + BOTTOM, ticks, rows)
+
+
+def draw_convergence(simulation: Simulation) -> Curve | None:
+    """Draw spread over prediction against the number of repetitions; return None if too few.
+
+    Parameters
+    ----------
+    simulation
+        The simulation.
+    """
+    points = [(n, ratio) for n, ratio in simulation.running if n > 2 and math.isfinite(ratio)]
+    if len(points) < 3:
+        return None
+    first, last = points[0][0], points[-1][0]
+
+    def x(count: float) -> float:
+        return 60.0 + (WIDTH - 90.0) * math.log(count / first) / math.log(last / first)
+
+    def y(ratio: float) -> float:
+        return CURVE_HEIGHT - BOTTOM - (CURVE_HEIGHT - BOTTOM - 12.0) * min(ratio, 2.0) / 2.0
+
+    # 95 % range of a standard deviation from n samples: 1 +- 1.96 / sqrt(2 (n - 1))
+    chance = [(n, 1.96 / math.sqrt(2.0 * (n - 1))) for n, _ in points]
+    upper = [(x(n), y(1.0 + off)) for n, off in chance]
+    lower = [(x(n), y(max(1.0 - off, 0.0))) for n, off in reversed(chance)]
+    counts = sorted({first, last} | {n for n in (10, 30, 100, 300, 1000) if first < n < last})
+    return Curve(
+        width=WIDTH,
+        height=CURVE_HEIGHT,
+        path=_path([(x(n), y(ratio)) for n, ratio in points]),
+        band=_path(upper + lower) + " Z",
+        one=y(1.0),
+        ticks=[(x(n), str(n)) for n in counts],
+        heights=[(y(ratio), f"{ratio:g}") for ratio in (0.0, 0.5, 1.0, 1.5, 2.0)],
+    )
+
+
+def _path(points: list[tuple[float, float]]) -> str:
+    return "M " + " L ".join(f"{x:.1f} {y:.1f}" for x, y in points)
+
+
+COST_HEADER = ("disturbance", "error, times", "error/stated", "in 95 %", "green")
+
+
+def simulation_lines(simulation: Simulation) -> list[str]:
+    """Format table, headline and counts.
+
+    Parameters
+    ----------
+    simulation
+        The simulation.
+    """
+    rows = measurement_rows(simulation.repetitions, simulation.accuracy)
+    table = align_columns([HEADER, *(row[:-1] for row in rows)], right=tuple(range(2, len(HEADER))))
+    lines = [table, "", summarise_simulation(simulation), count_repetitions(simulation.repetitions)]
+    lines += [
+        text
+        for text in (describe_unstated_errors(simulation), describe_changed_values(simulation))
+        if text
+    ]
+    lines += [f"  {count} times: {text}" for count, text in count_failures(simulation.repetitions)]
+    if found := error_effects(simulation):
+        lines += ["", align_columns([COST_HEADER, *found], right=(1, 2, 3, 4))]
+    return lines
+
+
+def render_simulation_page(simulation: Simulation) -> str:
+    """Render the page as text; it loads nothing from elsewhere."""
+    found = simulation.repetitions
+    return page(
+        "simulation.html",
+        simulation=simulation,
+        level=rate_sigmas(simulation),
+        headline=summarise_simulation(simulation),
+        counts=count_repetitions(found),
+        rows=measurement_rows(found, simulation.accuracy),
+        ranges=draw_ranges(simulation),
+        curve=draw_convergence(simulation),
+        reasons=count_failures(found),
+        amiss=describe_unstated_errors(simulation),
+        unlike=describe_changed_values(simulation),
+        warned=count_warnings(found),
+        costs=error_effects(simulation),
+    )

@@ -1,0 +1,351 @@
+"""Studies in words, and study.html: every sentence is made from the study's numbers."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterator, Mapping
+from itertools import groupby
+from operator import attrgetter
+
+import numpy as np
+
+from uavgram.model.simulation import SOURCES, Cell, MethodRow, Study
+from uavgram.views.pages import page
+
+AGREES = (0.95, 1.05)
+"""Range of errors over predicted ones within which a prediction is called right."""
+
+SOURCE_WORDS = {
+    "lengths": "the readings of the lengths",
+    "picks": "the picks",
+    "log": "the flight log",
+    "camera": "the camera file",
+    "tape": "the scale of the tape",
+    "ground": "the ground's plane",
+}
+LENGTHS = ("lengths", "tape")
+"""Sources that are errors of the reference lengths."""
+
+MAX_NAMED = 6
+
+MANY, TOO_FEW = 0.05, 0.9
+"""Share of useless photos of a failing method, and least share of errors within 95 %."""
+
+
+def describe_study(study: Study) -> list[str]:
+    """Describe the results of a study, the most general first.
+
+    Parameters
+    ----------
+    study
+        The study.
+    """
+    if study.methods:
+        return list(_compare_methods(study))
+    found = [*_thesis(study)] if study.name == "lengths" else []
+    found += [_describe_curve(name, cells) for name, cells in study.curves.items()]
+    return [*found, describe_agreement((study,))]
+
+
+def describe_agreement(studies: tuple[Study, ...]) -> str:
+    """Describe the agreement of prediction and simulation.
+
+    Parameters
+    ----------
+    studies
+        Studies whose cells are used.
+    """
+    cells = [cell for study in studies for cell in study.cells]
+    ratios = [cell.ratio for cell in cells]
+    low, high = AGREES
+    inside = sum(low <= ratio <= high for ratio in ratios)
+    apart = [c for c in cells if c.ratio_range[0] > high or c.ratio_range[1] < low]
+    text = (
+        f"The errors were {min(ratios):.2f} to {max(ratios):.2f} times the predicted ones; "
+        f"{inside} of {len(cells)} cells are between {low:.2f} and {high:.2f}"
+    )
+    if inside < len(cells):
+        text += (
+            f", and of the others {len(apart)} differ by more than their number of repetitions "
+            "explains"
+        )
+    if apart:
+        named = (f"{c.curve}, {c.label} ({c.ratio:.2f})" for c in apart[:MAX_NAMED])
+        text += f": {'; '.join(named)}" + (" and others" if len(apart) > MAX_NAMED else "")
+    return f"{text}. {_count_lost(cells)}"
+
+
+def _count_lost(cells: list[Cell]) -> str:
+    """Count the repetitions without a result, by cell."""
+    losing = {cell: cell.lost for cell in cells if cell.lost}
+    drawn = sum(cell.repetitions for cell in cells)
+    text = f"{sum(losing.values())} of {drawn} repetitions gave no result"
+    return f"{text}: {_list_largest(losing)}." if losing else f"{text}."
+
+
+def _list_largest(number: dict[Cell, int]) -> str:
+    """List the cells with the largest numbers, and these numbers."""
+    by_size = sorted(number, key=lambda cell: -number[cell])[:MAX_NAMED]
+    named = (f"{c.curve}, {c.label} ({number[c]} of {c.repetitions})" for c in by_size)
+    return "; ".join(named) + (" and others" if len(number) > MAX_NAMED else "")
+
+
+def lengths_share(cell: Cell) -> float:
+    """Return the share of the reference lengths' errors in the variance, including tape scale."""
+    return sum(cell.share(source) for source in LENGTHS)
+
+
+def largest_source(cell: Cell) -> str:
+    """Return the source of most of the variance; readings and tape count together."""
+    shares = {source: cell.share(source) for source in SOURCES if source not in LENGTHS}
+    shares["lengths"] = lengths_share(cell)
+    return max(shares, key=lambda source: shares[source])
+
+
+def _describe_curve(name: str, cells: tuple[Cell, ...]) -> str:
+    """Describe the error along a curve, and its sources."""
+    predicted_m = attrgetter("predicted_m")
+    first, last = cells[0], cells[-1]
+    least, worst = min(cells, key=predicted_m), max(cells, key=predicted_m)
+    text = (
+        f"{capitalise(name)}: the error is {millimetres(first.predicted_m)} at {first.label} and "
+        f"{millimetres(last.predicted_m)} at {last.label}"
+    )
+    if _is_apart(worst, first) and _is_apart(worst, last):
+        text += f", and largest at {worst.label} ({millimetres(worst.predicted_m)})"
+    elif _is_apart(least, first) and _is_apart(least, last):
+        text += f", and smallest at {least.label} ({millimetres(least.predicted_m)})"
+    parts = []
+    for source, group in groupby(cells, largest_source):
+        some = list(group)
+        share = [_share(cell, source) for cell in some]
+        where = some[0].label if len(some) == 1 else f"{some[0].at:g} to {some[-1].label}"
+        parts.append(f"{source_text(source)} at {where} ({_percents(share)})")
+    text += f". The largest part of the predicted variance comes from {'; '.join(parts)}"
+    return f"{text}."
+
+
+def _is_apart(one: Cell, other: Cell) -> bool:
+    """Return whether the errors of two cells differ as they are shown."""
+    return millimetres(one.predicted_m) != millimetres(other.predicted_m)
+
+
+def _thesis(study: Study) -> Iterator[str]:
+    """Describe the conditions under which the length error is the most significant."""
+    cells = study.cells
+    holding = [cell for cell in cells if largest_source(cell) == "lengths"]
+    yield (
+        f'"The error of the reference lengths is the most significant" holds in {len(holding)} of '
+        f"the {len(cells)} conditions studied here, and not in the other "
+        f"{len(cells) - len(holding)}."
+    )
+    for name, along in study.curves.items():
+        found = _crossing(along)
+        if found is None:
+            always = largest_source(along[0]) == "lengths"
+            where = "at every" if always else "at no"
+            yield f"{capitalise(name)}: the lengths matter most {where} precision studied."
+        else:
+            source = largest_source(along[0])
+            yield (
+                f"{capitalise(name)}: the lengths matter most from about {found:.0f} mm on; below "
+                f"that, {source_text(source)} {verb_form(source, 'do', 'does')}."
+            )
+
+
+def _crossing(cells: tuple[Cell, ...]) -> float | None:
+    """Find where the lengths become the greatest source, by the logarithm of the axis."""
+    lead = []
+    for cell in cells:
+        others = [cell.share(source) for source in SOURCES if source not in LENGTHS]
+        lead.append(lengths_share(cell) - max(others))
+    for k in range(1, len(cells)):
+        if lead[k - 1] < 0 <= lead[k]:
+            # linear interpolation of the zero of the lead, in the logarithm of the axis
+            part = -lead[k - 1] / (lead[k] - lead[k - 1])
+            return float(cells[k - 1].at ** (1 - part) * cells[k].at ** part)
+    return None
+
+
+def _compare_methods(study: Study) -> Iterator[str]:
+    usual, *limits = study.settings.values()
+    rows = [row for row in usual if np.isfinite(row.rms_m)]
+    best, worst = min(rows, key=lambda r: r.rms_m), max(rows, key=lambda r: r.rms_m)
+    yield (
+        f'On the same {best.scenes} photos "{best.method}" is the best: '
+        f"{millimetres(best.rms_m)} in the middle one, nine tenths are better than "
+        f'{millimetres(best.ninth_m)}; "{worst.method}" is the worst with '
+        f"{millimetres(worst.rms_m)}."
+    )
+    for row in rows:
+        if row.failed > 0:
+            yield (
+                f'"{row.method}" gives useless distances in {_percent(row.failed)} of the photos, '
+                f"in {_percent(row.failed_silently)} without a warning."
+            )
+    for row in rows:
+        if np.isfinite(row.coverage) and not 0.93 <= row.coverage <= 0.97:
+            yield (
+                f'"{row.method}" states sigmas whose 95 % intervals contain '
+                f"{_percent(row.coverage)} of the errors."
+            )
+    for ending in limits:
+        # Poses from a log alone are no better in any of them.
+        told = "; ".join(_endings([row for row in ending if row.method != "log"]))
+        yield (
+            f"{capitalise(ending[0].setting)} ({ending[0].scenes} photos): "
+            f"{told or 'every method holds'}."
+        )
+
+
+def _endings(rows: list[MethodRow]) -> Iterator[str]:
+    """Describe how methods fail in a setting."""
+    none = [row for row in rows if not np.isfinite(row.rms_m)]
+    useless = [row for row in rows if row.failed > MANY and row not in none]
+    bold = [row for row in rows if row.coverage < TOO_FEW and row not in none]
+    if none:
+        yield f"no result by {', '.join(_quote(row) for row in none)}"
+    if useless:
+        parts = (
+            f"{_quote(row)} ({_percent(row.failed)}, {_percent(row.failed_silently)} without a "
+            "warning)"
+            for row in useless
+        )
+        yield f"useless distances by {', '.join(parts)}"
+    if bold:
+        parts = (f"{_quote(row)} {_percent(row.coverage)}" for row in bold)
+        yield f"of the errors are within the 95 % intervals: {', '.join(parts)}"
+
+
+def _quote(row: MethodRow) -> str:
+    return f'"{row.method}"'
+
+
+def _share(cell: Cell, source: str) -> float:
+    return lengths_share(cell) if source == "lengths" else cell.share(source)
+
+
+def source_text(source: str) -> str:
+    """Return the name of a source of errors in a sentence."""
+    return "the reference lengths" if source == "lengths" else SOURCE_WORDS[source]
+
+
+def verb_form(source: str, plural: str, singular: str) -> str:
+    """Return the form of a verb behind a source.
+
+    Parameters
+    ----------
+    source
+        One of `SOURCES`.
+    plural, singular
+        Both forms.
+    """
+    return plural if source in {"lengths", "picks"} else singular
+
+
+def millimetres(size_m: float) -> str:
+    """Format an error in millimetres, small ones to a tenth."""
+    return f"{1e3 * size_m:.1f} mm" if size_m < 0.01 else f"{1e3 * size_m:.0f} mm"
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.0f} %" if share == 0 or share >= 0.05 else f"{100 * share:.1f} %"
+
+
+def _percents(shares: list[float]) -> str:
+    low, high = (f"{100 * one:.0f}" for one in (min(shares), max(shares)))
+    return f"{low} %" if low == high else f"{low} to {high} %"
+
+
+def capitalise(text: str) -> str:
+    """Capitalise the first letter."""
+    return text[:1].upper() + text[1:]
+
+
+def compare_studies(studies: tuple[Study, ...]) -> list[str]:
+    """Describe over all studies where each error matters most, and where not.
+
+    Parameters
+    ----------
+    studies
+        The studies.
+    """
+    cells = [(study, cell) for study in studies for cell in study.cells]
+    if len(studies) < 2 or not cells:
+        return []
+    found = [f"{len(cells)} conditions of single photos were studied."]
+    for source in ("picks", "lengths", "log", "camera", "ground"):
+        mine = [(study, cell) for study, cell in cells if largest_source(cell) == source]
+        matter = verb_form(source, "matter", "matters")
+        if not mine:
+            found.append(f"{capitalise(source_text(source))} {matter} most in none of them.")
+            continue
+        text = f"{capitalise(source_text(source))} {matter} most in {len(mine)} of them"
+        if len(mine) < len(cells) / 2:
+            grouped = groupby(mine, lambda pair: (pair[0].name, pair[1].curve))
+            where = [
+                f"{name}, {curve} (at {', '.join(cell.label for _, cell in group)})"
+                for (name, curve), group in grouped
+            ]
+            text += f": {'; '.join(where)}"
+        found.append(f"{text}.")
+    return [*found, describe_agreement(studies)]
+
+
+def rank_effects(studies: tuple[Study, ...]) -> list[tuple[str, str, str, str]]:
+    """Rank the effect of each varied quantity on the first curve of its study, greatest first.
+
+    Parameters
+    ----------
+    studies
+        The studies.
+    """
+    rows = []
+    for study in studies:
+        if not study.cells:
+            continue
+        cells = next(iter(study.curves.values()))
+        ordered = sorted(cells, key=lambda cell: cell.predicted_m)
+        best, worst = (
+            f"{millimetres(c.predicted_m)} at {c.label}" for c in (ordered[0], ordered[-1])
+        )
+        rows.append((ordered[-1].predicted_m / ordered[0].predicted_m, study.title, best, worst))
+    rows.sort(key=lambda row: -row[0])
+    return [(title, best, worst, f"{times:.1f}") for times, title, best, worst in rows]
+
+
+def render_study_page(studies: tuple[Study, ...], figures: Mapping[str, bytes]) -> str:
+    """Render the page as text; it loads nothing from elsewhere."""
+    parts = [
+        {
+            "study": study,
+            "said": describe_study(study),
+            "picture": b64encode(figures[f"{study.name}.svg"]).decode(),
+            "rows": [_row(cell) for cell in study.cells],
+        }
+        for study in studies
+    ]
+    return page(
+        "study.html",
+        parts=parts,
+        overall=compare_studies(studies),
+        ranking=rank_effects(studies) if len(studies) > 1 else [],
+        seconds=sum(study.seconds for study in studies),
+    )
+
+
+def _row(cell: Cell) -> dict[str, object]:
+    """Format a cell as texts."""
+    low, high = cell.ratio_range
+    return {
+        "curve": cell.curve,
+        "at": cell.label,
+        "predicted": f"{1e3 * cell.predicted_m:.1f}",
+        "simulated": f"{1e3 * cell.simulated_m:.1f}",
+        "ratio": f"{cell.ratio:.3f}",
+        "range": f"{low:.3f} to {high:.3f}",
+        "bias": f"{1e3 * cell.bias_m:.1f}",
+        "shares": [f"{100 * share:.0f}" for share in cell.shares],
+        "count": f"{cell.repetitions - cell.lost} of {cell.repetitions}",
+        "is_bad": low > AGREES[1] or high < AGREES[0],
+    }
