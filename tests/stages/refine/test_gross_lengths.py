@@ -18,6 +18,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import minima, readjustment, refine
+from uavgram.stages.refine.staged_sigmas import iterate
 
 REPORT, REMOVE = SolveOptions(), SolveOptions(outliers="remove")
 NO_LOG = {"telemetry": False, "gauge": "plane"}
@@ -253,7 +254,7 @@ def test_cameras_at_an_unusual_height_are_a_remark_and_at_an_absurd_one_a_warnin
 def test_a_run_that_does_not_come_to_rest_names_no_reading(
     scene_factory: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = minima.iterate
+    found = iterate
 
     def unfinished(
         problem: SurveyProblem, state: State, most: int, slack: float = 0.0

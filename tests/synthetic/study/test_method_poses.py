@@ -23,7 +23,7 @@ from uavgram.model.options import GroundOptions, SolveOptions
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
 from uavgram.model.survey.known import NO_KNOWN
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
-from uavgram.pipeline.measure.compute import refined_survey
+from uavgram.pipeline.measure.compute import adjust_survey
 from uavgram.stages.assemble import assemble
 from uavgram.synthetic.study import methods
 from uavgram.synthetic.study.method_scenes import MethodScenes, Setting, draw_scenes
@@ -142,7 +142,7 @@ def surveyed(scenes: MethodScenes, k: int) -> Refined:
     )
     observed = replace(observed, tape=replace(observed.tape, scale_sigma=0.0))
     survey = assemble(observed).survey
-    refined, _ = refined_survey(survey, SolveOptions(noise="stated"))
+    refined, _ = adjust_survey(survey, SolveOptions(noise="stated"))
     return refined
 
 
