@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -32,6 +33,10 @@ for ignored, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal
         signal.signal(number, usual)
 
 ROOT = Path(__file__).parents[1]
+
+# A page that the developer has open must not be led to, nor seen by servers of another worker.
+OWN_STATE = tempfile.TemporaryDirectory(prefix="uavgram-tests-")
+os.environ["XDG_STATE_HOME"] = os.environ["LOCALAPPDATA"] = OWN_STATE.name
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

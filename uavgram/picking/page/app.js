@@ -163,6 +163,7 @@ class App {
       if (this.state.selected && !labels().includes(this.state.selected)) this.state.selected = null;
       this.filmstrip.show();
     }
+    this.tools.suggest();
     this.panes.rebuild();
     if (depth >= VALUES) this.panel.show();
   }
@@ -192,6 +193,8 @@ class App {
     if (!active) return;
     if (!this.panes.all.some(({ view, image }) => view === this.state.asked?.view && image === this.state.asked.image)) this.tools.question.cancel();
     this.filmstrip.bring(active.image);
+    this.tools.leave();
+    this.tools.suggest();
     this.panel.show();
     this.panes.viewed(active);
     void this.navigation.bringTies();
