@@ -55,10 +55,11 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture(autouse=True)
 def _logging_as_before() -> Iterator[None]:
     """A command sets up logging for its process: take that back, for its stream is closed then."""
-    root = logging.getLogger()
-    level = root.level
+    root, own = logging.getLogger(), logging.getLogger("uavgram")
+    levels = root.level, own.level
     yield
-    root.setLevel(level)
+    for logger, level in zip((root, own), levels, strict=True):
+        logger.setLevel(level)
     for handler in root.handlers[:]:
         if type(handler) is logging.StreamHandler:
             root.removeHandler(handler)

@@ -13,6 +13,7 @@ import { as, byId, choose, node } from "./elements/dom.js";
 import { icon } from "./elements/icons.js";
 import { Notice } from "./elements/notice.js";
 import { drop } from "./elements/table.js";
+import { takeFirstTool } from "./door/begun.js";
 import { goOn } from "./door/server.js";
 import { unfold } from "./panel/first_steps.js";
 import { Header } from "./panel/header.js";
@@ -142,6 +143,8 @@ class App {
     else for (const pane of this.panes.all) pane.show(pane.image);
     if (store.recovered) this.notice.show("Recovered what the last session confirmed and could not save.", true);
     this.tools.suggest();
+    const first = takeFirstTool();
+    if (first && !store.lines.length) this.tools.setTool(first);
     byId("panes").dataset.ready = "true";
   }
 

@@ -56,7 +56,7 @@ export class LabelsByPlace {
   // Remembers a placed point, and that points of other photos are picked in this one though nothing tells where.
   /** @param {number} image @param {string} label */
   placed(image, label) {
-    if (this.isThere(label) && !whereExpected(image, label, [])) this.orders.set(image, "again");
+    if (this.isThere(label) && !knowsPlace(image, label)) this.orders.set(image, "again");
     this.last = label;
   }
 
@@ -117,10 +117,11 @@ export class LabelsByPlace {
     const here = this.expectedIn(click.image).map((one) => nearness(one, click.u, click.v, click.scale));
     const likely = meant(here.filter((one) => this.isThere(one.label) || isTelling(one, store.photos[click.image])));
     if (this.state.typed && fits) return this.typed(click, name, here, likely);
-    if (likely.length === 1) return likely[0] === given ? { label: given } : { label: likely[0], say: `This is ${likely[0]}: it was expected here.`, instead: this.free() };
-    if (likely.length) return { words: "Which point is this? More than one is expected here.", choices: this.choices(likely) };
+    const tells = here.some((one) => likely.includes(one.label) && isTelling(one, store.photos[click.image]));
+    if (tells && likely.length > 1) return { words: "Which point is this? More than one is expected here.", choices: this.choices(likely) };
+    if (tells) return likely[0] === given && !this.isLeft ? { label: given } : { label: likely[0], say: `This is ${likely[0]}: it was expected here.`, instead: this.free() };
     if (say) return { label: name, say };
-    return fits && !this.isLeft ? this.chosen(click, name, here) : this.unnamed(click, fits ? this.last : given, here);
+    return fits && !this.isLeft ? this.chosen(click, name, here) : this.unnamed(click, fits ? this.last : given);
   }
 
   // A click beside marks may mean one of them, or another point, as two may be closer than a mark is wide. On a
@@ -147,22 +148,23 @@ export class LabelsByPlace {
   // A click where no point is expected is not of the chosen point, if its place is known.
   /** @param {Click} click @param {string} name @param {ReturnType<typeof nearness>[]} here @returns {Given} */
   chosen({ image }, name, here) {
-    const where = this.isThere(name) ? whereExpected(image, name, here) : "";
+    const isExpected = here.some(({ label, inside }) => label === name && inside);
+    const where = this.isThere(name) && !isExpected ? whereExpected(image, name, here) : "";
     const free = this.free(name);
     return where ? { label: free, say: `This is a new point, ${free}: ${name} was expected ${where}. To place ${name} here, type its name.` } : { label: name };
   }
 
   // Without a chosen point it is a new one, or the next one of which nothing tells where it is, after one question
   // in each photo.
-  /** @param {Click} click @param {string} before @param {ReturnType<typeof nearness>[]} here @returns {Given | Unclear} */
-  unnamed({ image }, before, here) {
-    const label = this.missing(image, before).find((one) => !whereExpected(image, one, here));
+  /** @param {Click} click @param {string} before @returns {Given | Unclear} */
+  unnamed({ image }, before) {
+    const label = this.missing(image, before).find((one) => !knowsPlace(image, one));
     const free = this.free(before || "P1");
     if (!label) return { label: free };
     if (this.orders.get(image) === "again") return { label, say: `This is ${label}: it comes next.`, instead: free };
     /** @type {Choice[]} */
     const choices = this.choices([label]).map((choice) => ({ ...choice, order: choice.isNew ? "new" : "again" }));
-    return { words: `Is this ${label} again? Nothing tells yet where it is in this photo. The next clicks follow in the same order.`, choices };
+    return { words: `Is this ${label} again? Nothing tells yet exactly where it is in this photo. The next clicks follow in the same order.`, choices };
   }
 
   /** @param {Click} click @param {string} name @param {ReturnType<typeof nearness>[]} here @param {string[]} likely @returns {Given | Unclear} */
@@ -211,9 +213,15 @@ function whereExpected(image, label, here) {
   return knowsPlace(image, label) ? "outside this photo" : "";
 }
 
-// Returns whether the present adjustment knows both the photo and the point.
+// Returns whether the present adjustment knows where a point is in a photo, or that it is outside. A region of half the
+// photo is no such knowledge; where there is one, nor is it certain that others are outside.
 /** @param {number} image @param {string} label */
 function knowsPlace(image, label) {
+  /** @param {Predicted} one */
+  const tells = (one) => isTelling(nearness(one, ...one.pixel_px, 1), store.photos[image]);
+  const expected = predictedIn(image);
+  const own = expected.find((one) => one.label === label);
+  if (own ? !tells(own) : !expected.every(tells)) return false;
   const now = stale() || store.mode !== "adjusted" ? null : adjusted();
   const isPosed = now?.frames[image]?.status === "refined" || now?.predicted.some((one) => one.image === image);
   return Boolean(isPosed && now?.points[label]);

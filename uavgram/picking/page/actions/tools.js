@@ -98,10 +98,10 @@ export class Tools {
     if (isElsewhere && !draft.length && (!entry || typedForm())) this.setTool("pick");
   }
 
-  /** @param {string} label */
-  select(label) {
+  /** @param {string} label @param {boolean} isLeft */
+  select(label, isLeft = false) {
     const isNew = this.state.selected !== label;
-    this.choose(label);
+    this.choose(label, isLeft);
     if (isNew) this.rebuild();
   }
 
@@ -147,8 +147,10 @@ export class Tools {
   /** @param {string} label */
   clickedMark(label) {
     this.question.cancel();
-    this.select(label);
-    if (this.state.tool !== "pick") this.extend(label);
+    this.leave();
+    const draws = this.state.tool !== "pick"; // then it is a point of a drawing, not the next one to be placed
+    this.select(label, draws);
+    if (draws) this.extend(label);
   }
 
   // Returns why a point cannot be the next one of the drawing; empty if it can.

@@ -11,6 +11,18 @@ function stored() {
   return /** @type {Begun | null} */ (kept);
 }
 
+const FIRST_TOOL = "uavgram-first-tool";
+
+/** Chooses the tool with which the page of the project begins; empty: the usual one. @param {"length" | ""} tool */
+export const beginWith = (tool) => sessionStorage.setItem(FIRST_TOOL, tool);
+
+/** Returns that tool, once. */
+export function takeFirstTool() {
+  const tool = sessionStorage.getItem(FIRST_TOOL);
+  sessionStorage.removeItem(FIRST_TOOL);
+  return tool === "length" ? tool : null;
+}
+
 /** The number of the folder. */
 export const begunFolder = () => stored()?.number ?? null;
 export const forget = () => sessionStorage.removeItem(STORED);

@@ -1,7 +1,7 @@
 // The start page: a folder of this computer becomes a project, and its page opens.
 
 import { byId, node } from "../elements/dom.js";
-import { begunFolder, forget } from "./begun.js";
+import { beginWith, begunFolder, forget } from "./begun.js";
 import { showFolders } from "./folders.js";
 import { keepTab } from "./tab.js";
 import { find, goOn, OpenAlready, OpenElsewhere, send } from "./server.js";
@@ -55,7 +55,10 @@ class Door {
   async look(number) {
     const found = /** @type {Found} */ (await find(`/door/look?folder=${number}`));
     showSetup(byId("setup"), found, {
-      begin: (/** @type {Wanted} */ wanted) => void this.open(wanted),
+      begin: (/** @type {Wanted} */ wanted, /** @type {boolean} */ hasLengths) => {
+        beginWith(hasLengths ? "length" : "");
+        void this.open(wanted);
+      },
       back: () => { forget(); void this.doing("Looking\u2026", () => this.list(this.at)); },
       wrong: (why) => this.trouble(why),
     });
