@@ -143,6 +143,7 @@ class App {
     else for (const pane of this.panes.all) pane.show(pane.image);
     if (store.recovered) this.notice.show("Recovered what the last session confirmed and could not save.", true);
     this.tools.suggest();
+    this.panel.resume();
     const first = takeFirstTool();
     if (first && !store.lines.length) this.tools.setTool(first);
     byId("panes").dataset.ready = "true";

@@ -175,7 +175,15 @@ def fresh_address(
 
 
 def address(port: int, token: str, way: str = "/") -> str:
-    """Return the address to open in a browser."""
+    """Return the address to open in a browser.
+
+    Parameters
+    ----------
+    port, token
+        Of the server, and valid once.
+    way
+        Path on the server.
+    """
     return f"http://127.0.0.1:{port}{way}?token={token}"
 
 

@@ -12,6 +12,18 @@ function stored() {
 }
 
 const FIRST_TOOL = "uavgram-first-tool";
+const PLACE = "uavgram-place";
+
+/** Keeps the listed folder, or the shown tab of a project, for when the page is loaded again. @param {string} place */
+export const keepPlace = (place) => sessionStorage.setItem(PLACE, `${location.pathname} ${place}`);
+
+/** Returns what was kept on this page; empty if nothing was. */
+export function keptPlace() {
+  const [page, place = ""] = (sessionStorage.getItem(PLACE) ?? "").split(" ");
+  return page === location.pathname ? place : "";
+}
+
+export const forgetPlace = () => sessionStorage.removeItem(PLACE);
 
 /** Chooses the tool with which the page of the project begins; empty: the usual one. @param {"length" | ""} tool */
 export const beginWith = (tool) => sessionStorage.setItem(FIRST_TOOL, tool);

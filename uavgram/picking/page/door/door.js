@@ -1,7 +1,7 @@
 // The start page: a folder of this computer becomes a project, and its page opens.
 
 import { byId, node } from "../elements/dom.js";
-import { beginWith, begunFolder, forget } from "./begun.js";
+import { beginWith, begunFolder, forget, forgetPlace, keepPlace, keptPlace } from "./begun.js";
 import { showFolders } from "./folders.js";
 import { keepTab } from "./tab.js";
 import { find, goOn, OpenAlready, OpenElsewhere, send } from "./server.js";
@@ -32,7 +32,7 @@ class Door {
       if (opens) opened = folder;
       else if (is_chosen && folder !== null) await this.look(folder);
       else if (begun !== null) await this.look(begun).catch(() => this.list(folder));
-      else await this.list(folder);
+      else await this.list(/^folder-\d+$/.test(keptPlace()) ? Number(keptPlace().slice(7)) : folder).catch(() => this.list(folder));
     });
     if (opened === null) return;
     await this.open({ folder: opened });
@@ -43,6 +43,7 @@ class Door {
   async list(number) {
     const shown = /** @type {Folders} */ (await find(`/door/folders?folder=${number ?? ""}`));
     this.at = number;
+    keepPlace(`folder-${number ?? ""}`);
     showFolders(byId("folders"), shown, this.recent, {
       list: (inner) => void this.doing("Looking\u2026", () => this.list(inner)),
       use: (inner) => void this.doing("Looking through the folder\u2026", () => this.look(inner)),
@@ -78,6 +79,7 @@ class Door {
         return;
       }
       forget();
+      forgetPlace();
       goOn();
     });
   }
