@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import signal
+import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -33,6 +34,10 @@ for ignored, usual in (("SIGINT", signal.default_int_handler), ("SIGHUP", signal
 
 ROOT = Path(__file__).parents[1]
 
+# A page that the developer has open must not be led to, nor seen by servers of another worker.
+OWN_STATE = tempfile.TemporaryDirectory(prefix="uavgram-tests-")
+os.environ["XDG_STATE_HOME"] = os.environ["LOCALAPPDATA"] = OWN_STATE.name
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
@@ -50,10 +55,11 @@ def pytest_configure(config: pytest.Config) -> None:
 @pytest.fixture(autouse=True)
 def _logging_as_before() -> Iterator[None]:
     """A command sets up logging for its process: take that back, for its stream is closed then."""
-    root = logging.getLogger()
-    level = root.level
+    root, own = logging.getLogger(), logging.getLogger("uavgram")
+    levels = root.level, own.level
     yield
-    root.setLevel(level)
+    for logger, level in zip((root, own), levels, strict=True):
+        logger.setLevel(level)
     for handler in root.handlers[:]:
         if type(handler) is logging.StreamHandler:
             root.removeHandler(handler)

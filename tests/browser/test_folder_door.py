@@ -82,6 +82,9 @@ def test_a_project_is_set_up_by_keyboard_and_changed_later(home: Path, page: Pag
     page.get_by_role("tab", name="Results").click()
     with_axe(page)
     expect(page.get_by_role("tabpanel", name="Results")).to_contain_text("Nothing is written yet")
+    page.reload()  # stays where it was
+    expect(page.get_by_role("tabpanel", name="Results")).to_contain_text("Nothing is written yet")
+    with_axe(page)
     assert keeps_out(page) == []
     page.get_by_role("tab", name="Camera").click()
     page.get_by_role("button", name="Change camera, mount").click()
@@ -97,6 +100,9 @@ def test_what_is_in_the_way_is_said_in_plain_words(
     home: Path, page: Page, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page.get_by_role("button", name="nothing").click()
+    expect(page.get_by_role("navigation", name="Where you are")).to_contain_text("nothing")
+    page.reload()  # stays in the folder
+    expect(page.get_by_role("navigation", name="Where you are")).to_contain_text("nothing")
     page.get_by_role("button", name="Look through all its folders").click()
     expect(page.get_by_role("alert").last).to_contain_text("There are no photos")
     expect(page.locator("#setup")).to_contain_text("video")

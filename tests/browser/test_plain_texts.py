@@ -59,6 +59,10 @@ def look_everywhere(page: Page) -> None:
     page.keyboard.press("Escape")
 
 
+WINDOWS = [(1024, 640), (1920, 1080)]
+"""A small and a large window."""
+
+
 @pytest.mark.parametrize("width", [1366, 1920, 2300])
 def test_an_adjusted_survey_is_told_in_plain_words(
     data_dir: Path, tmp_path: Path, open_page: PageOpener, width: int
@@ -87,14 +91,15 @@ def test_statistics_in_a_warning_are_explained_where_the_pointer_rests(
     rows[3] = ",".join([image, label, f"{float(u) + 5:.2f}", *rest])  # suspect, and no gross error
     table.write_text("\n".join(rows) + "\n")
     with served(folder / "project.yaml") as server:
-        page = open_page(server)
-        wait_until_adjusted(page)
-        page.locator("#why-title").click()
-        terms = re.compile(r"\bsigmas?\b|\bw\b|variance factor|chi-square")
-        told = page.locator("#reasons li").filter(has_text=terms)
-        expect(told.first).to_be_visible()
-        for one in told.all():
-            expect(one).to_have_attribute("title", re.compile("standard deviation|explain"))
+        for window in WINDOWS:
+            page = open_page(server, *window)
+            wait_until_adjusted(page)
+            page.locator("#why-title").click()
+            terms = re.compile(r"\bsigmas?\b|\bw\b|variance factor|chi-square")
+            told = page.locator("#reasons li").filter(has_text=terms)
+            expect(told.first).to_be_visible()
+            for one in told.all():
+                expect(one).to_have_attribute("title", re.compile("standard deviation|explain"))
 
 
 def test_what_is_not_known_is_left_empty(planted: PickingProject, open_page: PageOpener) -> None:
@@ -105,9 +110,10 @@ def test_what_is_not_known_is_left_empty(planted: PickingProject, open_page: Pag
     ):
         planted.path.with_name(name).write_text(rows)
     with served(planted.path) as server:
-        page = open_page(server)
-        expect(page.locator("#mode")).to_have_attribute("data-mode", "none")
-        look_everywhere(page)
-        for table in ("Points", "Known lengths", "Measurements"):
-            cells = page.get_by_role("table", name=table).locator("td.value").all_inner_texts()
-            assert {cell.strip() for cell in cells} == {""}
+        for window in WINDOWS:
+            page = open_page(server, *window)
+            expect(page.locator("#mode")).to_have_attribute("data-mode", "none")
+            look_everywhere(page)
+            for table in ("Points", "Known lengths", "Measurements"):
+                cells = page.get_by_role("table", name=table).locator("td.value").all_inner_texts()
+                assert {cell.strip() for cell in cells} == {""}

@@ -45,6 +45,8 @@ def test_verbose_says_the_steps_on_stderr(project: Project, command: Command) ->
     for step in ("read the inputs", "adjust and measure", "write results.json"):
         assert step in steps
     assert steps.index("read the inputs") < steps.index("write results.json")
+    assert "ezdxf" not in done.stderr  # what libraries report of themselves
+    assert "DXF" not in done.stderr.replace("survey_", "")
     assert ESCAPE not in done.stderr
     assert "±" in done.stdout
 
@@ -277,8 +279,10 @@ def test_a_scenario_that_is_none_is_told_by_file_and_line(
         (["./run", "--no-browser"], "run"),
         (["case/project.yaml"], "case/project.yaml"),
         (["pick", "case"], "case"),
+        (["--port", "8123", "case"], "case"),
+        (["--no-browser"], None),
     ],
-    ids=range(5),
+    ids=range(7),
 )
 def test_without_a_command_the_page_opens(
     typed: list[str], opened: str | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

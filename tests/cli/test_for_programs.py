@@ -48,6 +48,8 @@ def test_a_verdict_that_is_as_bad_fails_and_the_results_are_written(
     level = json.loads((project / "out" / "results.json").read_text(encoding="utf-8"))["verdict"]
     assert level["level"] == "red"
     assert (done.status, done.stdout) == (status, "")
+    (line,) = done.stderr.splitlines()  # who reads nothing else reads this
+    assert line.startswith("uavgram: Verdict: red")
     assert project.outputs() != before
     if status:  # a reader that leaves early does not make a bad survey pass
         words = [sys.executable, "-m", "uavgram", "run", str(project.path), "--json"]

@@ -80,6 +80,15 @@ def test_the_desktop_is_found_by_its_name_in_the_users_language(tmp_path: Path) 
         desktop_folder(computer(tmp_path, "darwin"))
 
 
+@pytest.mark.parametrize("platform", ["linux", "darwin", "win32"])
+def test_a_folder_that_is_not_there_is_an_error_and_nothing_is_written(
+    tmp_path: Path, platform: str
+) -> None:
+    with pytest.raises(UavgramError, match="no such folder: make it, or name another --folder"):
+        write_shortcut(computer(tmp_path, platform), tmp_path / "missing")
+    assert not list(tmp_path.iterdir())
+
+
 def test_what_is_there_already_is_replaced_only_where_it_is_ours(tmp_path: Path) -> None:
     mac = computer(tmp_path, "darwin")
     write_shortcut(mac, tmp_path)

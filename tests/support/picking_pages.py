@@ -12,10 +12,18 @@ LONGEST_WAIT_S = 60.0
 
 
 class Counted:
-    """A person's hands on a page: counts clicks and keys, a key that is held as well."""
+    """A person's hands on a page: counts clicks and keys, a key that is held as well.
+
+    Attributes
+    ----------
+    count
+        Clicks and keys, without those of numbers.
+    typed
+        Keys of numbers.
+    """
 
     def __init__(self, page: Page) -> None:
-        self.count, self._page = 0, page
+        self.count, self.typed, self._page = 0, 0, page
 
     def click(self, x: float, y: float) -> None:
         self._page.mouse.click(x, y)
@@ -32,6 +40,7 @@ class Counted:
 
     def digits(self, text: str) -> None:
         self._page.keyboard.type(text)
+        self.typed += len(text)
 
 
 def drawn(page: Page) -> None:

@@ -36,7 +36,7 @@ class Served:
         self.desk = Desk(run, Door(roots=()) if door is None else door, project)
         self._door = open_door(0)
         self.port = self._door.getsockname()[1]
-        self.guard = Guard(self.desk.application(), self.port)
+        self.guard = Guard(self.desk.application(), self.port, way_to=self.desk.way_to)
         config = uvicorn.Config(
             self.guard,
             log_config=None,

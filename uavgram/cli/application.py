@@ -36,8 +36,9 @@ app = App(
     "a few taped lengths.\n\nWithout a command, `uavgram` opens a page in the browser that leads "
     "from a folder of photos to the report; so does `uavgram FOLDER`. A command wins over a folder "
     "of its name: `uavgram ./run` opens the folder.",
-    help_epilogue="Every command takes --quiet: it writes nothing but problems (and what --json "
-    "asks for). Exit status: 0 done, 1 a problem that you can solve, 2 wrong usage, 3 the verdict "
+    help_epilogue="Every command takes --quiet: it writes nothing but problems, an amber or red "
+    "verdict (one line on standard error), and what --json asks for. Exit status: 0 done, 1 a "
+    "problem that you can solve, 2 wrong usage, 3 the verdict "
     "of `run --fail-on`, 130 stopped by Ctrl+C.",
     help_format="plaintext",
     version_flags=["--version"],

@@ -68,14 +68,13 @@ def called(arguments: Sequence[str] | None) -> int:
 
 
 def _with_command(typed: list[str]) -> list[str]:
-    """Open the page without a command: `uavgram`, or `uavgram FOLDER`.
+    """Open the page without a command: `uavgram`, `uavgram FOLDER`, `uavgram --port 8000`.
 
     A command takes precedence over a folder of its name.
     """
-    if not typed:
-        return ["pick"]
-    is_page = typed[0] not in app and not typed[0].startswith("-") and Path(typed[0]).exists()
-    return ["pick", *typed] if is_page else typed
+    if typed and (typed[0] in app or not (typed[0].startswith("-") or Path(typed[0]).exists())):
+        return typed
+    return ["pick", *typed]
 
 
 def _wrong_use(error: cyclopts.CycloptsError) -> str:

@@ -36,9 +36,9 @@ def watch() -> None:
         atexit.register(_leave)  # the first to be registered is the last to be called
 
 
-def report_interruption() -> int:
-    """Report that the command was interrupted; return the status of the process."""
-    sys.stderr.write("uavgram: interrupted; earlier results are as they were\n")
+def report_interruption(words: str = "interrupted; earlier results are as they were") -> int:
+    """Report in one line that the command was interrupted; return the status of the process."""
+    sys.stderr.write(f"uavgram: {words}\n")
     return ending(INTERRUPTED)
 
 

@@ -87,6 +87,12 @@ def say_as_is(*lines: str) -> None:
         _write("\n".join(lines))
 
 
+def warn_of(text: str, *, only_quiet: bool = False) -> None:
+    """Write one line to standard error; `only_quiet`: only where standard output has no text."""
+    if _QUIET.get() or not only_quiet:
+        sys.stderr.write(as_told(f"uavgram: {text}\n"))
+
+
 def say_json(content: object) -> None:
     """Write a JSON object to standard output, in ASCII, safe for every encoding of a pipe.
 
@@ -131,8 +137,8 @@ def drop_output() -> None:
 
 def log_to_stderr(*, verbose: bool) -> None:
     """Show log messages on standard error: warnings, and with `verbose` the steps of the work."""
-    level = logging.INFO if verbose else logging.WARNING
-    logging.basicConfig(stream=sys.stderr, level=level, force=True)
+    logging.basicConfig(stream=sys.stderr, level=logging.WARNING, force=True)
+    logging.getLogger("uavgram").setLevel(logging.INFO if verbose else logging.WARNING)
     for handler in logging.getLogger().handlers:
         handler.setFormatter(_Told("%(message)s"))
 

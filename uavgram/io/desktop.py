@@ -98,9 +98,12 @@ def write_shortcut(computer: Computer, folder: Path) -> tuple[Path, ...]:
     Raises
     ------
     UavgramError
-        A file cannot be written, or the interpreter's path cannot be named in one.
+        The folder does not exist, a file cannot be written, or the interpreter's path cannot be
+        named in one.
     """
     python = computer.python
+    if not folder.is_dir():
+        raise UavgramError(f"{folder}: there is no such folder: make it, or name another --folder")
     if _NO_PYTHON_LETTERS & set(python):
         raise UavgramError(f"{python!r}: a path with quotes cannot be named in a shortcut")
     if computer.platform == "win32":
@@ -147,7 +150,7 @@ def _written(path: Path, text: str, *, runs: bool = False) -> Path:
     """Write a file; a link, or a file of another program, is left unchanged."""
     if path.is_symlink() or (path.exists() and b"uavgram" not in path.read_bytes()[:4000]):
         raise OutputError(f"{path}: is there already, and no shortcut of uavgram: move it away")
-    replace_bytes(path, text.encode())
+    replace_bytes(path, text.encode(), "--folder")
     if runs:
         path.chmod(path.stat().st_mode | stat.S_IXUSR)
     return path

@@ -23,6 +23,7 @@ else:
 log = logging.getLogger(__name__)
 
 LOCK = "pick.lock"
+LONGEST_NOTE = 200
 
 _LOCKED_BYTE = 1 << 30
 """Locked byte on Windows, behind the end of the file, since other processes cannot read it."""
@@ -79,7 +80,7 @@ class FileLock:
                 lock(self._handle)
             except BlockingIOError as fault:
                 os.lseek(self._handle, 0, os.SEEK_SET)
-                note = os.read(self._handle, 32).decode(errors="replace").strip()
+                note = os.read(self._handle, LONGEST_NOTE).decode(errors="replace").strip()
                 os.close(self._handle)
                 raise BlockingIOError(errno.EAGAIN, note) from fault
             except OSError as fault:
@@ -89,7 +90,7 @@ class FileLock:
             os.close(self._handle)  # it was released, and so removed, between opening and locking
 
     def write(self, note: str) -> None:
-        """Write a note of at most 32 bytes, for processes that do not get the lock."""
+        """Write a note of at most `LONGEST_NOTE` bytes, for processes that do not get the lock."""
         os.ftruncate(self._handle, 0)
         os.lseek(self._handle, 0, os.SEEK_SET)
         os.write(self._handle, note.encode())
@@ -137,7 +138,7 @@ class ProjectLock:
         except BlockingIOError as fault:
             raise UavgramError(
                 f"{project}: is open in another picking page or search for points, process "
-                f"{fault.strerror or 'unknown'}: use that one, or end it with Ctrl+C first"
+                f"{fault.strerror or 'unknown'}: go on there, or close that one first"
             ) from fault
         except OSError as fault:
             raise OutputError(

@@ -101,8 +101,15 @@ def replace_text(path: Path, text: str) -> None:
     replace_bytes(path, text.encode())
 
 
-def replace_bytes(path: Path, content: bytes) -> None:
+def replace_bytes(path: Path, content: bytes, option: str = "--output") -> None:
     """Write a file atomically: a reader finds the old one or the new one.
+
+    Parameters
+    ----------
+    path, content
+        The file.
+    option
+        Option that names another folder, in messages.
 
     Raises
     ------
@@ -111,7 +118,7 @@ def replace_bytes(path: Path, content: bytes) -> None:
     """
     path = path.absolute()
     unfinished = path.with_name(f".{path.name}.unfinished")
-    with as_output_errors(path.parent):
+    with as_output_errors(path.parent, option):
         try:
             unfinished.unlink(missing_ok=True)
             with unfinished.open("xb") as stream:  # never through a link
@@ -150,8 +157,8 @@ def name_newer(path: Path) -> Path:
 
 
 @contextmanager
-def as_output_errors(folder: Path) -> Iterator[None]:
-    """Convert failures to write below `folder` to errors with a remedy."""
+def as_output_errors(folder: Path, option: str = "--output") -> Iterator[None]:
+    """Convert failures to write below `folder` to errors that name the option for another one."""
     _refuse_reserved(folder)
     try:
         yield
@@ -159,16 +166,16 @@ def as_output_errors(folder: Path) -> Iterator[None]:
         name = os.fspath(fault.filename) if fault.filename is not None else ""
         is_ours = isinstance(name, str) and Path(name).is_relative_to(folder)
         if fault.errno in _FULL:
-            why = "the disk is full; free some space, or choose another folder with --output"
+            why = f"the disk is full; free some space, or choose another folder with {option}"
         elif is_ours and sys.platform == "win32" and len(name) > _MOST_LETTERS:
             why = (
                 f"a path of {len(name)} letters is too long for Windows as it is set here; choose "
-                f"a folder with a shorter path with --output ({name})"
+                f"a folder with a shorter path with {option} ({name})"
             )
         elif is_ours and isinstance(fault, PermissionError) and fault.filename2 is not None:
             why = f"{fault.filename2} may not be replaced; if another program has it open, close it"
         elif is_ours or name in {str(parent) for parent in folder.parents}:
-            why = f"{fault.strerror} ({name}); choose another folder with --output"
+            why = f"{fault.strerror} ({name}); choose another folder with {option}"
         else:
             raise
         raise OutputError(

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from uavgram.config.project import PROJECT_FILE
 from uavgram.errors import near_miss
 from uavgram.estimation.survey.known_kinds.kinds import determine_scale
 from uavgram.model.message import Message, MessagePlural
@@ -51,13 +52,19 @@ def check(project: str | os.PathLike[str]) -> CheckedProject:
     return CheckedProject(inputs=inputs, posed=posed, messages=messages)
 
 
+def as_argument(project: Path) -> str:
+    """Return a project as it is typed in a terminal: its folder, or another file than usual."""
+    path = str(project.parent if project.name == PROJECT_FILE else project)
+    return f'"{path}"' if " " in path else path
+
+
 def find_missing_inputs(inputs: Inputs) -> Iterator[Message]:
     """Report inputs that a project lacks for measurements, or for good ones."""
     project = inputs.project
     if not inputs.picks.image:
         text = (
-            f"No point is picked yet, so there is nothing to compute: pick some with `uavgram pick "
-            f"{Path(inputs.project_path).name}`."
+            "No point is picked yet, so there is nothing to compute: pick some with `uavgram pick "
+            f"{as_argument(Path(inputs.project_path))}`."
         )
         yield Message("warning", "nothing-picked", text)
     if not inputs.requests:

@@ -50,9 +50,9 @@ def test_in_a_browser_the_address_is_said_and_ctrl_c_is_the_end(
 
     done = command("view", project.out / "recording.rrd", "--web")
 
-    assert done.status == 0
-    assert "open http://127.0.0.1:1234?url=x\nCtrl-C ends it" in done.stdout
-    assert done.stderr == ""
+    assert done.status == 130
+    assert "open http://127.0.0.1:1234?url=x\nCtrl+C ends it" in done.stdout
+    assert done.stderr == "uavgram: interrupted; earlier results are as they were\n"
 
 
 @pytest.mark.parametrize("flags", [[], ["--web"]])

@@ -195,17 +195,18 @@ def test_a_full_disk_is_said_and_leaves_nothing(
     assert sorted((home / "first").rglob("*")) == before
 
 
-def test_a_project_that_is_open_is_closed_only_where_that_is_asked_for(
-    browser: httpx.Client, home: Path
+def test_a_project_that_a_tab_shows_is_closed_only_where_that_is_asked_for(
+    server: Served, entry: Entry, browser: httpx.Client, home: Path
 ) -> None:
     known = numbers(browser)
     for name in ("first", "second"):
         browser.get("/door/look", params={"folder": known[name]})
     assert browser.post("/door/begin", json=wanted(known["first"])).json() == {}
-    refused = browser.post("/door/begin", json=wanted(known["second"]))
-    assert (refused.status_code, refused.json()["open"]) == (409, "first")
-    assert not (home / "second" / "project.yaml").exists()
-    assert browser.post("/door/begin", json=wanted(known["first"])).json() == {}  # it is this one
+    with Page(server, entry):
+        refused = browser.post("/door/begin", json=wanted(known["second"]))
+        assert (refused.status_code, refused.json()["open"]) == (409, "first")
+        assert not (home / "second" / "project.yaml").exists()
+        assert browser.post("/door/begin", json=wanted(known["first"])).json() == {}  # is this one
     asked = browser.post("/door/begin", params={"closes": "yes"}, json=wanted(known["second"]))
     assert asked.json() == {}
     assert (home / "second" / "project.yaml").exists()

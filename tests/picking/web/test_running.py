@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -19,8 +18,13 @@ from pick_pages import LONGEST_WAIT_S, Server, ask, entry_by, entry_of, running,
 
 from uavgram.cli import main
 from uavgram.io.locks import LOCK, is_locked
-from uavgram.picking.web.running import FILE, PATH, fresh_address
+from uavgram.picking.web.running import PATH, Door, fresh_address, servers_folder
 from uavgram.picking.web.tokens import MOST_OPEN, Tokens
+
+
+def only_where_open(_door: Door) -> bool:
+    """Ask only the server that has the project open."""
+    return False
 
 
 @pytest.fixture(scope="module")
@@ -39,9 +43,21 @@ def asked(server: Server, **headers: str) -> httpx.Response:
     return httpx.post(server.origin + PATH, headers=named, timeout=LONGEST_WAIT_S)
 
 
-def secret(project: Path) -> str:
-    text = (project.parent / "out" / FILE).read_text(encoding="utf-8")
-    return str(json.loads(text)["secret"])
+def door_of(server: Server) -> Path:
+    """The file that a server has left."""
+    (path,) = servers_folder().glob(f"*-{urlsplit(server.origin).port}.door")
+    return path
+
+
+def secret(server: Server) -> str:
+    return str(json.loads(door_of(server).read_text(encoding="utf-8"))["secret"])
+
+
+@pytest.fixture
+def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A user of whom no page runs."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return tmp_path / "state" / "uavgram"
 
 
 def test_the_same_command_gives_another_browser_an_address_of_its_own(
@@ -59,22 +75,23 @@ def test_the_same_command_gives_another_browser_an_address_of_its_own(
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of Linux and macOS")
 @pytest.mark.parametrize("how", [signal.SIGTERM, signal.SIGHUP])
-def test_who_ends_the_server_leaves_no_door(tmp_path: Path, how: signal.Signals) -> None:
+def test_who_ends_the_server_leaves_no_door(
+    tmp_path: Path, own_state: Path, how: signal.Signals
+) -> None:
     project = small_project(tmp_path)
     command = [sys.executable, "-m", "uavgram", "pick", str(project), "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
             assert process.stdout is not None
             assert "http://" in process.stdout.readline()
-            door = tmp_path / "out" / FILE
-            assert door.exists()
+            assert len(list(own_state.glob("*.door"))) == 1
             process.send_signal(how)
             process.wait(LONGEST_WAIT_S)
         finally:
             process.kill()
     assert process.returncode == 128 + signal.SIGTERM
-    assert not door.exists()
-    assert not is_locked(door.parent / LOCK)
+    assert not list(own_state.iterdir())
+    assert not is_locked(tmp_path / "out" / LOCK)
 
 
 def test_the_browser_is_led_by_a_file_that_is_gone_when_it_has_come(
@@ -102,7 +119,7 @@ def test_whoever_waits_for_the_browser_is_told_when_it_has_come(
 ) -> None:
     fresh = fresh_address(project)
     assert fresh is not None
-    known = {"X_Secret": secret(project), "X_Token": fresh.token}
+    known = {"X_Secret": secret(server), "X_Token": fresh.token}
     assert asked(server, **known).text == "waits"
     ask(fresh.text)
     assert asked(server, **known).text == "used"
@@ -121,60 +138,60 @@ def test_whoever_waits_for_the_browser_is_told_when_it_has_come(
     ],
     ids=range(6),
 )
-def test_others_get_no_address(project: Path, server: Server, headers: dict[str, str]) -> None:
-    given = {name: secret(project) if value == "OURS" else value for name, value in headers.items()}
+def test_others_get_no_address(server: Server, headers: dict[str, str]) -> None:
+    given = {name: secret(server) if value == "OURS" else value for name, value in headers.items()}
     answer = asked(server, **given)
     assert answer.status_code == 403
     assert "token" not in answer.text
 
 
-def test_the_secret_opens_nothing_else(project: Path, server: Server) -> None:
-    known = {"X-Secret": secret(project)}
+def test_the_secret_opens_nothing_else(server: Server) -> None:
+    known = {"X-Secret": secret(server)}
     assert ask(server.origin + "/", headers=known).status_code == 403
     assert ask(server.origin + PATH, headers=known).status_code == 403
     name = f"uavgram-pick-{urlsplit(server.origin).port}"
-    with_cookie = {"Cookie": f"{name}={secret(project)}"}
+    with_cookie = {"Cookie": f"{name}={secret(server)}"}
     assert ask(server.origin + "/", headers=with_cookie).status_code == 403
 
 
 def test_only_its_user_can_read_the_file_and_it_goes_with_the_server(tmp_path: Path) -> None:
-    project = small_project(tmp_path)
-    file = tmp_path / "out" / FILE
-    with running(project):
-        assert file.stat().st_mode & 0o777 == 0o600
+    with running(small_project(tmp_path)) as server:
+        file = door_of(server)
+        assert [one.stat().st_mode & 0o777 for one in (file, file.parent)] == [0o600, 0o700]
     assert not file.exists()
 
 
-def test_what_a_killed_server_left_behind_leads_nowhere(tmp_path: Path) -> None:
+def test_what_a_killed_server_left_behind_leads_nowhere_and_is_removed(tmp_path: Path) -> None:
     project = small_project(tmp_path)
     killed = Server(project)
+    file = door_of(killed)
     killed.kill()
-    assert (tmp_path / "out" / FILE).exists()
-    assert fresh_address(project) is None
+    assert file.exists()  # nobody holds its lock: another program may have the port by now
+    assert fresh_address(project, only_where_open) is None
+    assert not file.exists()
     with running(project) as server:
         fresh = fresh_address(project)
         assert fresh is not None
         assert fresh.text.startswith(server.origin)
 
 
-def test_a_port_that_is_somebody_elses_by_now_is_not_asked(
-    project: Path, server: Server, tmp_path: Path
+def test_a_server_of_another_machine_with_the_same_home_is_not_asked(
+    project: Path, server: Server
 ) -> None:
-    """Left behind by a server that was killed: nobody holds the lock."""
     assert server.is_alive
-    left = small_project(tmp_path)
-    (tmp_path / "out").mkdir()
-    shutil.copy(project.parent / "out" / FILE, tmp_path / "out" / FILE)
-    assert fresh_address(left) is None
-    (tmp_path / "out" / LOCK).write_text("12345\n", encoding="utf-8")
-    assert fresh_address(left) is None
+    own = door_of(server)
+    other = own.with_name(f"other-{own.name.rpartition('-')[2]}")
+    other.write_bytes(own.read_bytes())
+    assert fresh_address(project) is not None
+    assert other.exists()
+    other.unlink()
 
 
 def test_a_page_without_its_cookie_says_which_command_helps(server: Server) -> None:
     answer = ask(server.origin + "/")
     assert answer.status_code == 403
     assert answer.headers["content-type"].startswith("text/html")
-    assert "<code>uavgram pick</code>" in answer.text
+    assert "icon on the desktop" in answer.text
 
 
 def test_a_token_serves_once_and_not_for_ever() -> None:

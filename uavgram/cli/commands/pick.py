@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -27,9 +28,10 @@ def pick(
 
     The project may lack picks, lengths and measurements: they are made here. A folder without a
     project is set up on the page, and without a folder one is chosen there: `uavgram FOLDER` and
-    `uavgram` alone do the same. Ctrl+C ends it.
+    `uavgram` alone do the same. Everything is saved at once. Ctrl+C ends it, and so do ten minutes
+    without an open tab.
 
-    While it runs, the same command again gives a fresh address, for another browser or a lost tab.
+    While it runs, the same command again opens a lost tab anew, and another project in its place.
 
     Parameters
     ----------
@@ -40,27 +42,31 @@ def pick(
         Make a small survey for practice (photos, flight log and camera, nothing picked) in the
         named folder, by default uavgram-sample, and open it; an existing one is continued.
     port
-        Port of the page, on this machine only; 0: any free one.
+        Port of the page, on this machine only; 0: any free one. With a port, a second page runs
+        beside the first, with another project.
     browser
         Open the page in the browser.
     verbose
         Show the progress of the work.
     """
+    import contextlib
     import os
 
     # Small systems many times a second: threads inside one of them only wait for each other, and
     # the browser needs the processors too. Read when numpy is loaded, which is below.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+    from uavgram.picking.web.running import one_start_at_a_time
+
     log_to_stderr(verbose=verbose)
     wanted = _sample(project) if sample else project or _present()
-    if wanted is None or _has_none(wanted):
-        _serve(wanted, port, browser=browser)
-        return DONE
-    tell_as(wanted)
-    if not _led_to_running(wanted, browser=browser):
-        _serve(wanted, port, browser=browser)
-    return DONE
+    if wanted is not None and not _has_none(wanted):
+        tell_as(wanted)
+    with contextlib.ExitStack() as starting:
+        starting.enter_context(one_start_at_a_time())
+        if _led_to_running(wanted, port, browser=browser):
+            return DONE
+        return _serve(wanted, port, starting.close, browser=browser)
 
 
 def _has_none(folder: Path) -> bool:
@@ -87,16 +93,21 @@ def _sample(folder: Path | None) -> Path:
     return made
 
 
-def _led_to_running(project: Path, *, browser: bool) -> bool:
-    """Give a fresh address of the page that has the project open; return whether there is one."""
+def _led_to_running(wanted: Path | None, port: int, *, browser: bool) -> bool:
+    """Open a new tab of a page that runs; return whether there is one.
+
+    With a port, only a page that has the project open, or has that port, is asked.
+    """
+    from uavgram.config.project import load_project
     from uavgram.picking.web.running import fresh_address
 
-    fresh = fresh_address(project)
+    if wanted is not None and not _has_none(wanted):
+        load_project(wanted, unfinished=True)  # its faults are reported here
+    fresh = fresh_address(wanted, lambda door: port in {0, door.port})
     if fresh is None:
         return False
-    say(
-        f"The page runs already. Fresh address: {fresh.text}", "It works once, within five minutes."
-    )
+    opened = "a new tab opens" if browser else "open"
+    say(f"The page runs already; {opened}: {fresh.text}", "It works once, within five minutes.")
     if browser:
         import webbrowser
 
@@ -111,20 +122,22 @@ def _led_to_running(project: Path, *, browser: bool) -> bool:
     return True
 
 
-def _serve(wanted: Path | None, port: int, *, browser: bool) -> None:
-    """Serve the page until Ctrl+C."""
+def _serve(wanted: Path | None, port: int, started: Callable[[], None], *, browser: bool) -> int:
+    """Serve the page until its tabs are closed, or Ctrl+C; return the exit status."""
     import webbrowser
 
+    from uavgram.cli.interrupt import report_interruption
     from uavgram.picking.web.redirect import RedirectFile
     from uavgram.picking.web.serving import serve
 
     ways: list[RedirectFile] = []
 
     def announce(address: str) -> None:
+        started()
         say(
             f"Picking page: {address}",
-            "For another browser, or a lost tab, run the same command again meanwhile.",
-            "Ctrl+C ends it; everything is saved.",
+            "For a lost tab, or another browser, start it again the same way.",
+            "Ctrl+C ends it, and so do ten minutes without an open tab; everything is saved.",
         )
         if browser:
             ways.append(RedirectFile(address))
@@ -141,6 +154,9 @@ def _serve(wanted: Path | None, port: int, *, browser: bool) -> None:
 
     try:
         serve(wanted, announce, run, port, entered)
+    except KeyboardInterrupt:
+        return report_interruption("ended; everything is saved")
     finally:
         entered()
-    say("Saved.")
+    say("Ended, as no tab of the page was open any more. Everything is saved.")
+    return DONE

@@ -9,7 +9,15 @@ from typing import Annotated, Literal
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, VERDICT, Flag, Json, Seed, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, say_json, tell_as, tell_of
+from uavgram.cli.terminal import (
+    log_to_stderr,
+    progress,
+    say,
+    say_json,
+    tell_as,
+    tell_of,
+    warn_of,
+)
 
 TABLE_ROWS = 40
 Rows = Annotated[int, Parameter(validator=validators.Number(gte=0))]
@@ -50,7 +58,8 @@ class ProgramOptions:
     json
         Print a JSON object (verdict, measurements, checks, messages) instead of text.
     fail_on
-        Exit with status 3 where the verdict is this or worse; the results are still written.
+        Exit with status 3 where the verdict is this or worse, and print it on standard error; the
+        results are still written.
     """
 
     json: Json = False
@@ -128,4 +137,7 @@ def run(
     if view:
         show(folder / "recording.rrd", web=False)
     fails = {"red": ("red",), "amber": ("red", "amber"), None: ()}[wanted.fail_on]
-    return VERDICT if result.verdict.level in fails else DONE
+    level = result.verdict.level
+    if level in {"red", "amber"}:
+        warn_of(verdict_sentence(result), only_quiet=level not in fails)
+    return VERDICT if level in fails else DONE

@@ -35,5 +35,5 @@ def shortcut(*, folder: Path | None = None) -> int:
     )
     written = write_shortcut(computer, desktop_folder(computer) if folder is None else folder)
     say(f"Icon: {written[0]}", *(f"In the menu of programs: {path}" for path in written[1:]))
-    say("It opens the page; close its window to end the program.")
+    say("It opens the page, and a lost tab anew. Close its window to end the program.")
     return DONE

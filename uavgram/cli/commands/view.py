@@ -30,7 +30,4 @@ def show(recording: Path, *, web: bool) -> None:
     if not web:
         open_viewer(recording)
         return
-    try:
-        serve_viewer(recording, lambda address: say(f"open {address}", "Ctrl-C ends it"))
-    except KeyboardInterrupt:  # the intended way to end it
-        say("")
+    serve_viewer(recording, lambda address: say(f"open {address}", "Ctrl+C ends it"))

@@ -244,8 +244,9 @@ FOUND_CAUSES = (
         "heights-off",
         WARNING,
         finding=(
-            "All heights of the log are too large or too small by one amount for the height of the "
-            "ground. Lengths and picks show how high the cameras were."
+            "All heights of the log, or of the photos without a log, are too large or too small by "
+            "one amount for the height of the ground. Lengths and picks show how high the cameras "
+            "were."
         ),
         consequence="Distances do not depend on it.",
         action=(
@@ -254,7 +255,7 @@ FOUND_CAUSES = (
         ),
         effect=Effect.AMBER,
         order=Order.CAUSE_OF_ALL,
-        one="The heights of the log do not fit the height of the ground.",
+        one="The heights of the flight do not fit the height of the ground.",
     ),
     Entry(
         "other-zoom",

@@ -13,6 +13,7 @@ import { as, byId, choose, node } from "./elements/dom.js";
 import { icon } from "./elements/icons.js";
 import { Notice } from "./elements/notice.js";
 import { drop } from "./elements/table.js";
+import { takeFirstTool } from "./door/begun.js";
 import { goOn } from "./door/server.js";
 import { unfold } from "./panel/first_steps.js";
 import { Header } from "./panel/header.js";
@@ -142,6 +143,9 @@ class App {
     else for (const pane of this.panes.all) pane.show(pane.image);
     if (store.recovered) this.notice.show("Recovered what the last session confirmed and could not save.", true);
     this.tools.suggest();
+    this.panel.resume();
+    const first = takeFirstTool();
+    if (first && !store.lines.length) this.tools.setTool(first);
     byId("panes").dataset.ready = "true";
   }
 
@@ -163,6 +167,7 @@ class App {
       if (this.state.selected && !labels().includes(this.state.selected)) this.state.selected = null;
       this.filmstrip.show();
     }
+    this.tools.suggest();
     this.panes.rebuild();
     if (depth >= VALUES) this.panel.show();
   }
@@ -192,6 +197,8 @@ class App {
     if (!active) return;
     if (!this.panes.all.some(({ view, image }) => view === this.state.asked?.view && image === this.state.asked.image)) this.tools.question.cancel();
     this.filmstrip.bring(active.image);
+    this.tools.leave();
+    this.tools.suggest();
     this.panel.show();
     this.panes.viewed(active);
     void this.navigation.bringTies();

@@ -45,11 +45,15 @@ class Door:
     def __init__(self, named: Path | None = None, roots: Sequence[Path] | None = None) -> None:
         known = find_home_and_drives() if roots is None else roots
         self._collections = Browsable(known).roots
-        self._folders = Browsable(known if named is None else (*known, named))
-        self._named = None if named is None else named.resolve()
+        self._folders = Browsable(known)
+        self._named: Path | None = None
+        self._opens = False
+        self._files: dict[Path, str] = {}
         self._numbers: dict[Path, int] = {}
         self._found: dict[Path, FolderSummary] = {}
         self._recent: list[Path] = []
+        if named is not None:
+            self.choose(named)
 
     def beginning(self) -> Json:
         """Return the start of the page: the folder to set up at once, or the choice of one."""
@@ -58,6 +62,7 @@ class Door:
         return {
             "folder": None if chosen is None else self._number(chosen),
             "is_chosen": named is not None and self._is_chosen(named),
+            "opens": self._opens,
             "recent": [self._listed(count_photos(path)) for path in self._recent if path.is_dir()],
         }
 
@@ -76,15 +81,34 @@ class Door:
 
     def remember(self, project: Path) -> None:
         """Add a project's folder to those opened recently; forget the folder named by the user."""
-        self._named = None
-        folder = project.resolve().parent
+        folder = self._allow(project)
+        self._named, self._opens = None, False
         self._recent = [folder, *(one for one in self._recent if one != folder)][:MOST_RECENT]
+
+    def choose(self, wanted: Path, *, opens: bool = False) -> None:
+        """Start with this folder, or the folder of this project file.
+
+        Parameters
+        ----------
+        wanted
+            The folder or the file.
+        opens
+            Whether the page opens its project at once, if there is one.
+        """
+        folder = self._allow(wanted)
+        self._named, self._opens = folder, opens and self._project(folder).is_file()
+
+    def _allow(self, wanted: Path) -> Path:
+        """Return the folder of a project, which may be listed from now on."""
+        path = wanted.resolve()
+        folder = path if path.is_dir() else path.parent
+        self._files[folder] = PROJECT if path.is_dir() else path.name
         if self._folders.root_of(folder) is None:
             self._folders = Browsable((*self._folders.roots, folder))
+        return folder
 
-    def choose(self, folder: Path) -> None:
-        """Start with this folder."""
-        self._named = folder.resolve()
+    def _project(self, folder: Path) -> Path:
+        return folder / self._files.get(folder, PROJECT)
 
     def listed(self, number: str) -> Json:
         """Return the folders in a folder, and the path to it; an empty number lists the roots.
@@ -162,7 +186,7 @@ class Door:
         UavgramError
             The folder does not exist.
         """
-        return (self._folder(str(_object(request).get("folder", ""))) / PROJECT).resolve()
+        return self._project(self._folder(str(_object(request).get("folder", "")))).resolve()
 
     def begin(self, request: bytes) -> Path:
         """Set up a project as a page requests it, and return its file.
@@ -177,9 +201,9 @@ class Door:
         folder = self._folder(str(fields.get("folder", "")))
         found = self._found.get(folder)
         if fields.get("setup") is None:  # open the existing project unchanged
-            if not (folder / PROJECT).is_file():
+            if not self._project(folder).is_file():
                 raise RefusedError("the folder has no project yet: look through it first")
-            return folder / PROJECT
+            return self._project(folder)
         if found is None:
             raise RefusedError("the folder was not looked through: choose it again")
         return set_up(folder, _wanted(fields, found))

@@ -69,6 +69,11 @@ class OpenProject:
         """Start the picking session."""
         self.picking.open()
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether outputs are being written, or a camera calibrated."""
+        return self._busy.locked() or self.calibration.is_busy
+
     async def close(self, *, waits: bool) -> None:
         """Stop all work, save everything, and release the project.
 

@@ -13,16 +13,18 @@ from anyio import to_thread
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
-from starlette.routing import Route
+from starlette.routing import Route, WebSocketRoute
 from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from uavgram.errors import UavgramError
+from uavgram.io.browse import PROJECT
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
 from uavgram.picking.session.door import LONGEST_REQUEST, Door
 from uavgram.picking.storage.tables import Tables
 from uavgram.picking.web import running
-from uavgram.picking.web.routes import page_routes
+from uavgram.picking.web.routes import START, WORK, page_routes
 from uavgram.picking.web.server import PickServer
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 
@@ -32,6 +34,7 @@ RunProject = Callable[[Path], object]
 
 TOO_LONG, CANNOT = 413, 409
 OPEN_ALREADY = "{} is open already, perhaps in another tab: one project is open at a time."
+ELSEWHERE = "This project is open in another page of uavgram."
 
 
 class Desk:
@@ -50,8 +53,6 @@ class Desk:
     ----------
     pick
         Server of the open project; None: none is open.
-    at
-        Port and secret of this server for other processes; left in the outputs of the open project.
 
     Raises
     ------
@@ -61,10 +62,8 @@ class Desk:
 
     def __init__(self, run: RunProject, door: Door, project: Path | None = None) -> None:
         self._run, self.door = run, door
-        self.at: running.Door | None = None
         self.pick = None if project is None else self._read(project)
         self._routes: ASGIApp | None = None
-        self._left = contextlib.ExitStack()
         self._changing = asyncio.Lock()
 
     def _read(self, project: Path) -> PickServer:
@@ -85,7 +84,8 @@ class Desk:
 
         shown = Starlette(
             routes=[
-                *page_routes(lambda: "door.html" if self.pick is None else "index.html"),
+                *page_routes(lambda: START if self.pick is None else WORK),
+                WebSocketRoute("/door/tab", _tab),
                 Route("/door/beginning", self._beginning),
                 Route("/door/folders", self._folders),
                 Route("/door/look", self._look),
@@ -111,16 +111,28 @@ class Desk:
         self.pick, self._routes = pick, Starlette(routes=pick.routes())
         pick.begin()
         self.door.remember(pick.path)
-        if self.at is not None:
-            self._left.enter_context(running.left_in(pick.project.outputs.folder, self.at))
 
     async def _close(self, *, waits: bool = True) -> None:
         pick, self.pick, self._routes = self.pick, None, None
         if pick is not None:
-            try:
-                await pick.end(waits=waits)
-            finally:
-                self._left.close()
+            await pick.end(waits=waits)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether work is under way that closing the tabs does not end."""
+        return self._changing.locked() or (self.pick is not None and self.pick.project.is_busy)
+
+    def way_to(self, wanted: Path | None, only_open: bool) -> str | None:  # noqa: FBT001
+        """Return the path of the page that shows a project; see `Guard`."""
+        if wanted is None:
+            return "/"
+        project = wanted / PROJECT if wanted.is_dir() else wanted
+        if self.pick is not None and self.pick.path == project.resolve():
+            return "/"
+        if only_open:
+            return None
+        self.door.choose(wanted, opens=True)
+        return "/door"
 
     def let_go(self) -> None:
         """Release a project that was never shown."""
@@ -147,8 +159,8 @@ class Desk:
     async def _begin(self, request: Request) -> Response:
         """Set up a project and open it.
 
-        Another open project, as in another tab, is saved and closed only if the request asks for
-        that: otherwise a tab would change the content of others.
+        Another open project that a tab shows is saved and closed only if the request asks for that:
+        otherwise a tab would change the content of others.
         """
         body = b""
         async for part in request.stream():
@@ -157,11 +169,12 @@ class Desk:
                 return JSONResponse({"why": "the request is too long"}, TOO_LONG)
         closes = request.query_params.get("closes") == "yes"
         async with self._changing:
+            meant = None
             try:
                 meant = await to_thread.run_sync(self.door.meant, body)
                 if self.pick is not None and self.pick.path != meant:
                     name = self.pick.path.parent.name
-                    if not closes:
+                    if self.pick.is_shown and not closes:
                         return JSONResponse(
                             {"why": OPEN_ALREADY.format(name), "open": name}, CANNOT
                         )
@@ -172,7 +185,7 @@ class Desk:
                     return JSONResponse({})
                 pick = await to_thread.run_sync(self._read, project)
             except UavgramError as why:
-                return _refused(why)
+                return await _refused_or_elsewhere(why, meant)
             await self._close()
             self._show(pick)
         return JSONResponse({})
@@ -195,6 +208,23 @@ async def _answered(find: Callable[..., Json], *arguments: str) -> Response:
         return JSONResponse(await to_thread.run_sync(find, *arguments))
     except UavgramError as why:
         return _refused(why)
+
+
+async def _refused_or_elsewhere(why: UavgramError, project: Path | None) -> Response:
+    """Refuse to open a project; lead to the other server of this user that has it open, if any."""
+    find = partial(running.fresh_address, project, lambda _: False)
+    there = None if project is None else await to_thread.run_sync(find)
+    if there is None:
+        return _refused(why)
+    return JSONResponse({"why": ELSEWHERE, "there": there.text}, CANNOT)
+
+
+async def _tab(page: WebSocket) -> None:
+    """Keep the socket of a start page, so that the server knows of its tab."""
+    await page.accept()
+    with contextlib.suppress(WebSocketDisconnect, KeyError, RuntimeError):
+        while True:
+            await page.receive_text()
 
 
 def _refused(why: UavgramError) -> Response:

@@ -16,18 +16,21 @@ but to nothing of the project.
 A page with access can still do harm by too many or too long messages: requests and messages have
 a greatest length, and `Pace` slows a socket down.
 
-A user who has lost the cookie, or wants another browser, gets a fresh address from the terminal:
-see `running.py`.
+A user who has lost the tab, or wants another browser, starts the program again and gets a fresh
+address: see `running.py`.
 """
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 import re
 import secrets
 import time
 from collections.abc import Callable
+from pathlib import Path
+from urllib.parse import unquote
 
 from starlette.datastructures import URL, Headers, MutableHeaders
 from starlette.requests import HTTPConnection
@@ -36,6 +39,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from uavgram.picking.web.redirect import leading_to, no_entry
 from uavgram.picking.web.running import LASTS_S, PATH, USED, WAITS, address
+from uavgram.picking.web.tabs import Tabs
 from uavgram.picking.web.tokens import Tokens, same
 
 log = logging.getLogger(__name__)
@@ -53,10 +57,11 @@ HEADERS = {
 }
 KEY = "tab"
 """Query parameter of an address: the key of the requesting tab."""
-_OF_THE_PROGRAM = re.compile(r"/(page/.*)?")  # the same for all users: nothing of a project
+_OF_THE_PROGRAM = re.compile(r"/(door|page/.*)?")  # the same for all users: nothing of a project
 POLICY_VIOLATION = 1008
 LONGEST_PATH = 1000
 NO_KEY = "it does not come from the page"
+WayTo = Callable[[Path | None, bool], str | None]
 MESSAGES_A_SECOND = 300
 """Message rate; a mouse reports up to some 125 moves a second, and the page awaits each answer."""
 MESSAGES_AT_ONCE = 600
@@ -111,15 +116,27 @@ class Guard:
         Port of the server.
     entered
         Called when a token has been used.
+    way_to
+        Returns the path of the page that shows a project, or what is open now (None); None if that
+        project is not open, and only an open one is asked for.
 
     Attributes
     ----------
     secret
         Secret that entitles to a fresh address.
+    tabs
+        Tabs of browsers that show the page.
     """
 
-    def __init__(self, app: ASGIApp, port: int, entered: Callable[[], None] = lambda: None) -> None:
-        self._app, self._entered = app, entered
+    def __init__(
+        self,
+        app: ASGIApp,
+        port: int,
+        entered: Callable[[], None] = lambda: None,
+        way_to: WayTo = lambda _wanted, _only_open: "/",
+    ) -> None:
+        self._app, self._entered, self._way_to = app, entered, way_to
+        self.tabs = Tabs()
         self.secret = secrets.token_urlsafe(32)
         self._hosts = {f"127.0.0.1:{port}", f"localhost:{port}"}
         self._cookie = f"uavgram-pick-{port}"  # cookies do not distinguish ports
@@ -155,7 +172,8 @@ class Guard:
             log.warning("refused %r: %s", scope["path"][:80], NO_KEY)
             await self._refuse(scope, receive, send, NO_KEY)
             return
-        await self._app(scope, receive, _strict(send))
+        with self.tabs.one() if scope["type"] == "websocket" else contextlib.nullcontext():
+            await self._app(scope, receive, _strict(send))
 
     def _refusal(self, connection: HTTPConnection) -> str:
         """Return why a request is not from this page; empty if it may be."""
@@ -180,14 +198,17 @@ class Guard:
         return same(connection.cookies.get(self._cookie, ""), self._key)
 
     def _fresh(self, connection: HTTPConnection) -> Response:
-        """Answer with a new token if the secret is right, or with the state of a named token."""
+        """Answer with a way and a new token if the secret is right, or with a token's state."""
         if not same(connection.headers.get("x-secret", ""), self.secret):
             log.warning("refused a fresh address: the secret is another")
             return PlainTextResponse("", 403)
         token = connection.headers.get("x-token")
         if token is not None:
             return PlainTextResponse(WAITS if self._tokens.is_open(token) else USED)
-        return PlainTextResponse(self._tokens.new(LASTS_S))
+        wanted = connection.headers.get("x-wanted")
+        path = None if wanted is None else Path(unquote(wanted))
+        way = self._way_to(path, connection.headers.get("x-only") == "open")
+        return PlainTextResponse("" if way is None else f"{way}?token={self._tokens.new(LASTS_S)}")
 
     def _exchanged(self, connection: HTTPConnection, given: str) -> Response:
         """Exchange a token, once, for cookie and key, and redirect to the address without it."""

@@ -56,9 +56,7 @@ def no_entry(why: str) -> str:
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>uavgram pick</title>'
         '<meta name="color-scheme" content="light dark">'
         f"<h1>This page needs a fresh address</h1><p>{html.escape(why)} Nothing is lost.</p>"
-        "<p>In a terminal, run <code>uavgram pick</code> once more for the same project, with the "
-        "same words as the first time. While the first one runs, the second opens the page anew, "
-        "prints an address that lets one browser in, and ends. Where no project was open, end the "
-        "first one (Ctrl+C, or close its window), and start <code>uavgram</code> again.</p></html>"
-        "\n"
+        "<p>Start uavgram once more, the same way as before: by its icon on the desktop, or by "
+        "<code>uavgram</code> in a terminal. While the first one runs, that opens the page in a "
+        "new tab, as it was left.</p></html>\n"
     )

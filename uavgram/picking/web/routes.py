@@ -34,6 +34,9 @@ _TYPES = {
     ".svg": "image/svg+xml",
 }
 
+START, WORK = "door.html", "index.html"
+"""Pages: the choice of a folder, at /door also while a project is open; and the open project."""
+
 FIRST_TONE = "first"
 """Value of `tone` for a photo's default brightness."""
 
@@ -60,9 +63,10 @@ def page_routes(first: Callable[[], str]) -> list[Route]:
     """
     files = dict(_page_files(resources.files("uavgram.picking") / "page"))
 
-    async def index(_: Request) -> Response:
+    async def index(request: Request) -> Response:
+        name = START if request.url.path == "/door" else first()
         return Response(
-            files[first()], media_type=_TYPES[".html"], headers={"cache-control": "no-store"}
+            files[name], media_type=_TYPES[".html"], headers={"cache-control": "no-store"}
         )
 
     async def page(request: Request) -> Response:
@@ -72,7 +76,7 @@ def page_routes(first: Callable[[], str]) -> list[Route]:
         kind = _TYPES[Path(name).suffix]
         return Response(files[name], media_type=kind, headers={"cache-control": "no-cache"})
 
-    return [Route("/", index), Route("/page/{name:path}", page)]
+    return [Route("/", index), Route("/door", index), Route("/page/{name:path}", page)]
 
 
 def file_routes(project: OpenProject) -> list[Route]:

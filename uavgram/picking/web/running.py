@@ -1,7 +1,8 @@
-"""A fresh address from the server of an open project: for another browser, or a lost tab.
+"""Running servers of this user: a second start, as after a lost tab, leads to the first one.
 
-The server leaves a file in the project's output folder, beside its lock, which only its user can
-read: its port, and a secret. A request with the secret gets a token for one browser.
+Each server leaves a locked file in the user's own folder, which only that user can read: its port,
+and a secret. A request with the secret gets an address with a token for one browser. A file that
+nobody holds locked is of a killed server; another program may use its port by now.
 """
 
 from __future__ import annotations
@@ -12,29 +13,33 @@ import json
 import logging
 import os
 import re
+import socket
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from urllib.parse import quote
 
-from uavgram.config.project import load_project
 from uavgram.errors import UavgramError
-from uavgram.io.locks import LOCK, is_locked
-from uavgram.io.own_files import check_own, open_own, read_own
+from uavgram.io.locks import FileLock, is_locked
+from uavgram.io.own_files import read_own
 
 log = logging.getLogger(__name__)
 
-FILE = "pick.door"
 PATH = "/fresh-address"
 LASTS_S = 300.0
 """Lifetime of a fresh address [s]: the user has just asked for it."""
 
 WAITS, USED = "waits", "used"
 BROWSER_COMES_WITHIN_S = 30.0
+STARTS_WITHIN_S = 60.0
+"""Longest wait for another start [s], which may have to read a large project."""
 
 _ANSWERED_AFTER_S = 10.0
 _LOOK_EVERY_S = 0.1
-_TOKEN = re.compile(r"[\w-]{43}", re.ASCII)  # 32 bytes, as made in tokens.py
+_SUFFIX = ".door"
+_FRESH = re.compile(r"(/(?:door)?)\?token=([\w-]{43})", re.ASCII)  # 32 bytes, see tokens.py
 
 
 @dataclass(frozen=True)
@@ -53,29 +58,67 @@ class Door:
     secret: str
 
 
-@contextlib.contextmanager
-def left_in(folder: Path, door: Door) -> Iterator[None]:
-    """Keep a file with port and secret, for this user alone, while the server listens.
+def servers_folder(platform: str = sys.platform, environ: Mapping[str, str] = os.environ) -> Path:
+    """Return the folder of this user in which running servers leave their files.
 
-    Raises
-    ------
-    OutputError
-        A link is in place of the file.
+    Elsewhere than on Windows as in https://specifications.freedesktop.org/basedir-spec/latest/.
+
+    Parameters
+    ----------
+    platform, environ
+        Of the computer and its user.
     """
-    path = folder / FILE
-    check_own(path)
+    key, usual = "XDG_STATE_HOME", Path(".local", "state")
+    if platform == "win32":
+        key, usual = "LOCALAPPDATA", Path("AppData", "Local")
+    return Path(environ.get(key) or Path.home() / usual) / "uavgram"
+
+
+def _of_this_machine() -> str:
+    """Return the beginning of the names of the files: several machines may share a home."""
+    return re.sub(r"\W", "_", socket.gethostname()) + "-"
+
+
+@contextlib.contextmanager
+def left_for_others(door: Door) -> Iterator[None]:
+    """Keep a file with port and secret, for this user alone, while the server listens."""
+    held = None
     try:
-        path.unlink(missing_ok=True)  # left by a server that was killed
-        handle = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            json.dump(asdict(door), stream)
-    except OSError as fault:  # the page works without it
-        log.warning("%s: no fresh addresses while this runs (%s)", path, fault.strerror)
+        folder = _made(servers_folder())
+        held = FileLock(folder / f"{_of_this_machine()}{door.port}{_SUFFIX}")
+        held.write(json.dumps(asdict(door)))
+    except (OSError, UavgramError) as fault:  # the page works without it
+        log.warning("a second start will not find this page: %s", fault)
     try:
         yield
     finally:
-        if _read(path) == door:  # leave the file of a later server
-            path.unlink(missing_ok=True)
+        if held is not None:
+            held.release()
+
+
+@contextlib.contextmanager
+def one_start_at_a_time() -> Iterator[None]:
+    """Wait until another start of this user has left its file, as after a double click."""
+    held = None
+    latest = time.monotonic() + STARTS_WITHIN_S
+    while held is None and time.monotonic() < latest:
+        try:
+            held = FileLock(_made(servers_folder()) / f"{_of_this_machine()}start.lock")
+        except BlockingIOError:
+            time.sleep(_LOOK_EVERY_S)
+        except (OSError, UavgramError) as fault:  # it works without it
+            log.info("starts at the same moment are not noticed: %s", fault)
+            break
+    try:
+        yield
+    finally:
+        if held is not None:
+            held.release()
+
+
+def _made(folder: Path) -> Path:
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return folder
 
 
 @dataclass(frozen=True)
@@ -86,17 +129,20 @@ class FreshAddress:
     ----------
     door
         The server.
+    way
+        Path on the server.
     token
         Token in the address.
     """
 
     door: Door
+    way: str
     token: str
 
     @property
     def text(self) -> str:
         """Address to open in a browser."""
-        return address(self.door.port, self.token)
+        return address(self.door.port, self.token, self.way)
 
     def wait_until_used(self) -> None:
         """Wait until a browser has used the address, the server has ended, or the time is over."""
@@ -105,41 +151,55 @@ class FreshAddress:
             time.sleep(_LOOK_EVERY_S)
 
 
-def fresh_address(project: Path) -> FreshAddress | None:
-    """Ask the server that has a project open for an address; None if no server has.
+def fresh_address(
+    wanted: Path | None, may_change: Callable[[Door], bool] = lambda _: True
+) -> FreshAddress | None:
+    """Ask the running servers of this user for an address; None if there is none.
 
     Parameters
     ----------
-    project
-        The project file, or its folder.
-
-    Raises
-    ------
-    UavgramError
-        The project file cannot be read.
+    wanted
+        Project file or folder to show; None: what a page shows now. The server that has the project
+        open comes first; another one leads to its start page, which opens the project.
+    may_change
+        Returns whether a server that does not have it open is asked, too.
     """
-    folder = Path(load_project(project, unfinished=True).output)
-    door = _read(folder / FILE)
-    # Ignore the file of a killed server: another program may use its port by now.
-    if door is None or not is_locked(folder / LOCK):
-        return None
-    token = _asked(door, {})
-    return FreshAddress(door, token) if _TOKEN.fullmatch(token) else None
-
-
-def address(port: int, token: str) -> str:
-    """Return the address to open in a browser."""
-    return f"http://127.0.0.1:{port}/?token={token}"
-
-
-def _read(path: Path) -> Door | None:
-    try:
-        match json.loads(read_own(path)):
-            case {"port": int(port), "secret": str(secret)}:
-                return Door(port, secret)
-    except (OSError, ValueError, UavgramError):
-        pass
+    doors = list(_doors())
+    path = {} if wanted is None else {"X-Wanted": quote(str(wanted.resolve()))}
+    asked = [(door, {**path, "X-Only": "open"}) for door in doors if wanted is not None]
+    asked += [(door, path) for door in doors if may_change(door)]
+    for door, headers in asked:
+        if found := _FRESH.fullmatch(_asked(door, headers)):
+            return FreshAddress(door, *found.groups())
     return None
+
+
+def address(port: int, token: str, way: str = "/") -> str:
+    """Return the address to open in a browser.
+
+    Parameters
+    ----------
+    port, token
+        Of the server, and valid once.
+    way
+        Path on the server.
+    """
+    return f"http://127.0.0.1:{port}{way}?token={token}"
+
+
+def _doors() -> Iterator[Door]:
+    """Yield the running servers of this user on this machine; remove what killed ones left."""
+    for path in sorted(servers_folder().glob(f"{_of_this_machine()}*{_SUFFIX}")):
+        if not is_locked(path):
+            with contextlib.suppress(OSError):
+                path.unlink()
+            continue
+        try:
+            match json.loads(read_own(path)):
+                case {"port": int(port), "secret": str(secret)}:
+                    yield Door(port, secret)
+        except (OSError, ValueError, UavgramError):
+            continue
 
 
 def _asked(door: Door, more: dict[str, str]) -> str:

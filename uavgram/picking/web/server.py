@@ -77,6 +77,11 @@ class PickServer:
         self.project.open()
         self._watching = asyncio.create_task(self._watch())
 
+    @property
+    def is_shown(self) -> bool:
+        """Whether a tab shows it."""
+        return bool(self._pages)
+
     def unsaved(self) -> str:
         """Save; return the reason if that failed, else an empty text."""
         self._save()

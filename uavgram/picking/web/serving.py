@@ -1,8 +1,9 @@
-"""Serve the page on this machine until Ctrl+C: a project, or the choice of one."""
+"""Serve the page on this machine: a project, or the choice of one."""
 
 from __future__ import annotations
 
 import contextlib
+import logging
 import socket
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +22,11 @@ from uavgram.picking.web.guard import Guard
 from uavgram.picking.web.malloc import give_back_large_blocks
 from uavgram.picking.web.patience import PatientProtocol
 from uavgram.pipeline.threads import with_one_blas_thread
+
+log = logging.getLogger(__name__)
+
+ENDS_AFTER_S = 600.0
+"""Time without an open tab after which the server ends [s]: then others can open the project."""
 
 
 def open_door(port: int) -> socket.socket:
@@ -61,7 +67,7 @@ def serve(
     port: int = 0,
     entered: Callable[[], None] = lambda: None,
 ) -> None:
-    """Serve the page until Ctrl+C; everything is saved then.
+    """Serve the page until its last tab is closed for a while, or Ctrl+C; everything is saved then.
 
     Parameters
     ----------
@@ -82,6 +88,8 @@ def serve(
     ------
     UavgramError
         The project cannot be read, or is open in another page.
+    KeyboardInterrupt
+        Ctrl+C came; everything is saved.
     """
     give_back_large_blocks()
     is_bare = wanted is not None and wanted.is_dir() and not (wanted / PROJECT).exists()
@@ -95,8 +103,7 @@ def serve(
         bound = int(door.getsockname()[1])
         guard: list[Guard] = []
         app: ASGIApp = desk.application(lambda: announce(guard[0].address()))
-        guard.append(Guard(app, bound, entered))
-        desk.at = running.Door(bound, guard[0].secret)
+        guard.append(Guard(app, bound, entered, desk.way_to))
         config = uvicorn.Config(
             guard[0],
             log_config=None,
@@ -109,5 +116,28 @@ def serve(
             timeout_graceful_shutdown=2,
             server_header=False,
         )
-        with ended_in_order(), contextlib.suppress(KeyboardInterrupt):  # Ctrl+C is the regular end
-            uvicorn.Server(config).run(sockets=[door])
+        with ended_in_order(), running.left_for_others(running.Door(bound, guard[0].secret)):
+            PageServer(config, guard[0], desk).run(sockets=[door])
+
+
+class PageServer(uvicorn.Server):
+    """Server that ends some time after the last tab was closed.
+
+    Parameters
+    ----------
+    config
+        Of the server.
+    guard, desk
+        What knows of tabs, and of work under way.
+    """
+
+    def __init__(self, config: uvicorn.Config, guard: Guard, desk: Desk) -> None:
+        super().__init__(config)
+        self._guard, self._desk = guard, desk
+
+    async def on_tick(self, counter: int) -> bool:
+        """Return whether to end; called ten times a second."""
+        if self._guard.tabs.gone_s() > ENDS_AFTER_S and not self._desk.is_busy:
+            log.info("ended, as no tab has been open for a while")
+            self.should_exit = True
+        return await super().on_tick(counter)

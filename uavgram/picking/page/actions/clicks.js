@@ -23,6 +23,7 @@ export class Clicks {
       question.cancel();
       return;
     }
+    this.tools.leave();
     const { image } = pane;
     const near = marksNear(pane, u, v, names.coming);
     const on = markOn(near);

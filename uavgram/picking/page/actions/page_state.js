@@ -26,6 +26,8 @@ export class PageState {
     this.tool = "pick";
     /** @type {string[]} */
     this.draft = []; // labels of the length or measurement that is being drawn
+    /** @type {number | null} */
+    this.drawsIn = null; // the photo in which the tool was used last
     /** @type {Entry | null} */
     this.entry = null;
     /** @type {Shown} */

@@ -96,7 +96,9 @@ export class Proposals {
 
   // Accepts the proposals that need no inspection, in all photos.
   acceptSure() {
-    if (this.accept(proposals().filter(({ is_sure }) => is_sure))) this.notice.show("Accepted. Undo: Ctrl+Z.", true);
+    if (!this.accept(proposals().filter(({ is_sure }) => is_sure))) return;
+    this.notice.show("Accepted. Undo: Ctrl+Z.", true);
+    this.panes.active?.focus(); // the button is gone with them, and keys are for the photo again
   }
 
   /** @param {number | undefined} image @returns {Proposal[]} */

@@ -66,7 +66,8 @@ export class Tools {
   /** @param {ToolName} tool */
   setTool(tool) {
     this.question.cancel();
-    Object.assign(this.state, { tool, draft: [], entry: null });
+    if (!this.settleEntry()) return; // its fault is shown
+    Object.assign(this.state, { tool, draft: [], entry: null, drawsIn: null });
     showTool(tool);
     this.rebuild();
   }
@@ -86,20 +87,29 @@ export class Tools {
   }
 
   suggest() {
-    if (!this.label) this.names.put(this.names.free("P1"));
+    if (this.panes.active) this.names.suggest(this.panes.active.image);
   }
 
-  /** @param {string} label */
-  select(label) {
+  // Ends a tool that was used in another photo than the present one, where clicks pick points first. Points of one
+  // drawing may be in several photos.
+  leave() {
+    const { panes: { active }, state: { drawsIn, draft, entry } } = this;
+    const isElsewhere = active && drawsIn !== null && drawsIn !== active.image;
+    if (isElsewhere && !draft.length && (!entry || typedForm())) this.setTool("pick");
+  }
+
+  /** @param {string} label @param {boolean} isLeft */
+  select(label, isLeft = false) {
     const isNew = this.state.selected !== label;
-    this.choose(label);
+    this.choose(label, isLeft);
     if (isNew) this.rebuild();
   }
 
-  /** `isLeft`: the label was left by the last action and not chosen for the next click. @param {string} label @param {boolean} isLeft */
+  /** Selects a point, which the next click places where it is missing; `isLeft`: it does not. @param {string} label @param {boolean} isLeft */
   choose(label, isLeft = false) {
     this.state.selected = label;
     this.names.put(label, isLeft);
+    if (isLeft) this.suggest();
   }
 
   /** Handles a click on a place in a photo. @param {Pane} pane @param {number} u @param {number} v @param {number | null} sigma_px */
@@ -116,6 +126,7 @@ export class Tools {
 
   /** @param {Pane} pane @param {string} label @param {number} u_px @param {number} v_px @param {number | null} sigma_px */
   placeAt(pane, label, u_px, v_px, sigma_px = null) {
+    this.names.placed(pane.image, label);
     const placed = this.send({ t: "place", image: pane.image, label, u_px, v_px, sigma_px });
     this.state.alike = null;
     this.choose(label, true);
@@ -136,8 +147,10 @@ export class Tools {
   /** @param {string} label */
   clickedMark(label) {
     this.question.cancel();
-    this.select(label);
-    if (this.state.tool !== "pick") this.extend(label);
+    this.leave();
+    const draws = this.state.tool !== "pick"; // then it is a point of a drawing, not the next one to be placed
+    this.select(label, draws);
+    if (draws) this.extend(label);
   }
 
   // Returns why a point cannot be the next one of the drawing; empty if it can.
@@ -150,9 +163,7 @@ export class Tools {
 
   /** @param {string} label */
   extend(label) {
-    const form = this.state.entry && typedForm();
-    if (form) this.entered(form); // as Enter does
-    if (form && this.state.entry) return; // its fault is shown
+    if (!this.settleEntry()) return; // its fault is shown
     const { draft, tool } = this.state;
     const { most } = TOOLS[tool];
     const why = this.faultOf(label);
@@ -170,10 +181,17 @@ export class Tools {
     else this.rebuild();
   }
 
+  // Takes the number of an open form, as Enter does; returns false if it has a fault, which is shown.
+  settleEntry() {
+    const form = this.state.entry && typedForm();
+    if (form) this.entered(form);
+    return !form || !this.state.entry;
+  }
+
   finish() {
     const { draft, tool } = this.state;
     if (tool === "pick" || draft.length < TOOLS[tool].least) return false;
-    this.state.draft = [];
+    Object.assign(this.state, { draft: [], drawsIn: this.panes.active?.image ?? null });
     if (tool === "length") this.askLength(draft[0], draft[1]);
     else this.measure(tool, draft, freeName(TOOLS[tool].prefix, new Set(this.namesOf("measure"))));
     this.rebuild();
@@ -223,6 +241,7 @@ export class Tools {
     if (message.t === "line") this.state.lastSigmaM = message.sigma_m;
     this.send(message);
     this.state.entry = null;
+    this.leave();
     this.rebuild();
     this.panes.active?.focus();
   }

@@ -1,9 +1,10 @@
 // The start page: a folder of this computer becomes a project, and its page opens.
 
 import { byId, node } from "../elements/dom.js";
-import { begunFolder, forget } from "./begun.js";
+import { beginWith, begunFolder, forget, forgetPlace, keepPlace, keptPlace } from "./begun.js";
 import { showFolders } from "./folders.js";
-import { find, goOn, OpenAlready, send } from "./server.js";
+import { keepTab } from "./tab.js";
+import { find, goOn, OpenAlready, OpenElsewhere, send } from "./server.js";
 import { showSetup } from "./setup.js";
 
 /** @import { Beginning, Folders, Found, Listed, Wanted } from "./protocol.js" */
@@ -16,25 +17,33 @@ class Door {
     this.recent = [];
     /** @type {number | null} */
     this.at = null; // the listed folder
+    keepTab();
     void this.begin();
   }
 
   async begin() {
+    /** @type {number | null} */
+    let opened = null; // the folder of a project that the program was started with
     await this.doing("Looking\u2026", async () => {
-      const { folder, is_chosen, recent } = /** @type {Beginning} */ (await find("/door/beginning"));
+      const { folder, is_chosen, opens, recent } = /** @type {Beginning} */ (await find("/door/beginning"));
       this.recent = recent;
       this.at = folder;
       const begun = begunFolder(); // from before the page was loaded again
-      if (is_chosen && folder !== null) await this.look(folder);
+      if (opens) opened = folder;
+      else if (is_chosen && folder !== null) await this.look(folder);
       else if (begun !== null) await this.look(begun).catch(() => this.list(folder));
-      else await this.list(folder);
+      else await this.list(/^folder-\d+$/.test(keptPlace()) ? Number(keptPlace().slice(7)) : folder).catch(() => this.list(folder));
     });
+    if (opened === null) return;
+    await this.open({ folder: opened });
+    if (!byId("trouble").hidden && byId("folders").hidden) await this.list(null).catch(() => null);
   }
 
   /** @param {number | null} number */
   async list(number) {
     const shown = /** @type {Folders} */ (await find(`/door/folders?folder=${number ?? ""}`));
     this.at = number;
+    keepPlace(`folder-${number ?? ""}`);
     showFolders(byId("folders"), shown, this.recent, {
       list: (inner) => void this.doing("Looking\u2026", () => this.list(inner)),
       use: (inner) => void this.doing("Looking through the folder\u2026", () => this.look(inner)),
@@ -47,7 +56,10 @@ class Door {
   async look(number) {
     const found = /** @type {Found} */ (await find(`/door/look?folder=${number}`));
     showSetup(byId("setup"), found, {
-      begin: (/** @type {Wanted} */ wanted) => void this.open(wanted),
+      begin: (/** @type {Wanted} */ wanted, /** @type {boolean} */ hasLengths) => {
+        beginWith(hasLengths ? "length" : "");
+        void this.open(wanted);
+      },
       back: () => { forget(); void this.doing("Looking\u2026", () => this.list(this.at)); },
       wrong: (why) => this.trouble(why),
     });
@@ -61,11 +73,13 @@ class Door {
       try {
         await send(`/door/begin?closes=${closes ? "yes" : "no"}`, wanted);
       } catch (fault) {
-        if (!(fault instanceof OpenAlready)) throw fault;
-        this.trouble(fault.message, [["Go to it", goOn], [`Close ${fault.open} and open this one`, () => void this.open(wanted, true)]]);
+        if (fault instanceof OpenElsewhere) this.trouble(fault.message, [["Go to it", () => { location.replace(fault.there); }]]);
+        else if (!(fault instanceof OpenAlready)) throw fault;
+        else this.trouble(fault.message, [["Go to it", goOn], [`Close ${fault.open} and open this one`, () => void this.open(wanted, true)]]);
         return;
       }
       forget();
+      forgetPlace();
       goOn();
     });
   }

@@ -1,7 +1,7 @@
 // Messages between start page and server, as JSON: types only. The server's part is session/door.py.
 
 export interface Listed { number: number; name: string; photos: number; is_flight: boolean; has_project: boolean }
-export interface Beginning { folder: number | null; is_chosen: boolean; recent: Listed[] }
+export interface Beginning { folder: number | null; is_chosen: boolean; opens: boolean; recent: Listed[] }
 export interface Folders { number: number | null; way: { number: number; name: string }[]; photos: number; is_flight: boolean; has_project: boolean; folders: Listed[] }
 export interface FoundPhotos { pattern: string; count: number; width_px: number; height_px: number; example: string; camera: string; looks_deg: number | null }
 export interface FoundCamera { name: string; width_px: number; height_px: number }

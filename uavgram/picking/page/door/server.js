@@ -12,7 +12,17 @@ export class OpenAlready extends Error {
   }
 }
 
-const GONE = "The program does not answer. Start uavgram again, and open the address that it prints.";
+/** The project is open in another page of the program; holds an address of it. */
+export class OpenElsewhere extends Error {
+  /** @param {string} why @param {string} there */
+  constructor(why, there) {
+    super(why);
+    this.name = "OpenElsewhere";
+    this.there = there;
+  }
+}
+
+const GONE = "The program does not answer: it has ended. Start uavgram again, as before; everything is saved.";
 
 /** Loads the page that the server chooses: the start page, or that of the open project. */
 export const goOn = () => { location.replace("/"); };
@@ -30,7 +40,8 @@ async function answered(asked) {
   /** @type {unknown} */
   const said = await answer.json().catch(() => ({}));
   if (!answer.ok) {
-    const { why = "The program failed; its window says where.", open } = /** @type {{ why?: string, open?: string }} */ (said);
+    const { why = "The program failed; its window says where.", open, there } = /** @type {{ why?: string, open?: string, there?: string }} */ (said);
+    if (there !== undefined) throw new OpenElsewhere(why, there);
     throw open === undefined ? new Error(why) : new OpenAlready(why, open);
   }
   return /** @type {T} */ (said);

@@ -30,7 +30,7 @@ function kindsOf(photos) {
 /** @param {Kind} kind */
 const countOf = ({ photos }) => photos.reduce((sum, { count }) => sum + count, 0);
 
-/** @param {Element} section @param {Found} found @param {{ begin: (wanted: Wanted) => void, back: () => void, wrong: (why: string) => void }} act */
+/** @param {Element} section @param {Found} found @param {{ begin: (wanted: Wanted, hasLengths: boolean) => void, back: () => void, wrong: (why: string) => void }} act */
 export function showSetup(section, found, act) {
   const kinds = kindsOf(found.photos);
   const heading = node("h2", { id: "setup-title", tabindex: -1 }, found.has_project ? `${found.name}: a project is here already` : found.name);
@@ -38,10 +38,10 @@ export function showSetup(section, found, act) {
     section.replaceChildren(heading, node("div", { class: "none", role: "alert" }, ...(found.fault ? [node("p", {}, "The project in this folder cannot be read:"), node("p", {}, found.fault)] : nothing(found))), bar(found, act));
     return;
   }
-  const form = node("form", { novalidate: true, onsubmit: (event) => { event.preventDefault(); begin(); } });
-  const begin = () => {
+  const form = node("form", { novalidate: true, onsubmit: (event) => { event.preventDefault(); begin(event instanceof SubmitEvent && event.submitter?.getAttribute("name") === "begin"); } });
+  const begin = (/** @type {boolean} */ hasLengths) => {
     try {
-      act.begin(wantedOf(found, kinds, new FormData(form)));
+      act.begin(wantedOf(found, kinds, new FormData(form)), hasLengths && !found.has_project);
     } catch (fault) {
       act.wrong(fault instanceof Error ? fault.message : "that failed");
     }
@@ -69,7 +69,8 @@ const nothing = ({ passed_over }) => [node("p", {}, "There are no photos (.jpg, 
 
 /** @param {Found} found @param {{ back: () => void }} act @param {boolean} [isReady] */
 const bar = ({ has_project }, act, isReady = false) => node("div", { class: "bar" }, node("button", { type: "button", name: "back", onclick: () => act.back() }, "Another folder"),
-  isReady ? node("button", { type: "submit", name: "begin", class: "main" }, has_project ? "Open the project" : "Begin: mark and measure") : null);
+  isReady ? node("button", { type: "submit", name: "begin", class: "main" }, has_project ? "Open the project" : "Begin with the taped lengths") : null,
+  isReady && !has_project ? node("button", { type: "submit", name: "mark" }, "No lengths: mark points") : null);
 
 /** @param {string} title @param {...Child} parts */
 const box = (title, ...parts) => node("fieldset", {}, node("legend", {}, title), ...parts);

@@ -42,7 +42,7 @@ function stepsOf() {
   };
   if (!isPlaced()) {
     return [
-      { words: several ? "Mark the same four points in two photos" : "Mark four points", done: (several ? twice : counts.length) >= 4, how: several ? "Click things on the ground that both photos show. Page Down shows the next photo: say there which point comes (N, or / and its label), then click it." : "Click things on the ground." },
+      { words: several ? "Mark the same four points in two photos" : "Mark four points", done: (several ? twice : counts.length) >= 4, how: several ? "Click things on the ground that both photos show. Page Down shows the next photo: click the same things there in the same order; the field Label shows which one comes next." : "Click things on the ground." },
       { words: "Enter two lengths that were taped", done: store.lines.length >= 2, how: `Tool ${TOOLS.length.name} (L): click both ends, type what the tape said. Nothing else says how large things are.` },
       measure,
     ];
@@ -50,7 +50,7 @@ function stepsOf() {
   return [
     { words: "Mark two points", done: counts.length >= 2, how: "Click them in a photo: things on the ground, as near as the zoom allows (wheel)." },
     measure,
-    ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Page Down shows the next photo, dashed where each point should be: click it there, under its label (N, or / and the label). Only this shows a wrong click." }] : []),
+    ...(several ? [{ words: "Mark the same points in a second photo", done: twice >= 2, how: "Page Down shows the next photo, dashed where each point should be: click it there. Only this shows a wrong click." }] : []),
     { words: "Enter a length that was taped, if you have one", done: store.lines.length >= 1, how: `Tool ${TOOLS.length.name} (L). It makes all values more exact; here the photos' places are known, so it can do without.` },
   ];
 }

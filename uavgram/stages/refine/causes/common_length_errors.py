@@ -24,6 +24,7 @@ from uavgram.estimation.reliability.test_statistics import compute_reductions
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observations.lengths import select_taped_lines
 from uavgram.model.arrays import Floats, Ints
+from uavgram.model.flight.pose import PhotoExposures
 from uavgram.model.message import Message
 from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis
@@ -308,12 +309,16 @@ def _factor_message(
     """Report lengths with a common factor."""
     value, sigma = 100.0 * float(found.value[0]), 100.0 * float(np.sqrt(found.covariance[0, 0]))
     how = "long" if value > 0 else "short"
-    witness = "log and photos" if diagnosis.survey.telemetry is not None else "photos"
+    witness, heights = "photos", ""
+    if diagnosis.survey.telemetry is not None:
+        of_photos = isinstance(diagnosis.survey.track, PhotoExposures)
+        witness = "the positions of the photos" if of_photos else "log and photos"
+        heights = f"the heights of the {'photos' if of_photos else 'log'}, "
     text = (
         f"{tape.words} seem to be too {how} by one factor, {abs(value):.1f} ± {sigma:.1f} %: "
         "compare the tape with another one, and divide all its readings by the factor found. If "
-        f"the tape is right, the scale from {witness} is wrong: check the heights of the log, the "
-        "camera file and the ground."
+        f"the tape is right, the scale from {witness} is wrong: check {heights}the camera "
+        "file and the ground."
     )
     names = _names(diagnosis, tape.rows)
     return Message("warning", "lengths-factor", text, lengths=names)

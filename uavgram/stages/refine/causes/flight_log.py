@@ -141,7 +141,7 @@ def propose_shifted_heights(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     is_of_log = not isinstance(adjustment.survey.track, PhotoExposures)
     known = float(np.log(20.0)) if is_of_log else 0.0
     yield Hypothesis(
-        message=_heights_message,
+        message=partial(_heights_message, "log" if is_of_log else "photos"),
         moved=(replace(every, rows=every.rows[2:], along=every.along[2:, :, 2:]),),
         settled=_up,
         freed=partial(_with_heights, up_m),
@@ -231,13 +231,13 @@ def _up(adjustment: Adjustment) -> tuple[Floats, Floats]:
     return value[2:], covariance[2:, 2:]
 
 
-def _heights_message(found: HypothesisTest | None) -> Message:
+def _heights_message(source: str, found: HypothesisTest | None) -> Message:
     assert found is not None  # noqa: S101
     up, sigma = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     return Message(
         "warning",
         "heights-off",
-        f"All heights of the log are {abs(up):.1f} ± {figures(sigma, 1)} m too "
+        f"All heights of the {source} are {abs(up):.1f} ± {figures(sigma, 1)} m too "
         f"{'large' if up > 0 else 'small'} "
         "for the height of the ground: check whether both are above the same reference (a geoid "
         "differs from the ellipsoid by up to 100 m), `world.origin` and `ground.height_m`. "
