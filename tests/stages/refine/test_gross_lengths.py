@@ -92,16 +92,6 @@ def test_a_length_in_another_unit_is_put_right_on_request(
     )
 
 
-def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(
-    scene_factory: Callable[..., Scene],
-) -> None:
-    scene = scene_factory(2, frames=4, ends=PAIRS, **NO_LOG)
-    refined, messages = refine(times(scene.survey, {4: 0.1}), REPORT)
-    assert left_out(refined) == {4: None}
-    assert [m.code for m in messages] == ["line-wrong-digit"]
-    assert refined.adjustment.minimum.converged
-
-
 def test_two_of_six_in_another_unit_do_not_hide_each_other(
     scene_factory: Callable[..., Scene],
 ) -> None:
@@ -125,13 +115,6 @@ def test_two_of_five_in_feet_are_left_out_and_not_the_innocent_third(
     found, given = (one.adjustment.points()[0] for one in (refined, right))
     ours, true = (np.linalg.norm(one[:, None] - one[None], axis=2) for one in (found, given))
     np.testing.assert_allclose(ours, true, rtol=0.02, atol=0.05)
-
-
-def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory: Callable[..., Scene]) -> None:
-    survey = logged(scene_factory(2, frames=6, ends=PAIRS))
-    refined, _ = refine(times(survey, dict.fromkeys(range(6), 1000.0)), REPORT)
-    assert refined.line_removed.all()
-    assert refined.adjustment.minimum.converged
 
 
 def misled(scene: Scene, shift: list[float]) -> Survey:
