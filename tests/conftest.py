@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import signal
@@ -46,10 +47,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    gc.disable()  # until all is collected, which leaves nothing behind
     if config.getoption("--cpu"):
         from cpu_of_tests import CpuOfTests
 
         config.pluginmanager.register(CpuOfTests())
+
+
+def pytest_collection_finish() -> None:
+    """Count modules and tests as permanent: looking through them again and again takes long."""
+    gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)

@@ -3,37 +3,19 @@
 from __future__ import annotations
 
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
-from small_projects import Command, Done, Fails, Project
+from small_projects import Command, Done, Fails, Project, write_small_survey
 
 from uavgram.cli import main
-from uavgram.synthetic.files import write_demo
-from uavgram.synthetic.scenario import CameraSpec, Scenario
-from uavgram.synthetic.survey import simulate
-
-WIDTH_PX, HEIGHT_PX = 400, 300
 
 
 @pytest.fixture(scope="session")
 def small_survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with the results of a good run in `out`; copied, never changed."""
-    scale = WIDTH_PX / CameraSpec().width_px
-    full = CameraSpec()
-    pixels = [scale] * 4 + [1.0] * 5
-    camera = CameraSpec(
-        width_px=WIDTH_PX,
-        height_px=HEIGHT_PX,
-        parameters=tuple(np.multiply(full.parameters, pixels).tolist()),
-        sigma=tuple(np.multiply(full.sigma, pixels).tolist()),
-    )
-    survey = simulate(replace(Scenario(), camera=camera))
-    photos = (np.full((HEIGHT_PX, WIDTH_PX, 3), 90, np.uint8) for _ in survey.frame_id)
     folder = tmp_path_factory.mktemp("small") / "survey"
-    project = write_demo(folder, survey, photos)
+    project = write_small_survey(folder)
     assert main(["run", str(project)]) == 0
     return folder
 

@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from small_projects import write_small_survey
 
 from uavgram.cli import main
 
@@ -80,9 +81,9 @@ def lasts_s(*command: object) -> float:
 
 @pytest.fixture(scope="module")
 def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("struck") / "survey"
-    assert main(["demo", "--output", str(folder)]) == 0
-    return folder
+    project = write_small_survey(tmp_path_factory.mktemp("struck") / "survey")
+    assert main(["run", str(project)]) == 0
+    return project.parent
 
 
 def strike_often(command: list[object], times: int) -> None:

@@ -3,58 +3,36 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 import pytest
 from flight_projects import copy_project
+from small_projects import write_small_survey
 
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
-from uavgram.synthetic.files import write_demo
-from uavgram.synthetic.scenario import CameraSpec, Scenario
-from uavgram.synthetic.survey import simulate
 
 Change = Callable[[float], float]
 
 
 class Solve(Protocol):
-    def __call__(
-        self, table: str = ..., column: str = ..., without: Sequence[str] = ..., **cells: Change
-    ) -> Result: ...
-
-
-WIDTH_PX, HEIGHT_PX = 400, 300
-WITHOUT_LOG = ("log", "time", "mount", "check")
+    def __call__(self, table: str = ..., column: str = ..., **cells: Change) -> Result: ...
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The simulated survey with small blank photos."""
-    full, scale = CameraSpec(), WIDTH_PX / CameraSpec().width_px
-    pixels = [scale] * 4 + [1.0] * 5
-    camera = CameraSpec(
-        width_px=WIDTH_PX,
-        height_px=HEIGHT_PX,
-        parameters=tuple(np.multiply(full.parameters, pixels).tolist()),
-        sigma=tuple(np.multiply(full.sigma, pixels).tolist()),
-    )
-    survey = simulate(replace(Scenario(), camera=camera))
-    photos = (np.full((HEIGHT_PX, WIDTH_PX, 3), 90, np.uint8) for _ in survey.frame_id)
-    return write_demo(tmp_path_factory.mktemp("gross") / "survey", survey, photos).parent
+    return write_small_survey(tmp_path_factory.mktemp("gross") / "survey").parent
 
 
 @pytest.fixture
 def solve(folder: Path, tmp_path: Path) -> Solve:
     """Compute the survey with cells of its tables changed: {row: value or factor}."""
 
-    def run(
-        table: str = "lines", column: str = "length_m", without: Sequence[str] = (), **cells: Change
-    ) -> Result:
+    def run(table: str = "lines", column: str = "length_m", **cells: Change) -> Result:
         changed = tmp_path / f"{table}.csv"
         with (folder / f"{table}.csv").open(encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -65,8 +43,7 @@ def solve(folder: Path, tmp_path: Path) -> Solve:
             writer = csv.DictWriter(file, rows[0])
             writer.writeheader()
             writer.writerows(rows)
-        left_out = dict.fromkeys(without)
-        path = copy_project(folder, tmp_path / "copy", **({table: str(changed)} | left_out))
+        path = copy_project(folder, tmp_path / "copy", **{table: str(changed)})
         return compute(read_inputs(path), curved=False).result
 
     return run
@@ -84,13 +61,10 @@ def as_it_should_be(result: Result, clean: Result) -> bool:
     return bool((np.abs(off) < 2.0 * result.measurements.sigma + 1e-9).all())
 
 
-@pytest.mark.parametrize("without", [(), WITHOUT_LOG], ids=["log", "no log"])
-def test_a_length_in_millimetres_is_the_only_thing_named(
-    solve: Solve, without: Sequence[str]
-) -> None:
-    clean = solve(without=without)
+def test_a_length_in_millimetres_is_the_only_thing_named(solve: Solve) -> None:
+    clean = solve()
     assert warned(clean) == []
-    result = solve(without=without, L2=lambda metres: 1000.0 * metres)
+    result = solve(L2=lambda metres: 1000.0 * metres)
     ((code, text),) = warned(result)
     assert code == result.verdict.reasons[0].cause == "line-wrong-unit"
     assert "'L2'" in text
@@ -118,14 +92,6 @@ def test_all_lengths_in_feet_are_told_in_one_message(solve: Solve) -> None:
     assert as_it_should_be(result, solve())
 
 
-def test_a_length_a_quarter_off_is_left_out_and_nothing_else_is_accused(solve: Solve) -> None:
-    result = solve(L2=lambda _: 16.0)
-    assert not [code for code, _ in warned(result) if code in ("line-suspect", "pick-suspect")]
-    status = dict(zip(result.lines.name, result.lines.status, strict=True))
-    assert status["L2"] in ("removed", "unused")
-    assert "suspect" not in status.values()
-
-
 def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_whole(
     solve: Solve,
 ) -> None:
@@ -141,19 +107,3 @@ def test_a_withheld_length_and_a_check_point_are_named_before_the_checks_as_a_wh
     assert "check point 'C2' is 34.5" in first
     assert "mostly to the west" in first
     assert "'C2' alone" in last
-
-
-def test_in_a_twin_a_length_in_feet_is_the_only_thing_named(data_dir: Path, tmp_path: Path) -> None:
-    source = data_dir / "calm_nadir"
-    lines = (source / "lines.csv").read_text(encoding="utf-8").splitlines()
-    clean = compute(read_inputs(copy_project(source, tmp_path / "clean")), curved=False).result
-    cells = lines[2].split(",")
-    column = lines[0].split(",").index("length_m")
-    cells[column] = repr(float(cells[column]) / 0.3048)
-    (tmp_path / "lines.csv").write_text("\n".join([*lines[:2], ",".join(cells), *lines[3:], ""]))
-    path = copy_project(source, tmp_path / "copy", lines=str(tmp_path / "lines.csv"))
-    result = compute(read_inputs(path), curved=False).result
-    told = [pair for pair in warned(result) if pair not in warned(clean)]
-    assert [code for code, _ in told] == ["line-wrong-unit"]
-    assert repr(cells[0]) in told[0][1]
-    assert "in feet, not in metres: write " in told[0][1]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -14,6 +16,8 @@ from typing import Any
 import pytest
 from flight_projects import Demo
 from manual_pages import ManualPage, manual_pages
+
+from uavgram.cli import main
 
 TUTORIAL = "docs/start.md"
 PAGES = {page.name: page for page in manual_pages()}
@@ -55,13 +59,18 @@ def one_blank(text: str) -> str:
 
 @pytest.mark.parametrize("name", WITH_COMMANDS)
 def test_the_commands_of_a_page_run(
-    name: str, demo: Demo, repository: Path, tmp_path: Path
+    name: str, demo: Demo, repository: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """In this process: the tutorial is typed into a shell."""
     page = PAGES[name]
-    folder = prepare(page, demo, repository, tmp_path)
-    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    monkeypatch.chdir(prepare(page, demo, repository, tmp_path))
+    for line in "".join(page.run("sh")).splitlines():
+        command, _, file = line.partition(" > ")
+        program, *arguments = shlex.split(command, comments=True)
 
-    typed(page.run("sh"), folder, PATH=path)
+        assert program == "uavgram", line
+        with Path(file or os.devnull).open("w") as stream, contextlib.redirect_stdout(stream):
+            assert main(arguments) == 0, line
 
 
 @pytest.mark.parametrize("name", WITH_PYTHON)

@@ -1,11 +1,34 @@
-"""A project that a test of the command line may break, and what the command line said of it."""
+"""The simulated survey with small blank photos, to be broken, and what the command line says."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
+import numpy as np
 import yaml
+
+from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.scenario import CameraSpec, Scenario
+from uavgram.synthetic.survey import simulate
+
+WIDTH_PX, HEIGHT_PX = 400, 300
+
+
+def write_small_survey(folder: Path) -> Path:
+    """Write the survey, and return its project file."""
+    full = CameraSpec()
+    pixels = [WIDTH_PX / full.width_px] * 4 + [1.0] * 5
+    camera = CameraSpec(
+        width_px=WIDTH_PX,
+        height_px=HEIGHT_PX,
+        parameters=tuple(np.multiply(full.parameters, pixels).tolist()),
+        sigma=tuple(np.multiply(full.sigma, pixels).tolist()),
+    )
+    survey = simulate(replace(Scenario(), camera=camera))
+    photos = (np.full((HEIGHT_PX, WIDTH_PX, 3), 90, np.uint8) for _ in survey.frame_id)
+    return write_demo(folder, survey, photos)
 
 
 class Done(NamedTuple):

@@ -37,6 +37,18 @@ def test_in_the_report(result: Result) -> None:
         check_texts(one)
 
 
+@pytest.mark.parametrize("result", [0, 2], indirect=True)  # whose lengths join named points
+def test_the_plan_names_what_the_result_rests_on_and_the_annex_every_point(result: Result) -> None:
+    every, lines = set(result.points.label), result.lines
+    used = {*lines.start, *lines.end, *result.point_checks.label}.union(
+        *result.known.points, *result.measurements.points
+    )
+    assert set() < used & every < every
+    (plan,) = (one for one in in_report(result) if used & every <= set(one.texts))
+    assert every.intersection(plan.texts) == used & every
+    assert len([one for one in in_annex(result) if every <= set(one.texts)]) == 2
+
+
 def test_in_the_cad_drawing(result: Result) -> None:
     drawn = in_cad(result)
     assert set(result.points.label) <= set(drawn.texts)

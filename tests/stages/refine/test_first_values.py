@@ -143,8 +143,7 @@ def nonsense(
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])
-@pytest.mark.parametrize("seed", [0, 2])
-@pytest.mark.parametrize("frame", [0, 3])
+@pytest.mark.parametrize(("frame", "seed"), [(0, 2), (3, 0)])
 def test_a_frame_of_nonsense_is_left_out_by_name_and_the_rest_goes_on(
     scene_factory: Callable[..., Scene], options: dict[str, object], frame: int, seed: int
 ) -> None:
@@ -181,11 +180,11 @@ def test_two_frames_of_nonsense_do_not_hide_each_other(
     scene_factory: Callable[..., Scene], options: dict[str, object]
 ) -> None:
     rng = np.random.default_rng(1)
-    scene = scene_factory(2, frames=8, ends=PAIRS, **options)
-    survey = nonsense(nonsense(scene.survey, 2, rng), 5, rng)
+    scene = scene_factory(2, frames=5, ends=PAIRS, **options)
+    survey = nonsense(nonsense(scene.survey, 1, rng), 4, rng)
     refined, messages = refine(survey, REPORT)
     left = [f for f in survey.frame_id if f not in refined.adjustment.survey.frame_id]
-    assert left == ["f2", "f5"]
+    assert left == ["f1", "f4"]
     assert len([m for m in messages if m.code == "frame-left-out"]) == 2
     assert refined.adjustment.minimum.converged
 

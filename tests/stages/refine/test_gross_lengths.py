@@ -95,19 +95,6 @@ def test_a_length_in_another_unit_is_put_right_on_request(
     )
 
 
-@pytest.mark.parametrize(
-    ("factor", "cause"), [(1000.0, "line-wrong-unit"), (0.1, "line-wrong-digit")]
-)
-def test_without_log_leaving_each_out_in_turn_finds_the_wrong_one(
-    scene_factory: Callable[..., Scene], factor: float, cause: str
-) -> None:
-    scene = scene_factory(2, frames=4, ends=PAIRS, **NO_LOG)
-    refined, messages = refine(times(scene.survey, {4: factor}), REPORT)
-    assert left_out(refined) == {4: None}
-    assert [m.code for m in messages] == [cause]
-    assert refined.adjustment.minimum.converged
-
-
 def test_two_of_six_in_another_unit_do_not_hide_each_other(
     scene_factory: Callable[..., Scene],
 ) -> None:
@@ -116,14 +103,6 @@ def test_two_of_six_in_another_unit_do_not_hide_each_other(
         survey = logged(scene) if scene.survey.seeds is not None else scene.survey
         refined, _ = refine(times(survey, {0: 100.0, 4: 1000.0}), REPORT)
         assert left_out(refined) == {0: None, 4: None}
-
-
-def test_two_of_six_in_feet_are_found_by_leaving_out_pairs_without_log(
-    scene_factory: Callable[..., Scene],
-) -> None:
-    scene = scene_factory(2, frames=2, ends=PAIRS, **NO_LOG)
-    refined, _ = refine(times(scene.survey, {0: 1 / 0.3048, 4: 1 / 0.3048}), REPORT)
-    assert left_out(refined) == {0: None, 4: None}
 
 
 def test_two_of_five_in_feet_are_left_out_and_not_the_innocent_third(
@@ -139,13 +118,6 @@ def test_two_of_five_in_feet_are_left_out_and_not_the_innocent_third(
     found, given = (one.adjustment.points()[0] for one in (refined, right))
     ours, true = (np.linalg.norm(one[:, None] - one[None], axis=2) for one in (found, given))
     np.testing.assert_allclose(ours, true, rtol=0.02, atol=0.05)
-
-
-def test_all_lengths_in_a_wrong_unit_yield_to_the_log(scene_factory: Callable[..., Scene]) -> None:
-    survey = logged(scene_factory(2, frames=6, ends=PAIRS))
-    refined, _ = refine(times(survey, dict.fromkeys(range(6), 1000.0)), REPORT)
-    assert refined.line_removed.all()
-    assert refined.adjustment.minimum.converged
 
 
 def misled(scene: Scene, shift: list[float]) -> Survey:
