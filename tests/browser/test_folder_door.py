@@ -20,7 +20,7 @@ from picking_server import Served, served
 from playwright.sync_api import Page, expect
 
 from uavgram.config.project import load_project
-from uavgram.picking.session.door import Door
+from uavgram.picking.session.folder_chooser import FolderChooser
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def home(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def server(home: Path) -> Iterator[Served]:
-    with served(None, Door(roots=(home,))) as server:
+    with served(None, FolderChooser(roots=(home,))) as server:
         yield server
 
 

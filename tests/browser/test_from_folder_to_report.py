@@ -21,7 +21,7 @@ from playwright.sync_api import Page, expect
 from uavgram.config.project import load_project
 from uavgram.io.results.results_json import load_results
 from uavgram.model.result.result import Result
-from uavgram.picking.session.door import Door
+from uavgram.picking.session.folder_chooser import FolderChooser
 from uavgram.pipeline.measure.run import run
 
 MOST = 40
@@ -228,7 +228,7 @@ def told(name: str, does: Counted) -> int:
 def test_two_projects_one_after_another_without_a_file_or_a_terminal(
     home: Path, truth: Truth, open_page: PageOpener
 ) -> None:
-    with served(None, Door(roots=(home,)), run) as server:
+    with served(None, FolderChooser(roots=(home,)), run) as server:
         page = open_page(server, 1280, 800)
         does = Counted(page)
         does.press(page.get_by_role("button", name=f"Use {STREET}"))
@@ -269,7 +269,7 @@ def test_without_a_log_points_of_the_second_photo_follow_in_their_order(
     home: Path, truth: Truth, open_page: PageOpener
 ) -> None:
     (home / STREET / "flight.BIN").unlink()
-    with served(None, Door(roots=(home,)), run) as server:
+    with served(None, FolderChooser(roots=(home,)), run) as server:
         page = open_page(server, 1280, 800)
         does = Counted(page)
         does.press(page.get_by_role("button", name=f"Use {STREET}"))

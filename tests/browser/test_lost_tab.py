@@ -14,7 +14,7 @@ from pick_pages import LONGEST_WAIT_S, small_project
 from picking_pages import place
 from playwright.sync_api import Browser, BrowserContext, Page, expect
 
-from uavgram.picking.web.serving import open_door
+from uavgram.picking.web.serving import open_socket
 
 SHARP = '.pane[data-sharp="true"]'
 
@@ -138,7 +138,7 @@ def test_a_project_that_another_page_has_open_is_reached_there(desk: Desk, tmp_p
     folder = tmp_path / "flight"
     small_project(folder)
     desk.tab_of(desk.start(folder)).wait_for_selector(SHARP)
-    with closing(open_door(0)) as free:
+    with closing(open_socket(0)) as free:
         port = free.getsockname()[1]
     page = desk.tab_of(desk.start("--port", str(port)))  # a page of its own, beside the first
     assert f":{port}/" in page.url

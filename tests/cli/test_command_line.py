@@ -296,8 +296,8 @@ def test_without_a_command_the_page_opens(
     monkeypatch.chdir(tmp_path)
     served: list[Path | None] = []
     monkeypatch.setattr(pick, "_serve", lambda wanted, *_, **__: served.append(wanted))
-    monkeypatch.setattr(pick, "_led_to_running", lambda *_, **__: False)
-    assert entry.called(typed) == 0
+    monkeypatch.setattr(pick, "_find_running_page", lambda *_, **__: False)
+    assert entry.run_command(typed) == 0
     assert served == [None if opened is None else Path(opened)]
 
 

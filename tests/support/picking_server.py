@@ -11,13 +11,13 @@ from pathlib import Path
 
 import uvicorn
 
-from uavgram.picking.session.door import Door
+from uavgram.picking.session.folder_chooser import FolderChooser
 from uavgram.picking.session.session import PickSession
-from uavgram.picking.web.desk import Desk, RunProject
 from uavgram.picking.web.guard import Guard
-from uavgram.picking.web.patience import PatientProtocol
+from uavgram.picking.web.project_host import ProjectHost, RunProject
+from uavgram.picking.web.request_timeout import TimeoutProtocol
 from uavgram.picking.web.server import PickServer
-from uavgram.picking.web.serving import open_door
+from uavgram.picking.web.serving import open_socket
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import read_inputs
 
@@ -31,16 +31,19 @@ class Served:
     """A picking page's server in a thread, and its session."""
 
     def __init__(
-        self, project: Path | None, door: Door | None = None, run: RunProject = compute_project
+        self,
+        project: Path | None,
+        door: FolderChooser | None = None,
+        run: RunProject = compute_project,
     ) -> None:
-        self.desk = Desk(run, Door(roots=()) if door is None else door, project)
-        self._door = open_door(0)
+        self.desk = ProjectHost(run, FolderChooser(roots=()) if door is None else door, project)
+        self._door = open_socket(0)
         self.port = self._door.getsockname()[1]
         self.guard = Guard(self.desk.application(), self.port, way_to=self.desk.way_to)
         config = uvicorn.Config(
             self.guard,
             log_config=None,
-            http=PatientProtocol,
+            http=TimeoutProtocol,
             ws="websockets-sansio",
             timeout_graceful_shutdown=1,
         )
@@ -90,7 +93,7 @@ class Served:
 
 @contextlib.contextmanager
 def served(
-    project: Path | None, door: Door | None = None, run: RunProject = compute_project
+    project: Path | None, door: FolderChooser | None = None, run: RunProject = compute_project
 ) -> Iterator[Served]:
     """Serve the picking page of a project, or the door to all of them."""
     server = Served(project, door, run)

@@ -22,9 +22,9 @@ def main(arguments: "Sequence[str] | None" = None) -> int:
         None: those of this process, which then runs only this command.
     """
     try:
-        from uavgram.cli.start import begin
+        from uavgram.cli.start import start
 
-        return begin(arguments)
+        return start(arguments)
     except KeyboardInterrupt:
         from uavgram.cli.interrupt import report_interruption
 

@@ -33,33 +33,33 @@ from uavgram.cli.commands import (  # noqa: F401  (each registers itself with th
     targets,
     view,
 )
-from uavgram.cli.interrupt import has_come
-from uavgram.cli.terminal import as_told, be_quiet, drop_output, tell_in
+from uavgram.cli.interrupt import was_interrupted
+from uavgram.cli.terminal import be_quiet, convert_units, drop_output, set_units
 from uavgram.errors import UavgramError
 from uavgram.model.naming import METRIC
 
-__all__ = ["app", "called"]
+__all__ = ["app", "run_command"]
 
 
-def called(arguments: Sequence[str] | None) -> int:
+def run_command(arguments: Sequence[str] | None) -> int:
     """Run the command in the arguments, or the process's own; return its exit status."""
-    tell_in(METRIC)
+    set_units(METRIC)
     typed = sys.argv[1:] if arguments is None else list(arguments)
     options = typed[: typed.index("--")] if "--" in typed else typed
     be_quiet(quiet=QUIET in options)
     rest = [one for one in options if one != QUIET] + typed[len(options) :]
     try:
         try:
-            status = app(_with_command(rest))
+            status = app(_add_command(rest))
         except Exception as fault:
-            if has_come():  # the fault is of a library interrupted by Ctrl+C
+            if was_interrupted():  # the fault is of a library interrupted by Ctrl+C
                 raise KeyboardInterrupt from fault
             raise
     except cyclopts.CycloptsError as error:
-        sys.stderr.write(f"uavgram: {_wrong_use(error)}\n")
+        sys.stderr.write(f"uavgram: {_describe_wrong_use(error)}\n")
         return WRONG_USAGE
     except UavgramError as error:
-        sys.stderr.write(as_told(f"uavgram: {error}\n"))
+        sys.stderr.write(convert_units(f"uavgram: {error}\n"))
         return PROBLEM
     except BrokenPipeError:  # the reader of the output (head, less) ended; files are written
         drop_output()
@@ -67,7 +67,7 @@ def called(arguments: Sequence[str] | None) -> int:
     return status if isinstance(status, int) else DONE
 
 
-def _with_command(typed: list[str]) -> list[str]:
+def _add_command(typed: list[str]) -> list[str]:
     """Open the page without a command: `uavgram`, `uavgram FOLDER`, `uavgram --port 8000`.
 
     A command takes precedence over a folder of its name.
@@ -77,11 +77,11 @@ def _with_command(typed: list[str]) -> list[str]:
     return ["pick", *typed]
 
 
-def _wrong_use(error: cyclopts.CycloptsError) -> str:
+def _describe_wrong_use(error: cyclopts.CycloptsError) -> str:
     """Describe the wrong use of a command, and the way to its help."""
     said = str(error)
     if isinstance(error, cyclopts.UnknownCommandError) and not error.command_chain:
-        said = _neither((error.unused_tokens or [""])[0])
+        said = _describe_unknown_word((error.unused_tokens or [""])[0])
     elif isinstance(error, cyclopts.UnusedCliTokensError):
         typed = ", ".join(map(repr, error.unused_tokens or ()))
         said = f"{typed}: this command does not take that; it may need its option before it"
@@ -96,19 +96,19 @@ def _wrong_use(error: cyclopts.CycloptsError) -> str:
     return f"{said}\nTry: {command} --help"
 
 
-def _neither(typed: str) -> str:
+def _describe_unknown_word(typed: str) -> str:
     """Return the error text for a word that is neither a command nor a path, with similar names."""
     commands = [one for one in app if not one.startswith("-")]
-    near = get_close_matches(typed, commands, cutoff=LIKE)
+    near = get_close_matches(typed, commands, cutoff=SIMILARITY)
     path = Path(typed)
     with suppress(OSError, ValueError):
         inside = {one.name.casefold(): one for one in islice(path.parent.iterdir(), MAX_ENTRIES)}
-        for name in get_close_matches(path.name.casefold(), inside, cutoff=LIKE):
+        for name in get_close_matches(path.name.casefold(), inside, cutoff=SIMILARITY):
             near.append(str(path.parent / inside[name].name))
     meant = f". Did you mean {' or '.join(near)}?" if near else ""
     return f"{typed!r} is neither a command nor a folder or file{meant}"
 
 
-LIKE = 0.6
+SIMILARITY = 0.6
 """Similarity from 0 to 1 above which a name is proposed for a mistyped one."""
 MAX_ENTRIES = 5000

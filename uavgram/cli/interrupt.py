@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 INTERRUPTED = 130
 _AGAIN_AFTER_S = 0.01
-_came = False
+_interrupted = False
 _status: int | None = None  # with which this process ends, once it is known
 
 
-def has_come() -> bool:
+def was_interrupted() -> bool:
     """Return whether Ctrl+C came while this process was watched."""
-    return _came
+    return _interrupted
 
 
 def watch() -> None:
@@ -32,17 +32,17 @@ def watch() -> None:
     """
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not ignored, as by nohup
         signal.signal(signal.SIGINT, _interrupt)
-        sys.unraisablehook = _again
+        sys.unraisablehook = _interrupt_again
         atexit.register(_leave)  # the first to be registered is the last to be called
 
 
 def report_interruption(words: str = "interrupted; earlier results are as they were") -> int:
     """Report in one line that the command was interrupted; return the status of the process."""
     sys.stderr.write(f"uavgram: {words}\n")
-    return ending(INTERRUPTED)
+    return set_end_status(INTERRUPTED)
 
 
-def ending(status: int) -> int:
+def set_end_status(status: int) -> int:
     """Set the status with which this process ends: from now on nothing is interrupted."""
     global _status  # noqa: PLW0603  (a process has one)
     _status = status
@@ -50,8 +50,8 @@ def ending(status: int) -> int:
 
 
 def _interrupt(_number: int, _frame: FrameType | None) -> None:
-    global _came  # noqa: PLW0603
-    _came = True
+    global _interrupted  # noqa: PLW0603
+    _interrupted = True
     if _status is None:
         raise KeyboardInterrupt
     if _status == 0:  # at the end of the process, nothing is caught any more
@@ -72,7 +72,7 @@ def _leave() -> None:
     os._exit(_status)
 
 
-def _again(ignored: UnraisableHookArgs) -> None:
+def _interrupt_again(ignored: UnraisableHookArgs) -> None:
     if issubclass(ignored.exc_type, KeyboardInterrupt):
         later = threading.Timer(_AGAIN_AFTER_S, _thread.interrupt_main)
         later.daemon = True

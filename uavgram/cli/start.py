@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 
-from uavgram.cli.interrupt import ending, has_come, watch
+from uavgram.cli.interrupt import set_end_status, was_interrupted, watch
 
 
-def begin(arguments: Sequence[str] | None) -> int:
+def start(arguments: Sequence[str] | None) -> int:
     """Set the process up, and run the command; return its exit status.
 
     Raises
@@ -19,9 +19,9 @@ def begin(arguments: Sequence[str] | None) -> int:
     if arguments is None:  # this process is ours alone
         watch()
     try:
-        return ending(_run(arguments))
+        return set_end_status(_run(arguments))
     except BaseException as fault:
-        if has_come():
+        if was_interrupted():
             raise KeyboardInterrupt from fault
         raise
 
@@ -42,6 +42,6 @@ def _run(arguments: Sequence[str] | None) -> int:
 
         avoid_modules()
         collect_garbage_rarely()
-    from uavgram.cli.entry import called
+    from uavgram.cli.entry import run_command
 
-    return called(arguments)
+    return run_command(arguments)

@@ -34,13 +34,13 @@ def be_quiet(*, quiet: bool) -> None:
     _QUIET.set(quiet)
 
 
-def tell_in(units: Units) -> None:
+def set_units(units: Units) -> None:
     """Set the units of lengths and speeds in texts from now on, without a result."""
     _UNITS.set(units)
     _KNOWN.set(((), ()))
 
 
-def tell_of(result: Result) -> None:
+def set_result(result: Result) -> None:
     """Convert lengths of this result from their exact values from now on; keep names unchanged."""
     from uavgram.views.sentence_units import exact_lengths, list_names_like_lengths
 
@@ -48,7 +48,7 @@ def tell_of(result: Result) -> None:
         _KNOWN.set((list_names_like_lengths(result), exact_lengths(result)))
 
 
-def tell_as(project: Path) -> Units:
+def set_project_units(project: Path) -> Units:
     """Set the units of lengths and speeds, also in errors, from a project file.
 
     A file that cannot be read is no error here: the code that needs it reports it.
@@ -59,23 +59,23 @@ def tell_as(project: Path) -> Units:
         units = load_project(project, unfinished=True).units
     except UavgramError:
         units = METRIC
-    tell_in(units)
+    set_units(units)
     return units
 
 
-def as_told(text: str) -> str:
+def convert_units(text: str) -> str:
     """Return a text with its lengths and speeds in the units of the project."""
     from uavgram.views.sentence_units import convert_sentence
 
     return convert_sentence(text, _UNITS.get(), *_KNOWN.get())
 
 
-def say(*lines: str) -> None:
+def print_lines(*lines: str) -> None:
     """Write lines to standard output, their lengths and speeds in the units of the project."""
-    say_as_is(*map(as_told, lines))
+    print_unchanged(*map(convert_units, lines))
 
 
-def say_as_is(*lines: str) -> None:
+def print_unchanged(*lines: str) -> None:
     """Write lines to standard output, such as converted files, which keep metres.
 
     Raises
@@ -90,10 +90,10 @@ def say_as_is(*lines: str) -> None:
 def warn_of(text: str, *, only_quiet: bool = False) -> None:
     """Write one line to standard error; `only_quiet`: only where standard output has no text."""
     if _QUIET.get() or not only_quiet:
-        sys.stderr.write(as_told(f"uavgram: {text}\n"))
+        sys.stderr.write(convert_units(f"uavgram: {text}\n"))
 
 
-def say_json(content: object) -> None:
+def print_json(content: object) -> None:
     """Write a JSON object to standard output, in ASCII, safe for every encoding of a pipe.
 
     Raises
@@ -125,9 +125,9 @@ def _write(text: str) -> None:
         ) from fault
 
 
-def say_written(folder: Path, files: Iterable[str]) -> None:
+def print_written_files(folder: Path, files: Iterable[str]) -> None:
     """List the files that were written, below their folder."""
-    say_as_is("", f"written:   {folder}", *(f"           {file}" for file in files))
+    print_unchanged("", f"written:   {folder}", *(f"           {file}" for file in files))
 
 
 def drop_output() -> None:
@@ -140,14 +140,14 @@ def log_to_stderr(*, verbose: bool) -> None:
     logging.basicConfig(stream=sys.stderr, level=logging.WARNING, force=True)
     logging.getLogger("uavgram").setLevel(logging.INFO if verbose else logging.WARNING)
     for handler in logging.getLogger().handlers:
-        handler.setFormatter(_Told("%(message)s"))
+        handler.setFormatter(_UnitFormatter("%(message)s"))
 
 
-class _Told(logging.Formatter):
+class _UnitFormatter(logging.Formatter):
     """Formatter of log messages in the units of the project."""
 
     def format(self, record: logging.LogRecord) -> str:
-        return as_told(super().format(record))
+        return convert_units(super().format(record))
 
 
 def progress() -> Progress:

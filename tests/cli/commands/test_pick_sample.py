@@ -17,7 +17,7 @@ def test_the_readings_of_the_tape_are_named(
     folder = tmp_path / "sample"
     folder.mkdir()
     (folder / "project.yaml").write_text(f"{SAMPLE_MARK} as it was made.\n")
-    monkeypatch.setattr(command, "_led_to_running", lambda *_, **__: True)
+    monkeypatch.setattr(command, "_find_running_page", lambda *_, **__: True)
 
     assert main(["pick", "--sample", str(folder)]) == 0
     assert str(folder / "taped.txt") in capsys.readouterr().out

@@ -32,7 +32,7 @@ from uavgram.model.limits import LONGEST_NAME
 from uavgram.picking.document.history import MAX_ITEMS
 from uavgram.picking.document.history import apply_change as state_after
 from uavgram.picking.protocol.parse import MAX_MESSAGE_BYTES
-from uavgram.picking.web.guard import Pace
+from uavgram.picking.web.guard import RateLimit
 
 
 @pytest.fixture(scope="module")
@@ -395,7 +395,7 @@ def test_a_flood_is_slowed_down_while_another_page_goes_on(
 
 def test_the_pace_lets_people_through_and_slows_down_machines() -> None:
     now = 0.0
-    pace = Pace(per_second=10, at_once=5, clock=lambda: now)
+    pace = RateLimit(per_second=10, at_once=5, clock=lambda: now)
     assert [pace.wait_s() for _ in range(5)] == [0.0] * 5
     assert pace.wait_s() == pytest.approx(0.1)
     total = 0.0

@@ -13,12 +13,12 @@ import pytest
 from own_loop import run_alone
 
 from uavgram.errors import UavgramError
-from uavgram.picking.web.serving import open_door
+from uavgram.picking.web.serving import open_socket
 
 
 def test_who_comes_before_the_server_is_up_waits_at_the_door() -> None:
     with (
-        contextlib.closing(open_door(0)) as door,
+        contextlib.closing(open_socket(0)) as door,
         socket.create_connection(door.getsockname(), timeout=60) as early,
     ):
         came, address = door.accept()
@@ -35,7 +35,7 @@ def test_small_messages_are_sent_at_once() -> None:
             accepted.set_result(its.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY))
             writer.close()
 
-        door = open_door(0)
+        door = open_socket(0)
         async with await asyncio.start_server(come, sock=door):
             _, writer = await asyncio.open_connection(*door.getsockname())
             found = await accepted
@@ -50,7 +50,7 @@ KEPT_MB = """
 import re, sys
 from pathlib import Path
 import numpy as np
-from uavgram.picking.web.malloc import give_back_large_blocks
+from uavgram.picking.web.memory import give_back_large_blocks
 
 def now():
     text = Path("/proc/self/status").read_text()  # as reserved: the system may move idle pages
@@ -82,12 +82,12 @@ def test_large_blocks_that_are_freed_go_back_to_the_system() -> None:
 
 
 def test_the_door_is_on_this_machine_only() -> None:
-    with contextlib.closing(open_door(0)) as door:
+    with contextlib.closing(open_socket(0)) as door:
         assert door.getsockname()[0] == "127.0.0.1"
 
 
 def test_a_port_that_is_taken_is_said() -> None:
-    with contextlib.closing(open_door(0)) as door:
+    with contextlib.closing(open_socket(0)) as door:
         port = door.getsockname()[1]
         with pytest.raises(UavgramError, match=f"port {port} cannot be used.*--port"):
-            open_door(port)
+            open_socket(port)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, PROBLEM, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, say_as_is, say_written
+from uavgram.cli.terminal import log_to_stderr, print_unchanged, print_written_files
 
 if TYPE_CHECKING:
     from uavgram.pipeline.batch.run import Step
@@ -94,8 +94,8 @@ def batch(
     )
     found = run_batch(projects, output, Requests(pdf=pdf), means, _print_row)
     words = summarise_batch(found)
-    say_as_is("", words.sentence, *(f"  {reason}" for reason in words.reasons))
-    say_written(output, (PAGE, CSV, PARQUET))
+    print_unchanged("", words.sentence, *(f"  {reason}" for reason in words.reasons))
+    print_written_files(output, (PAGE, CSV, PARQUET))
     return PROBLEM if found.count("failed") else DONE
 
 
@@ -103,7 +103,7 @@ def _print_row(step: Step) -> None:
     from uavgram.views.batch import format_time_left, survey_line
 
     left = f"; {format_time_left(step.seconds_left)}" if step.ended < step.total else ""
-    say_as_is(f"[{step.ended}/{step.total}{left}] {survey_line(step.row)}")
+    print_unchanged(f"[{step.ended}/{step.total}{left}] {survey_line(step.row)}")
 
 
 def _cluster(asked: Scheduler | None) -> Cluster | None:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Decimal, Flag, app
-from uavgram.cli.terminal import progress, say, say_written
+from uavgram.cli.terminal import print_lines, print_written_files, progress
 from uavgram.errors import InputError
 
 Model = Literal["brown", "fisheye"]
@@ -81,8 +81,8 @@ def calibrate(  # noqa: PLR0913  (one for each option)
     )
     folder = Path(FOLDER) if output is None else output
     done = make(images, board, folder, options, prior=prior, name=name, progress=progress())
-    say(*calibration_lines(done.account))
-    say_written(done.folder, done.files)
+    print_lines(*calibration_lines(done.account))
+    print_written_files(done.folder, done.files)
     return DONE
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from cyclopts import Parameter
 
 from uavgram.cli.application import DONE, Decimal, Json, app
-from uavgram.cli.terminal import say, say_json
+from uavgram.cli.terminal import print_json, print_lines
 from uavgram.errors import InputError
 
 if TYPE_CHECKING:
@@ -79,21 +79,21 @@ def camera(
         if compare is not None:
             _compare(changed, compare, distance, json=json)
         elif json:
-            say_json(camera_object(changed))
+            print_json(camera_object(changed))
         else:
-            say(*_show(changed))
+            print_lines(*_show(changed))
         return DONE
     if json:
         raise InputError("--json", "shows a camera; a converted file (--to, --output) has a form")
     form = "uavgram" if to is None else to
     options = {key: value for key, value in (("crop", crop), ("size", size)) if value is not None}
     if output is None:
-        say(format_camera(changed, form, options).rstrip("\n"))
+        print_lines(format_camera(changed, form, options).rstrip("\n"))
         return DONE
     write_camera(output, changed, form, options)
-    say(*message_lines(changed.messages), f"written: {output}")
+    print_lines(*message_lines(changed.messages), f"written: {output}")
     if form == "colmap":
-        say("info: COLMAP's file has no place for the covariance: keep the original too.")
+        print_lines("info: COLMAP's file has no place for the covariance: keep the original too.")
     return DONE
 
 
@@ -139,8 +139,8 @@ def _compare(first: CameraRead, other: Path, distance: float | None, *, json: bo
     second = read_camera(other)
     difference = compare_cameras(first.calibration, second.calibration, distance=distance)
     if json:
-        say_json(difference_object(first, second, difference))
+        print_json(difference_object(first, second, difference))
         return
     lines = difference_lines(first.calibration, second.calibration, difference)
     notes = message_lines((*first.messages, *second.messages))
-    say(*lines, *([""] if notes else []), *notes)
+    print_lines(*lines, *([""] if notes else []), *notes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.cli.application import DONE, Json, app
-from uavgram.cli.terminal import say, say_json, tell_as
+from uavgram.cli.terminal import print_json, print_lines, set_project_units
 
 
 @app.command
@@ -23,11 +23,11 @@ def check(project: Path = Path(), /, *, json: Json = False) -> int:
     from uavgram.pipeline.check import check as check_project
     from uavgram.views.terminal import check_lines
 
-    tell_as(project)
+    set_project_units(project)
     checked = check_project(project)
     if json:
-        say_json(check_object(checked, project))
+        print_json(check_object(checked, project))
         return DONE
     posed = checked.posed
-    say(*check_lines(checked.inputs.photos, posed.frames, posed.pairing, checked.messages))
+    print_lines(*check_lines(checked.inputs.photos, posed.frames, posed.pairing, checked.messages))
     return DONE

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from uavgram.cli.application import DONE, Seed, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say
+from uavgram.cli.terminal import log_to_stderr, print_lines, progress
 
 if TYPE_CHECKING:
     from uavgram.model.camera.calibration import Calibration
@@ -64,8 +64,10 @@ def show_survey(
 
     result, truth, project = run_demo(output, survey, progress(), calibration)
     recording = project.parent / "out" / "recording.rrd"
-    say(truth_table(result, truth), "", light_line(result), "")
-    say(*message_lines(result.messages, verbose=verbose))
-    say("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")
-    say(f"report:    {recording.with_name('report.html')}", f"look:      uavgram view {recording}")
+    print_lines(truth_table(result, truth), "", light_line(result), "")
+    print_lines(*message_lines(result.messages, verbose=verbose))
+    print_lines("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")
+    print_lines(
+        f"report:    {recording.with_name('report.html')}", f"look:      uavgram view {recording}"
+    )
     return DONE

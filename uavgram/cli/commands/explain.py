@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from uavgram.cli.application import DONE, Flag, app
-from uavgram.cli.terminal import say_as_is
+from uavgram.cli.terminal import print_unchanged
 
 
 @app.command
@@ -20,7 +20,7 @@ def explain(code: str | None = None, /, *, markdown: Flag = False) -> int:
     from uavgram.views.explanations import explanation, list_codes, messages_page
 
     if markdown:
-        say_as_is(messages_page().removesuffix("\n"))
+        print_unchanged(messages_page().removesuffix("\n"))
     else:
-        say_as_is(*(list_codes() if code is None else explanation(code)))
+        print_unchanged(*(list_codes() if code is None else explanation(code)))
     return DONE

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 from uavgram.cli.application import DONE, app
-from uavgram.cli.terminal import progress, say, say_written, tell_as
+from uavgram.cli.terminal import print_lines, print_written_files, progress, set_project_units
 
 
 @app.command
@@ -34,8 +34,8 @@ def geotag(
     from uavgram.pipeline.geotag import geotag as write_tags
     from uavgram.views.terminal import geotag_lines
 
-    units = tell_as(project)
+    units = set_project_units(project)
     done = write_tags(project, output, poses, exif=exif, progress=progress())
-    say(*geotag_lines(done.tags, done.messages, units))
-    say_written(done.folder, done.files)
+    print_lines(*geotag_lines(done.tags, done.messages, units))
+    print_written_files(done.folder, done.files)
     return DONE

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.cli.application import DONE, Json, app
-from uavgram.cli.terminal import say, say_json
+from uavgram.cli.terminal import print_json, print_lines
 
 
 @app.command(name="log")
@@ -38,5 +38,5 @@ def show_log(
         from uavgram.views.flight_log.plot import log_plot_png
 
         replace_bytes(plot, log_plot_png(summary))
-    say_json(log_summary_object(summary)) if json else say(*log_summary_lines(summary))
+    print_json(log_summary_object(summary)) if json else print_lines(*log_summary_lines(summary))
     return DONE

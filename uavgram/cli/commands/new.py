@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from uavgram.cli.application import DONE, app
-from uavgram.cli.terminal import say
+from uavgram.cli.terminal import print_lines
 
 Images = Annotated[list[str] | None, Parameter(negative=())]
 
@@ -45,7 +45,7 @@ def new(
     made = new_project(
         folder, Choices(images=tuple(images or ()), log=log, camera=camera, poses=poses)
     )
-    say(f"Written: {made.path}", *(f"  {what}" for what in made.found))
-    say("", *message_lines(made.messages))
-    say("", f"Next: uavgram pick {shlex.quote(str(made.path))}")
+    print_lines(f"Written: {made.path}", *(f"  {what}" for what in made.found))
+    print_lines("", *message_lines(made.messages))
+    print_lines("", f"Next: uavgram pick {shlex.quote(str(made.path))}")
     return DONE

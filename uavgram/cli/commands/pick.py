@@ -9,7 +9,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Flag, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as
+from uavgram.cli.terminal import log_to_stderr, print_lines, progress, set_project_units
 
 Port = Annotated[int, Parameter(validator=validators.Number(gte=0, lte=65535))]
 
@@ -56,27 +56,27 @@ def pick(
     # the browser needs the processors too. Read when numpy is loaded, which is below.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-    from uavgram.picking.web.running import one_start_at_a_time
+    from uavgram.picking.web.running_server import one_start_at_a_time
 
     log_to_stderr(verbose=verbose)
-    wanted = _sample(project) if sample else project or _present()
-    if wanted is not None and not _has_none(wanted):
-        tell_as(wanted)
+    wanted = _sample(project) if sample else project or _find_present_folder()
+    if wanted is not None and not _lacks_project(wanted):
+        set_project_units(wanted)
     with contextlib.ExitStack() as starting:
         starting.enter_context(one_start_at_a_time())
-        if _led_to_running(wanted, port, browser=browser):
+        if _find_running_page(wanted, port, browser=browser):
             return DONE
         return _serve(wanted, port, starting.close, browser=browser)
 
 
-def _has_none(folder: Path) -> bool:
+def _lacks_project(folder: Path) -> bool:
     """Return whether it is a folder without a project, to be set up on the page."""
     from uavgram.config.project import PROJECT_FILE
 
     return folder.is_dir() and not (folder / PROJECT_FILE).exists()
 
 
-def _present() -> Path | None:
+def _find_present_folder() -> Path | None:
     """Return the present folder, if it holds a project or photos."""
     from uavgram.io.browse import count_photos, find_home_and_drives
 
@@ -89,25 +89,29 @@ def _sample(folder: Path | None) -> Path:
     from uavgram.synthetic.demo import SAMPLE_NAME, make_sample
 
     made = make_sample(folder or Path(SAMPLE_NAME), progress())
-    say(f"Sample to play with: {made.parent}; its taped lengths: {made.with_name(TAPE_FILE)}")
+    print_lines(
+        f"Sample to play with: {made.parent}; its taped lengths: {made.with_name(TAPE_FILE)}"
+    )
     return made
 
 
-def _led_to_running(wanted: Path | None, port: int, *, browser: bool) -> bool:
+def _find_running_page(wanted: Path | None, port: int, *, browser: bool) -> bool:
     """Open a new tab of a page that runs; return whether there is one.
 
     With a port, only a page that has the project open, or has that port, is asked.
     """
     from uavgram.config.project import load_project
-    from uavgram.picking.web.running import fresh_address
+    from uavgram.picking.web.running_server import request_address
 
-    if wanted is not None and not _has_none(wanted):
+    if wanted is not None and not _lacks_project(wanted):
         load_project(wanted, unfinished=True)  # its faults are reported here
-    fresh = fresh_address(wanted, lambda door: port in {0, door.port})
+    fresh = request_address(wanted, lambda door: port in {0, door.port})
     if fresh is None:
         return False
     opened = "a new tab opens" if browser else "open"
-    say(f"The page runs already; {opened}: {fresh.text}", "It works once, within five minutes.")
+    print_lines(
+        f"The page runs already; {opened}: {fresh.text}", "It works once, within five minutes."
+    )
     if browser:
         import webbrowser
 
@@ -134,7 +138,7 @@ def _serve(wanted: Path | None, port: int, started: Callable[[], None], *, brows
 
     def announce(address: str) -> None:
         started()
-        say(
+        print_lines(
             f"Picking page: {address}",
             "For a lost tab, or another browser, start it again the same way.",
             "Ctrl+C ends it, and so do ten minutes without an open tab; everything is saved.",
@@ -158,5 +162,5 @@ def _serve(wanted: Path | None, port: int, started: Callable[[], None], *, brows
         return report_interruption("ended; everything is saved")
     finally:
         entered()
-    say("Ended, as no tab of the page was open any more. Everything is saved.")
+    print_lines("Ended, as no tab of the page was open any more. Everything is saved.")
     return DONE

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import App, Parameter, validators
 
 from uavgram.cli.application import DONE, Decimal, Flag, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, tell_as
+from uavgram.cli.terminal import log_to_stderr, print_lines, progress, set_project_units
 from uavgram.errors import InputError
 
 Sigma = Annotated[Decimal | None, Parameter(validator=validators.Number(gt=0))]
@@ -74,12 +74,12 @@ def import_(
         check_path = check_file or control.with_name("check.csv")
         coordinates = ControlFiles(path=control, sigmas=sigmas, check=labels, check_path=check_path)
     done = import_picks(files, output, coordinates)
-    say(*message_lines(done.messages))
-    say(f"{done.picks} picks of {done.labels} labels in {done.images} photos: {output}")
+    print_lines(*message_lines(done.messages))
+    print_lines(f"{done.picks} picks of {done.labels} labels in {done.images} photos: {output}")
     if control is not None:
-        say(f"{done.control} control points: {control}")
+        print_lines(f"{done.control} control points: {control}")
     if coordinates is not None and labels:
-        say(f"{done.check} check points: {coordinates.check_path}")
+        print_lines(f"{done.check} check points: {coordinates.check_path}")
     return DONE
 
 
@@ -120,19 +120,19 @@ def match(
     from uavgram.views.terminal import match_lines, written_line
 
     log_to_stderr(verbose=verbose)
-    tell_as(project)
+    set_project_units(project)
     asked = Selection(_names(labels), _names(photos))
     if undo:
         undone = undo_matches(project, asked, dry_run=dry_run)
         what = "would be taken" if dry_run else "taken"
-        say(f"matches {what} out of {undone.path}: {undone.removed}")
+        print_lines(f"matches {what} out of {undone.path}: {undone.removed}")
         return DONE
     done = match_picks(project, asked, dry_run=dry_run, progress=progress())
-    say(*match_lines(done))
+    print_lines(*match_lines(done))
     if dry_run:
-        say("nothing was written (--dry-run)")
+        print_lines("nothing was written (--dry-run)")
     else:
-        say(written_line(done))
+        print_lines(written_line(done))
     return DONE
 
 
@@ -159,16 +159,16 @@ def ties(project: Path = Path(), /, *, dry_run: Flag = False, undo: Flag = False
     from uavgram.pipeline.ties_table import remove_ties, write_ties
     from uavgram.views.terminal import message_lines
 
-    tell_as(project)
+    set_project_units(project)
     if undo:
         back = remove_ties(project, dry_run=dry_run)
         verb = "taken" if back.written else "would be taken"
-        say(f"{back.taken_back} rows of tie points {verb} out of {back.path}")
+        print_lines(f"{back.taken_back} rows of tie points {verb} out of {back.path}")
         return DONE
     done = write_ties(project, dry_run=dry_run, progress=progress())
-    say(*message_lines(done.messages))
+    print_lines(*message_lines(done.messages))
     verb = "written" if done.written else "would be written"
-    say(
+    print_lines(
         f"{len(set(done.ties.tie))} tie points in {len(set(done.ties.image))} photos, "
         f"{len(done.ties.image)} rows, {verb}: {done.path}"
     )

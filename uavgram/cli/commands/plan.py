@@ -9,7 +9,13 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from uavgram.cli.application import DONE, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, say_written, tell_as
+from uavgram.cli.terminal import (
+    log_to_stderr,
+    print_lines,
+    print_written_files,
+    progress,
+    set_project_units,
+)
 from uavgram.errors import UavgramError
 
 
@@ -71,8 +77,8 @@ def plan(
     if from_ is not None and scenario is None:
         from uavgram.synthetic.plan.next_lines import find_next_lines
 
-        tell_as(from_)
-        say(*next_line_lines(find_next_lines(from_)))
+        set_project_units(from_)
+        print_lines(*next_line_lines(find_next_lines(from_)))
         return DONE
     if scenario is None or from_ is not None:
         raise UavgramError(
@@ -88,6 +94,6 @@ def plan(
         heights=taken.heights,
     )
     written = write_outputs(planned, as_flown, output, scenario, made)
-    say(*plan_lines(planned))
-    say_written(output, written)
+    print_lines(*plan_lines(planned))
+    print_written_files(output, written)
     return DONE

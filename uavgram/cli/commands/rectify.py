@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Decimal, app
-from uavgram.cli.terminal import progress, say, say_written, tell_as
+from uavgram.cli.terminal import print_lines, print_written_files, progress, set_project_units
 
 
 @app.command
@@ -40,15 +40,15 @@ def rectify(
     from uavgram.pipeline.rectify import rectify as make
     from uavgram.views.terminal import message_lines
 
-    tell_as(project)
+    set_project_units(project)
     done = make(project, output, frame, pixel_size, progress())
     raster = done.raster
-    say(*message_lines(done.messages))
-    say(
+    print_lines(*message_lines(done.messages))
+    print_lines(
         f"{len(done.frames)} of the photos, {raster.width} x {raster.height} pixels of "
         f"{raster.pixel_m:.3g} m, {done.covered:.0%} covered",
         f"coordinates: {raster.crs or 'local metres; north is arbitrary'}",
         f"sigma of a place in it: {done.sigma_m[0]:.3f} m (95 % below {done.sigma_m[1]:.3f} m)",
     )
-    say_written(done.folder, (PICTURE, SHEET, SIGMA))
+    print_written_files(done.folder, (PICTURE, SHEET, SIGMA))
     return DONE

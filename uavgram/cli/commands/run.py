@@ -11,11 +11,11 @@ from cyclopts import Parameter, validators
 from uavgram.cli.application import DONE, VERDICT, Flag, Json, Seed, Verbose, app
 from uavgram.cli.terminal import (
     log_to_stderr,
+    print_json,
+    print_lines,
     progress,
-    say,
-    say_json,
-    tell_as,
-    tell_of,
+    set_project_units,
+    set_result,
     warn_of,
 )
 
@@ -119,21 +119,21 @@ def run(
     )
 
     log_to_stderr(verbose=verbose)
-    tell_as(project)
+    set_project_units(project)
     paper = PrintOptions() if printed is None else printed
     plan = None if paper.plan is None else PlanPaper(paper.plan, paper.plan_scale)
     sampling = None if monte_carlo is None else Sampling(monte_carlo, seed)
     target = FROM_PROJECT if output is None else output
     result = run_project(project, target, progress(), sampling, paper.pdf, plan)
-    tell_of(result)
+    set_result(result)
     folder = Path(load_project(project).output) if output is None else output
     wanted = ProgramOptions() if programs is None else programs
     if wanted.json:
-        say_json(run_object(result, folder))
+        print_json(run_object(result, folder))
     else:
-        say(measurement_table(result, rows), *hidden_rows_line(result, rows, folder))
-        say("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
-        say("", verdict_sentence(result))  # last, so that it is visible without scrolling
+        print_lines(measurement_table(result, rows), *hidden_rows_line(result, rows, folder))
+        print_lines("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
+        print_lines("", verdict_sentence(result))  # last, so that it is visible without scrolling
     if view:
         show(folder / "recording.rrd", web=False)
     fails = {"red": ("red",), "amber": ("red", "amber"), None: ()}[wanted.fail_on]

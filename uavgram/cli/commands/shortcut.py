@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.cli.application import DONE, app
-from uavgram.cli.terminal import say
+from uavgram.cli.terminal import print_lines
 
 
 @app.command
@@ -34,6 +34,8 @@ def shortcut(*, folder: Path | None = None) -> int:
         environ=os.environ,
     )
     written = write_shortcut(computer, desktop_folder(computer) if folder is None else folder)
-    say(f"Icon: {written[0]}", *(f"In the menu of programs: {path}" for path in written[1:]))
-    say("It opens the page, and a lost tab anew. Close its window to end the program.")
+    print_lines(
+        f"Icon: {written[0]}", *(f"In the menu of programs: {path}" for path in written[1:])
+    )
+    print_lines("It opens the page, and a lost tab anew. Close its window to end the program.")
     return DONE

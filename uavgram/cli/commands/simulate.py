@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Flag, Seed, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, say_written
+from uavgram.cli.terminal import log_to_stderr, print_lines, print_written_files, progress
 from uavgram.errors import UavgramError
 
 if TYPE_CHECKING:
@@ -91,8 +91,8 @@ def _show(source: Path, world: World, asked: SimulationRequest, output: Path) ->
     from uavgram.synthetic.simulate import simulate_many, write_outputs
     from uavgram.views.simulation import simulation_lines
 
-    found = simulate_many(source, world, asked, progress(), say)
+    found = simulate_many(source, world, asked, progress(), print_lines)
     written = write_outputs(found, output, source)
-    say("", *simulation_lines(found))
-    say_written(output, written)
+    print_lines("", *simulation_lines(found))
+    print_written_files(output, written)
     return DONE

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter, validators
 
 from uavgram.cli.application import DONE, Verbose, app
-from uavgram.cli.terminal import log_to_stderr, progress, say, say_written
+from uavgram.cli.terminal import log_to_stderr, print_lines, print_written_files, progress
 
 Draws = Annotated[int, Parameter(validator=validators.Number(gte=20, lte=1_000_000))]
 Workers = Annotated[int, Parameter(validator=validators.Number(gte=0, lte=256))]
@@ -45,11 +45,11 @@ def study(
     log_to_stderr(verbose=verbose)
     names = list_studies(name)
     for found in make_studies(names, output, repetitions, workers, progress()):
-        say(
+        print_lines(
             "",
             f"{found.title} ({found.seconds:.0f} s)",
             *(f"  {text}" for text in describe_study(found)),
         )
     figures = [f"{one}.{kind}" for one in names for kind in ("svg", "png")]
-    say_written(output, [JSON_FILE, PAGE_FILE, *figures])
+    print_written_files(output, [JSON_FILE, PAGE_FILE, *figures])
     return DONE

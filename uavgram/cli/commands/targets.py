@@ -10,7 +10,7 @@ from cyclopts import App, Parameter, validators
 
 from uavgram.cli.application import DONE, Decimal, Flag, app
 from uavgram.cli.commands.picks import picks
-from uavgram.cli.terminal import progress, say, tell_as
+from uavgram.cli.terminal import print_lines, progress, set_project_units
 from uavgram.errors import InputError
 
 
@@ -43,27 +43,29 @@ def find(
     from uavgram.pipeline.targets import find_targets, undo_targets
     from uavgram.views.terminal import message_lines
 
-    tell_as(project)
+    set_project_units(project)
     if undo:
         undone = undo_targets(project, dry_run=dry_run)
         would = "would be " if dry_run else ""
-        say(f"{undone.removed} picks of targets {would}taken out: {undone.path}")
+        print_lines(f"{undone.removed} picks of targets {would}taken out: {undone.path}")
         return DONE
     found = find_targets(project, dry_run=dry_run, progress=progress())
-    say(*message_lines(found.messages))
+    print_lines(*message_lines(found.messages))
     for number, photos in found.plates.items():
         sides = [side for _, side in photos]
         if photos:
-            say(
+            print_lines(
                 f"T{number}: in {len(photos)} of {found.photos} photos, sides of "
                 f"{min(sides):.0f} to {max(sides):.0f} px"
             )
     for label, others in found.uncoded.found.items():
         where = counted(len(others), "more photo")
-        say(f"{label}: a {found.uncoded.kinds[label]}, found in {where}")
+        print_lines(f"{label}: a {found.uncoded.kinds[label]}, found in {where}")
     done = "nothing is written (--dry-run)" if dry_run else str(found.path)
     more = f" and {len(found.uncoded.found)} other targets" if found.uncoded.found else ""
-    say(f"{found.rows} picks of {len(found.plates)} plates{more}, {found.removed} before: {done}")
+    print_lines(
+        f"{found.rows} picks of {len(found.plates)} plates{more}, {found.removed} before: {done}"
+    )
     return DONE
 
 
@@ -103,9 +105,9 @@ def print_(
 
     done = print_targets(family, _numbers(plates), side_m, paper, output)
     each = f", {done.pages} pages each" if done.pages > 1 else ""
-    say(f"{len(done.names)} plates ({', '.join(done.names)}){each}: {output}")
+    print_lines(f"{len(done.names)} plates ({', '.join(done.names)}){each}: {output}")
     side = "" if done.side_m is None else f", side_m: {done.side_m:g}"
-    say(
+    print_lines(
         "measure the ruler on the paper, then put into the project: "
         f"targets: {{family: {family}{side}}}"
     )

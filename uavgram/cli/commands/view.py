@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from uavgram.cli.application import DONE, Flag, app
-from uavgram.cli.terminal import say
+from uavgram.cli.terminal import print_lines
 
 
 @app.command
@@ -30,4 +30,4 @@ def show(recording: Path, *, web: bool) -> None:
     if not web:
         open_viewer(recording)
         return
-    serve_viewer(recording, lambda address: say(f"open {address}", "Ctrl+C ends it"))
+    serve_viewer(recording, lambda address: print_lines(f"open {address}", "Ctrl+C ends it"))

@@ -14,7 +14,7 @@ port has, and adds it to all its requests. The cookie alone gives access to the 
 but to nothing of the project.
 
 A page with access can still do harm by too many or too long messages: requests and messages have
-a greatest length, and `Pace` slows a socket down.
+a greatest length, and `RateLimit` slows a socket down.
 
 A user who has lost the tab, or wants another browser, starts the program again and gets a fresh
 address: see `running.py`.
@@ -23,6 +23,7 @@ address: see `running.py`.
 from __future__ import annotations
 
 import contextlib
+import hmac
 import logging
 import math
 import re
@@ -37,10 +38,51 @@ from starlette.requests import HTTPConnection
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from uavgram.picking.web.redirect import leading_to, no_entry
-from uavgram.picking.web.running import LASTS_S, PATH, USED, WAITS, address
+from uavgram.picking.web.redirect import make_redirect, make_refusal
+from uavgram.picking.web.running_server import LASTS_S, PATH, USED, WAITS, address
 from uavgram.picking.web.tabs import Tabs
-from uavgram.picking.web.tokens import Tokens, same
+
+MAX_OPEN = 16
+"""Largest number of unused tokens; with one more, the oldest becomes invalid."""
+
+
+class Tokens:
+    """Tokens that were issued and not used yet.
+
+    Parameters
+    ----------
+    clock
+        Clock [s].
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._ends_s: dict[str, float] = {}
+
+    def new(self, lasts_s: float = math.inf) -> str:
+        """Issue a token that is valid once, for `lasts_s` seconds."""
+        token = secrets.token_urlsafe(32)
+        self._ends_s[token] = self._clock() + lasts_s
+        while len(self._ends_s) > MAX_OPEN:
+            del self._ends_s[next(iter(self._ends_s))]
+        return token
+
+    def is_open(self, token: str) -> bool:
+        """Return whether a token can still be used."""
+        return self._ends_s.get(token, -math.inf) >= self._clock()
+
+    def use(self, given: str) -> bool:
+        """Return whether a token is valid, and consume it."""
+        found = [
+            token for token in self._ends_s if equal_in_constant_time(token, given)
+        ]  # all: constant time
+        return any(self._ends_s.pop(token) >= self._clock() for token in found)
+
+
+def equal_in_constant_time(given: str, wanted: str) -> bool:
+    """Return whether two texts are equal, in a time independent of where they differ."""
+    return hmac.compare_digest(given.encode(), wanted.encode())
+
 
 log = logging.getLogger(__name__)
 
@@ -59,7 +101,7 @@ KEY = "tab"
 """Query parameter of an address: the key of the requesting tab."""
 _OF_THE_PROGRAM = re.compile(r"/(door|page/.*)?")  # the same for all users: nothing of a project
 POLICY_VIOLATION = 1008
-LONGEST_PATH = 1000
+MAX_PATH = 1000
 NO_KEY = "it does not come from the page"
 WayTo = Callable[[Path | None, bool], str | None]
 MESSAGES_A_SECOND = 300
@@ -67,7 +109,7 @@ MESSAGES_A_SECOND = 300
 MESSAGES_AT_ONCE = 600
 
 
-class Pace:
+class RateLimit:
     """Rate limit of one page: a number of messages at once, then a number per second.
 
     A faster page is slowed down without loss: its messages stay in its socket, which is not read
@@ -166,7 +208,7 @@ class Guard:
         if scope["type"] == "http" and given is not None:
             await self._exchanged(connection, given)(scope, receive, _strict(send))
             return
-        has_key = same(connection.query_params.get(KEY, ""), self._tab_key)
+        has_key = equal_in_constant_time(connection.query_params.get(KEY, ""), self._tab_key)
         is_open = _OF_THE_PROGRAM.fullmatch(scope["path"]) is not None
         if not self._known(connection) or not (is_open or has_key):
             log.warning("refused %r: %s", scope["path"][:80], NO_KEY)
@@ -190,16 +232,16 @@ class Guard:
         site, mode = headers.get("sec-fetch-site", "none"), headers.get("sec-fetch-mode")
         if site not in {"same-origin", "none"} and mode != "navigate":
             return f"asked for by another page ({site[:20]!r})"
-        if len(connection.scope["path"]) > LONGEST_PATH:
+        if len(connection.scope["path"]) > MAX_PATH:
             return "an address of this page is never that long"
         return ""
 
     def _known(self, connection: HTTPConnection) -> bool:
-        return same(connection.cookies.get(self._cookie, ""), self._key)
+        return equal_in_constant_time(connection.cookies.get(self._cookie, ""), self._key)
 
     def _fresh(self, connection: HTTPConnection) -> Response:
         """Answer with a way and a new token if the secret is right, or with a token's state."""
-        if not same(connection.headers.get("x-secret", ""), self.secret):
+        if not equal_in_constant_time(connection.headers.get("x-secret", ""), self.secret):
             log.warning("refused a fresh address: the secret is another")
             return PlainTextResponse("", 403)
         token = connection.headers.get("x-token")
@@ -217,11 +259,11 @@ class Guard:
             self._entered()
             way = f"{way}#{self._tab_key}"
         elif not self._known(connection):
-            return HTMLResponse(no_entry("This address was used already, or is too old."), 403)
+            return HTMLResponse(make_refusal("This address was used already, or is too old."), 403)
         answer: Response = RedirectResponse(way, 303)
         if connection.headers.get("sec-fetch-site", "none") != "none":
             # Opened from a file: a strict cookie is only sent if a page of ours redirects.
-            answer = HTMLResponse(leading_to(way))
+            answer = HTMLResponse(make_redirect(way))
         answer.set_cookie(self._cookie, self._key, httponly=True, samesite="strict", path="/")
         return answer
 
@@ -232,7 +274,9 @@ class Guard:
             return
         answer: Response = PlainTextResponse(f"Refused: {why}", 403)
         if why == NO_KEY:
-            answer = HTMLResponse(no_entry("This tab of the browser has no key to the page."), 403)
+            answer = HTMLResponse(
+                make_refusal("This tab of the browser has no key to the page."), 403
+            )
         await answer(scope, receive, _strict(send))
 
 

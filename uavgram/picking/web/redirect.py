@@ -34,7 +34,7 @@ class RedirectFile:
         path = self._folder / "open.html"
         handle = open_own(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL)
         with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(leading_to(address))
+            stream.write(make_redirect(address))
         self.uri = path.as_uri()
 
     def remove(self) -> None:
@@ -42,7 +42,7 @@ class RedirectFile:
         shutil.rmtree(self._folder, ignore_errors=True)
 
 
-def leading_to(address: str) -> str:
+def make_redirect(address: str) -> str:
     """Return a document that redirects at once."""
     return (
         '<!doctype html><meta charset="utf-8"><title>uavgram pick</title>'
@@ -50,7 +50,7 @@ def leading_to(address: str) -> str:
     )
 
 
-def no_entry(why: str) -> str:
+def make_refusal(why: str) -> str:
     """Return a document that explains how to get an address with a valid token."""
     return (
         '<!doctype html><html lang="en"><meta charset="utf-8"><title>uavgram pick</title>'

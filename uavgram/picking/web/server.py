@@ -20,16 +20,16 @@ from uavgram.picking.protocol.parse import parse_message
 from uavgram.picking.session.project import Keep, OpenProject, Run
 from uavgram.picking.session.session import PickSession
 from uavgram.picking.storage.tables import Tables
-from uavgram.picking.web.guard import Pace
+from uavgram.picking.web.guard import RateLimit
 from uavgram.picking.web.routes import file_routes
 from uavgram.pipeline.pick.live_survey import LiveSurvey
 
 log = logging.getLogger(__name__)
 
 SAVE_AFTER_S = 0.4
-MOST_WAITING = 2000
+MAX_WAITING = 2000
 """Largest number of messages that wait for a page; one that reads no more is disconnected."""
-MOST_PAGES = 16
+MAX_PAGES = 16
 TRY_AGAIN_LATER = 1013
 FAULTS_OF_THE_PAGE = {1002: "broken frames", 1007: "text that is no UTF-8", 1009: "too long"}
 
@@ -104,13 +104,13 @@ class PickServer:
             self.project.look_outside()
 
     async def _socket(self, page: WebSocket) -> None:
-        if len(self._pages) >= MOST_PAGES:
-            log.warning("refused a page: %d are open", MOST_PAGES)
+        if len(self._pages) >= MAX_PAGES:
+            log.warning("refused a page: %d are open", MAX_PAGES)
             await page.close(TRY_AGAIN_LATER)
             return
         await page.accept()
-        pace = Pace()
-        waiting: asyncio.Queue[Json] = asyncio.Queue(MOST_WAITING)
+        pace = RateLimit()
+        waiting: asyncio.Queue[Json] = asyncio.Queue(MAX_WAITING)
         waiting.put_nowait(self.project.initial_state())
         self._pages.add(waiting)
         sender = asyncio.create_task(self._send(page, waiting))
@@ -131,7 +131,7 @@ class PickServer:
             sender.cancel()
 
     @staticmethod
-    async def _in_turn(pace: Pace) -> None:
+    async def _in_turn(pace: RateLimit) -> None:
         wait_s = pace.wait_s()
         if wait_s > 0:
             if not pace.warned:

@@ -14,13 +14,13 @@ from starlette.types import ASGIApp
 from uavgram.errors import UavgramError
 from uavgram.io.browse import PROJECT
 from uavgram.picking.protocol.parse import MAX_MESSAGE_BYTES
-from uavgram.picking.session.door import Door
-from uavgram.picking.web import running
-from uavgram.picking.web.desk import Desk, RunProject
-from uavgram.picking.web.ending import ended_in_order
+from uavgram.picking.session.folder_chooser import FolderChooser
+from uavgram.picking.web import running_server
 from uavgram.picking.web.guard import Guard
-from uavgram.picking.web.malloc import give_back_large_blocks
-from uavgram.picking.web.patience import PatientProtocol
+from uavgram.picking.web.memory import return_large_blocks
+from uavgram.picking.web.project_host import ProjectHost, RunProject
+from uavgram.picking.web.request_timeout import TimeoutProtocol
+from uavgram.picking.web.shutdown import shut_down_orderly
 from uavgram.pipeline.threads import with_one_blas_thread
 
 log = logging.getLogger(__name__)
@@ -29,7 +29,7 @@ ENDS_AFTER_S = 600.0
 """Time without an open tab after which the server ends [s]: then others can open the project."""
 
 
-def open_door(port: int) -> socket.socket:
+def open_socket(port: int) -> socket.socket:
     """Open a socket that listens on this machine only.
 
     Connections made before the server runs wait, and are answered once it does.
@@ -91,11 +91,11 @@ def serve(
     KeyboardInterrupt
         Ctrl+C came; everything is saved.
     """
-    give_back_large_blocks()
+    return_large_blocks()
     is_bare = wanted is not None and wanted.is_dir() and not (wanted / PROJECT).exists()
-    desk = Desk(run, Door(wanted if is_bare else None), None if is_bare else wanted)
+    desk = ProjectHost(run, FolderChooser(wanted if is_bare else None), None if is_bare else wanted)
     try:
-        opened = open_door(port)
+        opened = open_socket(port)
     except UavgramError:
         desk.let_go()
         raise
@@ -108,7 +108,7 @@ def serve(
             guard[0],
             log_config=None,
             access_log=False,
-            http=PatientProtocol,
+            http=TimeoutProtocol,
             ws="websockets-sansio",
             ws_max_size=MAX_MESSAGE_BYTES,
             ws_max_queue=64,
@@ -116,7 +116,10 @@ def serve(
             timeout_graceful_shutdown=2,
             server_header=False,
         )
-        with ended_in_order(), running.left_for_others(running.Door(bound, guard[0].secret)):
+        with (
+            shut_down_orderly(),
+            running_server.left_for_others(running_server.ServerAddress(bound, guard[0].secret)),
+        ):
             PageServer(config, guard[0], desk).run(sockets=[door])
 
 
@@ -131,7 +134,7 @@ class PageServer(uvicorn.Server):
         What knows of tabs, and of work under way.
     """
 
-    def __init__(self, config: uvicorn.Config, guard: Guard, desk: Desk) -> None:
+    def __init__(self, config: uvicorn.Config, guard: Guard, desk: ProjectHost) -> None:
         super().__init__(config)
         self._guard, self._desk = guard, desk
 

@@ -43,7 +43,7 @@ _FRESH = re.compile(r"(/(?:door)?)\?token=([\w-]{43})", re.ASCII)  # 32 bytes, s
 
 
 @dataclass(frozen=True)
-class Door:
+class ServerAddress:
     """Port of a running server, and the secret for a fresh address.
 
     Attributes
@@ -80,7 +80,7 @@ def _of_this_machine() -> str:
 
 
 @contextlib.contextmanager
-def left_for_others(door: Door) -> Iterator[None]:
+def left_for_others(door: ServerAddress) -> Iterator[None]:
     """Keep a file with port and secret, for this user alone, while the server listens."""
     held = None
     try:
@@ -135,7 +135,7 @@ class FreshAddress:
         Token in the address.
     """
 
-    door: Door
+    door: ServerAddress
     way: str
     token: str
 
@@ -147,12 +147,12 @@ class FreshAddress:
     def wait_until_used(self) -> None:
         """Wait until a browser has used the address, the server has ended, or the time is over."""
         latest = time.monotonic() + BROWSER_COMES_WITHIN_S
-        while _asked(self.door, {"X-Token": self.token}) == WAITS and time.monotonic() < latest:
+        while _ask(self.door, {"X-Token": self.token}) == WAITS and time.monotonic() < latest:
             time.sleep(_LOOK_EVERY_S)
 
 
-def fresh_address(
-    wanted: Path | None, may_change: Callable[[Door], bool] = lambda _: True
+def request_address(
+    wanted: Path | None, may_change: Callable[[ServerAddress], bool] = lambda _: True
 ) -> FreshAddress | None:
     """Ask the running servers of this user for an address; None if there is none.
 
@@ -169,7 +169,7 @@ def fresh_address(
     asked = [(door, {**path, "X-Only": "open"}) for door in doors if wanted is not None]
     asked += [(door, path) for door in doors if may_change(door)]
     for door, headers in asked:
-        if found := _FRESH.fullmatch(_asked(door, headers)):
+        if found := _FRESH.fullmatch(_ask(door, headers)):
             return FreshAddress(door, *found.groups())
     return None
 
@@ -187,7 +187,7 @@ def address(port: int, token: str, way: str = "/") -> str:
     return f"http://127.0.0.1:{port}{way}?token={token}"
 
 
-def _doors() -> Iterator[Door]:
+def _doors() -> Iterator[ServerAddress]:
     """Yield the running servers of this user on this machine; remove what killed ones left."""
     for path in sorted(servers_folder().glob(f"{_of_this_machine()}*{_SUFFIX}")):
         if not is_locked(path):
@@ -197,12 +197,12 @@ def _doors() -> Iterator[Door]:
         try:
             match json.loads(read_own(path)):
                 case {"port": int(port), "secret": str(secret)}:
-                    yield Door(port, secret)
+                    yield ServerAddress(port, secret)
         except (OSError, ValueError, UavgramError):
             continue
 
 
-def _asked(door: Door, more: dict[str, str]) -> str:
+def _ask(door: ServerAddress, more: dict[str, str]) -> str:
     """Return the server's answer; empty if there is none."""
     line = http.client.HTTPConnection("127.0.0.1", door.port, timeout=_ANSWERED_AFTER_S)
     with contextlib.closing(line):

@@ -12,7 +12,7 @@ from pick_pages import Entry, Page, browser_of, entry_of, small_project
 from picking_server import Served, served
 
 from uavgram.errors import OutputError
-from uavgram.picking.session.door import LONGEST_REQUEST, Door
+from uavgram.picking.session.folder_chooser import MAX_REQUEST_BYTES, FolderChooser
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def home(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def server(home: Path) -> Iterator[Served]:
-    with served(None, Door(roots=(home,))) as server:
+    with served(None, FolderChooser(roots=(home,))) as server:
         yield server
 
 
@@ -133,7 +133,7 @@ def test_what_was_not_found_or_cannot_be_is_refused(
     assert answer.json()["why"]
     assert not (home / "first" / "project.yaml").exists()
     assert browser.post("/door/begin", content="{").status_code == 409
-    assert browser.post("/door/begin", content=b" " * (LONGEST_REQUEST + 1)).status_code == 413
+    assert browser.post("/door/begin", content=b" " * (MAX_REQUEST_BYTES + 1)).status_code == 413
 
 
 def test_one_project_after_another(
@@ -217,7 +217,7 @@ def test_a_home_is_no_flight_for_the_photos_in_its_folders(tmp_path: Path) -> No
         (tmp_path / name).mkdir(parents=True)
         (tmp_path / name / "a.jpg").write_bytes(b"x")
     home = tmp_path / "home"
-    named = Door(home, roots=(home,))
+    named = FolderChooser(home, roots=(home,))
     assert named.beginning()["is_chosen"] is False
     top = named.listed(str(named.beginning()["folder"]))
     assert (top["photos"], top["is_flight"]) == (1, False)
@@ -225,6 +225,6 @@ def test_a_home_is_no_flight_for_the_photos_in_its_folders(tmp_path: Path) -> No
         ("case", True),
         ("Pictures", True),
     ]
-    assert Door(home / "case", roots=(home,)).beginning()["is_chosen"] is True
+    assert FolderChooser(home / "case", roots=(home,)).beginning()["is_chosen"] is True
     (home / "own.jpg").write_bytes(b"x")
-    assert Door(home, roots=(home,)).beginning()["is_chosen"] is True
+    assert FolderChooser(home, roots=(home,)).beginning()["is_chosen"] is True

@@ -25,13 +25,13 @@ from uavgram.picking.protocol.encode_survey import Json
 from uavgram.pipeline.new import PROJECT, Choices
 from uavgram.pipeline.setup import CASE, FolderSummary, Setup, SetupChoices, inspect_folder, set_up
 
-LONGEST_REQUEST = 100_000
+MAX_REQUEST_BYTES = 100_000
 NO_LOG: Literal["none"] = "none"
-MOST_RECENT = 8
+MAX_RECENT = 8
 PREVIEW_PX = 512
 
 
-class Door:
+class FolderChooser:
     """Folders that may be chosen, by their numbers, and the files found in them.
 
     Parameters
@@ -83,7 +83,7 @@ class Door:
         """Add a project's folder to those opened recently; forget the folder named by the user."""
         folder = self._allow(project)
         self._named, self._opens = None, False
-        self._recent = [folder, *(one for one in self._recent if one != folder)][:MOST_RECENT]
+        self._recent = [folder, *(one for one in self._recent if one != folder)][:MAX_RECENT]
 
     def choose(self, wanted: Path, *, opens: bool = False) -> None:
         """Start with this folder, or the folder of this project file.

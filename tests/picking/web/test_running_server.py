@@ -18,11 +18,11 @@ from pick_pages import LONGEST_WAIT_S, Server, ask, entry_by, entry_of, running,
 
 from uavgram.cli import main
 from uavgram.io.locks import LOCK, is_locked
-from uavgram.picking.web.running import PATH, Door, fresh_address, servers_folder
-from uavgram.picking.web.tokens import MOST_OPEN, Tokens
+from uavgram.picking.web.guard import MAX_OPEN, Tokens
+from uavgram.picking.web.running_server import PATH, ServerAddress, request_address, servers_folder
 
 
-def only_where_open(_door: Door) -> bool:
+def only_where_open(_door: ServerAddress) -> bool:
     """Ask only the server that has the project open."""
     return False
 
@@ -117,7 +117,7 @@ def test_the_browser_is_led_by_a_file_that_is_gone_when_it_has_come(
 def test_whoever_waits_for_the_browser_is_told_when_it_has_come(
     project: Path, server: Server
 ) -> None:
-    fresh = fresh_address(project)
+    fresh = request_address(project)
     assert fresh is not None
     known = {"X_Secret": secret(server), "X_Token": fresh.token}
     assert asked(server, **known).text == "waits"
@@ -167,10 +167,10 @@ def test_what_a_killed_server_left_behind_leads_nowhere_and_is_removed(tmp_path:
     file = door_of(killed)
     killed.kill()
     assert file.exists()  # nobody holds its lock: another program may have the port by now
-    assert fresh_address(project, only_where_open) is None
+    assert request_address(project, only_where_open) is None
     assert not file.exists()
     with running(project) as server:
-        fresh = fresh_address(project)
+        fresh = request_address(project)
         assert fresh is not None
         assert fresh.text.startswith(server.origin)
 
@@ -182,7 +182,7 @@ def test_a_server_of_another_machine_with_the_same_home_is_not_asked(
     own = door_of(server)
     other = own.with_name(f"other-{own.name.rpartition('-')[2]}")
     other.write_bytes(own.read_bytes())
-    assert fresh_address(project) is not None
+    assert request_address(project) is not None
     assert other.exists()
     other.unlink()
 
@@ -204,7 +204,7 @@ def test_a_token_serves_once_and_not_for_ever() -> None:
     assert tokens.is_open(first)
     assert tokens.use(first)
     assert not tokens.use(first)
-    many = [tokens.new() for _ in range(MOST_OPEN + 1)]
-    assert [tokens.use(token) for token in many] == [False, *[True] * MOST_OPEN]
+    many = [tokens.new() for _ in range(MAX_OPEN + 1)]
+    assert [tokens.use(token) for token in many] == [False, *[True] * MAX_OPEN]
     assert not tokens.use("")
     assert not tokens.use("\u00e9")

@@ -21,9 +21,9 @@ from uavgram.errors import UavgramError
 from uavgram.io.browse import PROJECT
 from uavgram.picking.document.errors import RefusedError
 from uavgram.picking.protocol.encode_survey import Json
-from uavgram.picking.session.door import LONGEST_REQUEST, Door
+from uavgram.picking.session.folder_chooser import MAX_REQUEST_BYTES, FolderChooser
 from uavgram.picking.storage.tables import Tables
-from uavgram.picking.web import running
+from uavgram.picking.web import running_server
 from uavgram.picking.web.routes import START, WORK, page_routes
 from uavgram.picking.web.server import PickServer
 from uavgram.pipeline.pick.live_survey import LiveSurvey
@@ -37,7 +37,7 @@ OPEN_ALREADY = "{} is open already, perhaps in another tab: one project is open 
 ELSEWHERE = "This project is open in another page of uavgram."
 
 
-class Desk:
+class ProjectHost:
     """Server content: opens projects one after another, and shows the start page in between.
 
     Parameters
@@ -60,7 +60,7 @@ class Desk:
         The project cannot be read, or is open elsewhere.
     """
 
-    def __init__(self, run: RunProject, door: Door, project: Path | None = None) -> None:
+    def __init__(self, run: RunProject, door: FolderChooser, project: Path | None = None) -> None:
         self._run, self.door = run, door
         self.pick = None if project is None else self._read(project)
         self._routes: ASGIApp | None = None
@@ -140,13 +140,13 @@ class Desk:
             self.pick.picking.let_go()
 
     async def _beginning(self, _: Request) -> Response:
-        return await _answered(self.door.beginning)
+        return await _answer(self.door.beginning)
 
     async def _folders(self, request: Request) -> Response:
-        return await _answered(self.door.listed, request.query_params.get("folder", ""))
+        return await _answer(self.door.listed, request.query_params.get("folder", ""))
 
     async def _look(self, request: Request) -> Response:
-        return await _answered(self.door.looked, request.query_params.get("folder", ""))
+        return await _answer(self.door.looked, request.query_params.get("folder", ""))
 
     async def _picture(self, request: Request) -> Response:
         folder, group = (request.query_params.get(key, "") for key in ("folder", "group"))
@@ -165,7 +165,7 @@ class Desk:
         body = b""
         async for part in request.stream():
             body += part
-            if len(body) > LONGEST_REQUEST:
+            if len(body) > MAX_REQUEST_BYTES:
                 return JSONResponse({"why": "the request is too long"}, TOO_LONG)
         closes = request.query_params.get("closes") == "yes"
         async with self._changing:
@@ -198,24 +198,24 @@ class Desk:
                     self.door.choose(self.pick.path.parent)
                 fault = self.pick.unsaved()
                 if fault:
-                    return _refused(RefusedError(f"The project stays open: {fault}"))
+                    return _refuse(RefusedError(f"The project stays open: {fault}"))
                 await self._close()
         return JSONResponse({})
 
 
-async def _answered(find: Callable[..., Json], *arguments: str) -> Response:
+async def _answer(find: Callable[..., Json], *arguments: str) -> Response:
     try:
         return JSONResponse(await to_thread.run_sync(find, *arguments))
     except UavgramError as why:
-        return _refused(why)
+        return _refuse(why)
 
 
 async def _refused_or_elsewhere(why: UavgramError, project: Path | None) -> Response:
     """Refuse to open a project; lead to the other server of this user that has it open, if any."""
-    find = partial(running.fresh_address, project, lambda _: False)
+    find = partial(running_server.request_address, project, lambda _: False)
     there = None if project is None else await to_thread.run_sync(find)
     if there is None:
-        return _refused(why)
+        return _refuse(why)
     return JSONResponse({"why": ELSEWHERE, "there": there.text}, CANNOT)
 
 
@@ -227,6 +227,6 @@ async def _tab(page: WebSocket) -> None:
             await page.receive_text()
 
 
-def _refused(why: UavgramError) -> Response:
+def _refuse(why: UavgramError) -> Response:
     log.info("refused: %s", why)
     return JSONResponse({"why": str(why)}, CANNOT)

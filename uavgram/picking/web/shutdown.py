@@ -14,7 +14,7 @@ _KILLED = 128
 
 
 @contextlib.contextmanager
-def ended_in_order() -> Iterator[None]:
+def shut_down_orderly() -> Iterator[None]:
     """Leave the enclosed block by an exception where a signal would end the program at once.
 
     uvicorn stops at SIGTERM, and then sends it again as if it had not caught it: by default that

@@ -12,7 +12,7 @@ import pytest
 from pick_pages import Page, ask, entry_of, small_project
 from picking_server import Served, served
 
-from uavgram.picking.web import patience
+from uavgram.picking.web import request_timeout
 
 
 @pytest.fixture
@@ -30,7 +30,7 @@ def calls(server: Served, count: int, said: bytes) -> list[socket.socket]:
 
 
 def test_half_a_request_is_not_waited_for(server: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(patience, "HEADERS_S", 0.3)
+    monkeypatch.setattr(request_timeout, "HEADERS_S", 0.3)
     half = f"GET / HTTP/1.1\r\nHost: 127.0.0.1:{server.port}\r\nCookie: x".encode()
     silent = calls(server, 300, half)
     silent += [socket.create_connection(("127.0.0.1", server.port), timeout=30)]
@@ -51,16 +51,16 @@ def test_half_a_request_is_not_waited_for(server: Served, monkeypatch: pytest.Mo
 def test_who_is_in_stays_and_who_comes_later_gets_in(
     server: Served, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(patience, "HEADERS_S", 0.3)
+    monkeypatch.setattr(request_timeout, "HEADERS_S", 0.3)
     entry = entry_of(server)
     with Page(server, entry) as page:
-        monkeypatch.setattr(patience, "HEADERS_S", 60.0)
-        silent = calls(server, patience.MOST_SILENT * 2, b"GET /")
+        monkeypatch.setattr(request_timeout, "HEADERS_S", 60.0)
+        silent = calls(server, request_timeout.MAX_SILENT * 2, b"GET /")
         time.sleep(0.5)
         assert page.do("place", image=0, label="A", u_px=1, v_px=2)["t"] == "changed"
         assert ask(server.origin, headers={"Cookie": entry.cookie}).status_code == 200
         still = [one for one in silent if not is_closed(one)]
-        assert len(still) <= patience.MOST_SILENT
+        assert len(still) <= request_timeout.MAX_SILENT
         for call in silent:
             call.close()
 

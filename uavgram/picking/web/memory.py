@@ -11,7 +11,7 @@ FEW_ARENAS = 2
 _M_MMAP_THRESHOLD, _M_ARENA_MAX = -3, -8  # malloc.h
 
 
-def give_back_large_blocks() -> bool:
+def return_large_blocks() -> bool:
     """Return each block of 1 MB or more to the system as soon as it is freed; use few heaps.
 
     glibc raises this size to that of every larger block that was freed, up to 32 MB, and keeps

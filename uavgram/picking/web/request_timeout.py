@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 HEADERS_S = 10.0
 """Time from the connection to the end of the headers [s]; a local browser needs milliseconds."""
 
-MOST_SILENT = 64
+MAX_SILENT = 64
 """Largest number of connections without a complete request.
 
 With one more, the oldest of them is closed, so that the latest, such as a person's, always gets
@@ -21,7 +21,7 @@ in.
 """
 
 
-class PatientProtocol(H11Protocol):
+class TimeoutProtocol(H11Protocol):
     """HTTP protocol of uvicorn with a time limit for the headers, which uvicorn lacks."""
 
     _overdue: asyncio.TimerHandle | None = None
@@ -31,9 +31,9 @@ class PatientProtocol(H11Protocol):
         super().connection_made(transport)
         self._wait()
         silent = [
-            one for one in self.connections if isinstance(one, PatientProtocol) and one.is_silent
+            one for one in self.connections if isinstance(one, TimeoutProtocol) and one.is_silent
         ]
-        if len(silent) > MOST_SILENT:
+        if len(silent) > MAX_SILENT:
             min(silent, key=lambda one: one.due_s).let_go()
 
     def data_received(self, data: bytes) -> None:
