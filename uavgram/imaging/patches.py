@@ -87,11 +87,6 @@ def _nearest_turn(vt: Floats) -> Floats:
     return np.asarray(turn * np.where(sign == 0, 1.0, sign)[:, None])
 
 
-def compute_reach(frame: Floats, half: int) -> Floats:
-    """Compute extents (n, 2) of windows of frames (n, 2, 2) from their centres in u and v [px]."""
-    return np.asarray(np.abs(frame).sum(axis=2) * (half + 4))
-
-
 def is_within_photo(photo: Image, center_px: Floats, frame: Floats, half: int) -> Bools:
     """Mark the windows (n,) that are completely within a photo.
 

@@ -276,7 +276,7 @@ def test_a_pick_that_the_lens_cannot_invert_is_left_out(
     assert 3 not in refined.pick_index
     assert refined.pick_reason[3].cause is LeftOutCause.BEYOND_LENS
     assert refined.pick_reason[3].text == "the calibration of the lens does not reach there"
-    assert codes(messages)[0] == "pick-left-out"
+    assert "pick-left-out" in codes(messages)
 
 
 @pytest.mark.parametrize("options", [{}, NO_LOG], ids=["log", "no log"])

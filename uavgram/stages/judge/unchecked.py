@@ -118,8 +118,11 @@ def _message(
         labels = examined.names.subjects(*(one.member for i in rows for one in found[i]))["labels"]
         what = f"a wrong click on {listed(labels, MAX_NAMED, link='or')}"
         it = "them" if len(labels) > 1 else "it"
-        action = f"Mark {listed(labels, MAX_NAMED)} in one more photo, or click {it} again"
-        plain = f"Not checked: m{action[1:]}."
+        named = listed(labels, MAX_NAMED)
+        action = f"Mark {named} in one more photo, or click {it} again"
+        if len(examined.adjustment.survey.frame_id) == 1:
+            action = f"Click {named} again, or mark {it} in one more photo"
+        plain = f"Not checked: {action[0].lower()}{action[1:]}."
     else:
         what = f"an error in the {examined.names.observation(worst.member)}"
         action, mend = _second_reading(examined, worst)

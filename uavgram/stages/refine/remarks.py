@@ -103,14 +103,6 @@ def _report_contradiction(survey: Survey, refined: Refined) -> Iterator[Message]
         yield Message("warning", "lengths-contradict", text, lengths=tuple(filter(None, names)))
 
 
-def describe_contradiction(survey: Survey, keep: Bools) -> str:
-    """Describe lengths with one so odd that no pose explains it, as sentences; otherwise empty."""
-    ratio = find_length_ratios(survey, keep)
-    if not find_odd_lengths(ratio).any():
-        return ""
-    return f". The lengths contradict each other. {_list_ratios(survey, ratio)}"
-
-
 def _odd_first(ratio: Floats) -> Ints:
     """Return the lengths that can be compared, the oddest first."""
     lines = np.flatnonzero(np.isfinite(ratio))

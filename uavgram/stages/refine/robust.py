@@ -323,6 +323,10 @@ class Candidate:
             return False
         return not self._strains_a_prior()
 
+    def explains(self) -> bool:
+        """Return whether few gross errors explain everything."""
+        return (self.fits() or self.is_agreed()) and not self.is_in_disorder()
+
     def is_in_disorder(self) -> bool:
         """Return whether so much is wrong, in relation to the picks, that a whole photo may be."""
         wrong = sum(len(self.annealed.gross(name)) for name in self.annealed.misfit)
@@ -364,25 +368,53 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
             return others[:1]
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
-    if (not found or found[0].is_in_disorder()) and (alone := _without_one_photo(taking)):
-        return alone
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
     found = _by_cost(taking, chain(found, *map(_with_one_instead, found)))
     if found and found[0].is_agreed():
         return found[:1]
     # First values may depend on a gross error: leave out one known thing, length or photo.
-    whole = replace(taking, survey=_softer(taking.survey, 1.0))
+    whole = _unsoftened(taking)
     kinds = (_without_a_known_thing, _without_lengths, _without_a_frame)
     for part in chain(*(kind(whole) for kind in kinds)):
         for candidate in _from_reduced(part, whole, taking, _most_of_a_rival(taking, found)):
             found = _by_cost(taking, [*found, candidate])
             if found[0] is candidate and candidate.is_agreed():
                 return found[:1]
-    if not (found and found[0].fits()):
-        last = chain(_with_a_loose_frame(whole), _without_a_pick(whole))
-        each = (one for part in last for one in _from_reduced(part, whole, taking))
-        found += islice((one for one in each if one.fits()), 1)
+    if found and found[0].fits() and not found[0].is_in_disorder():
+        return found
+    return _with_last_attempts(taking, whole, found)
+
+
+def _with_last_attempts(
+    taking: Participants, whole: Participants, found: Sequence[Candidate]
+) -> list[Candidate]:
+    """Leave out a photo, or a pick, where no first values made the rest fit.
+
+    Parameters
+    ----------
+    taking, whole
+        Participating observations, with the stated sigmas and with a little roughness.
+    found
+        Candidates so far.
+    """
+    if loose := list(_first_that_fits(_with_a_loose_frame(whole), whole, taking)):
+        return _by_cost(taking, [*found, *loose])
+    alone = _without_one_photo(taking)
+    # A single wrong pick may spoil its photo.
+    lost = taking.keep & ~alone[0].taking.keep if alone else taking.keep
+    found = [*found, *_first_that_fits(_without_a_pick(whole, lost), whole, taking)]
+    picks = int(taking.keep.sum())
+    if alone and all(alone[0].cost(picks) <= one.cost(picks) for one in found):
+        return alone
     return _by_cost(taking, found)
+
+
+def _first_that_fits(
+    parts: Iterable[Participants], whole: Participants, taking: Participants
+) -> Iterator[Candidate]:
+    """Adjust robustly from parts of the observations, until all the rest fits once."""
+    each = (one for part in parts for one in _from_reduced(part, whole, taking))
+    return islice((one for one in each if one.fits()), 1)
 
 
 def _without_one_photo(taking: Participants) -> list[Candidate]:
@@ -393,23 +425,26 @@ def _without_one_photo(taking: Participants) -> list[Candidate]:
     frames = np.unique(taking.survey.pick_frame[taking.keep]).tolist()
     if not 1 < len(frames) <= MOST_STARTS:
         return []
-    rests = [taking.without_frame(frame, MISPLACED) for frame in frames]
-    fitting = [
-        one
-        for rest in rests
-        for one in islice(
-            _by_cost(rest, chain(_from_reduced(rest, rest, rest), _from_softened(rest))), 1
+    fitting: list[Candidate] = []
+    for frame in frames:
+        rest = taking.without_frame(frame, MISPLACED)
+        starts = chain(
+            _from_reduced(_unsoftened(rest), _unsoftened(rest), rest), _from_softened(rest)
         )
-        if (one.fits() or one.is_agreed()) and not one.is_in_disorder()
-    ]
+        fitting.extend(one for one in _by_cost(rest, starts)[:1] if one.explains())
     fitting.sort(key=lambda one: one.annealed.cost)
-    if len(frames) > 2 or len(fitting) < 2:
-        return fitting[:1]
-    best, other = fitting
-    if other.annealed.cost > best.annealed.cost + RIVAL:
+    if not fitting:
+        return []
+    best = fitting[0]
+    if len(frames) > 2 or len(fitting) < 2 or fitting[1].annealed.cost > best.annealed.cost + RIVAL:
         return [best]
     reason = {pick: EITHER if why is MISPLACED else why for pick, why in best.taking.reason.items()}
     return [replace(best, taking=replace(best.taking, reason=reason))]
+
+
+def _unsoftened(taking: Participants) -> Participants:
+    """Return the observations with a little roughness of the ground, and of the tapes' scales."""
+    return replace(taking, survey=_softer(taking.survey, 1.0))
 
 
 def _most_of_a_rival(taking: Participants, found: Sequence[Candidate]) -> float:
@@ -480,11 +515,11 @@ def _few_frames(whole: Participants) -> list[int]:
     return frames if 2 < len(frames) <= MOST_STARTS else []
 
 
-def _without_a_pick(whole: Participants) -> Iterator[Participants]:
-    """Leave out each pick of a point that has others, where the picks are few."""
+def _without_a_pick(whole: Participants, among: Bools) -> Iterator[Participants]:
+    """Leave out each of some picks (P,) of points that have others, where they are few."""
     survey, keep = whole.survey, whole.keep
     often = np.bincount(survey.pick_label[keep], minlength=len(survey.label)) > 1
-    picks = np.flatnonzero(keep & often[survey.pick_label]).tolist()
+    picks = np.flatnonzero(keep & among & often[survey.pick_label]).tolist()
     for pick in picks if len(picks) <= MOST_PICKS and not survey.matches.points else []:
         yield whole.without_picks({pick: MISPLACED})
 

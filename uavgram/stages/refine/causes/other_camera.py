@@ -172,9 +172,6 @@ ZOOM_SIGMA, CENTRE_SIGMA = 0.4, 0.1
 """Prior sigmas of the factor of both focal lengths, and of the principal point as a share of the
 photo's width, for a useless camera file."""
 
-MIN_ZOOM_SIGMAS, MIN_ZOOM_SHARE = 5.0, 0.015
-"""Least deviation of the factor from one for another zoom, in its own sigmas and as a share."""
-
 MIN_REDUNDANCY = 30.0
 """Redundancy of the picks below which camera parameters could absorb a wrong pick or two."""
 

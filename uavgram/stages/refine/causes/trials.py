@@ -8,7 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.estimation.reliability.hypotheses import HypothesisTest, compare_hypotheses
-from uavgram.estimation.reliability.redundancy import compute_core_fit
+from uavgram.estimation.reliability.redundancy import (
+    compute_core_fit,
+    compute_redundancy,
+    compute_upper_tail,
+)
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
@@ -39,6 +44,11 @@ class JudgedHypothesis:
         The corrected survey, adjusted; None where that was not tried.
     noise
         Variance factor of its core, where that does not fit; otherwise one.
+    log_noise
+        Likewise, of the poses of the log, where the hypothesis is about them.
+    squares, regained
+        Parts of the gain at a variance factor of one: the decrease of the sum of squares, and the
+        price of the left-out observations that take part again.
     """
 
     hypothesis: Hypothesis
@@ -47,12 +57,15 @@ class JudgedHypothesis:
     odds: float
     after: Diagnosis | None = None
     noise: float = 1.0
+    log_noise: float = 1.0
+    squares: float = 0.0
+    regained: float = 0.0
 
     def at_noise(self, noise: float) -> JudgedHypothesis:
         """Rescale the odds to a remaining variance factor, the same for all hypotheses."""
         if self.after is None:
             return self
-        gain = self.gain / noise
+        gain = self.squares / max(noise, self.log_noise) + self.regained
         return replace(self, gain=gain, odds=gain / 2.0 - self.hypothesis.price)
 
 
@@ -143,15 +156,34 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     # Variance factor of the corrected survey, where its core still does not fit.
     fit = compute_core_fit(refined.adjustment)
     noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT_PROBABILITY else 1.0
+    squares = diagnosis.adjustment.minimum.cost - refined.adjustment.minimum.cost
     gain, found = diagnosis.cost - after.cost, judged.found
+    regained = gain - squares
     if found is not None and hypothesis.freed is not None:
         # Bound the gain, as `freed` may remove more prior knowledge than that of the unknowns.
         gain = min(gain, judged.gain + 2.0 * PRICE * diagnosis.left_out)
+        squares = gain - regained
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
         found = HypothesisTest(gain, len(value), value, covariance)
-    one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, max(1.0, noise))
-    return one.at_noise(one.noise)
+    own = max(1.0, noise)
+    of_log = _noise_of_log(refined.adjustment, hypothesis)
+    one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, own, of_log, squares, regained)
+    return one.at_noise(own)
+
+
+def _noise_of_log(adjustment: Adjustment, hypothesis: Hypothesis) -> float:
+    """Compute the variance factor of the log's poses, where a hypothesis is about them; else one.
+
+    Errors of a log are correlated, as in gusts, and a step explains some of any of them.
+    """
+    block = adjustment.minimum.blocks.get("telemetry")
+    if block is None or all(moved.kind != "telemetry" for moved in hypothesis.moved):
+        return 1.0
+    squares, degrees = float(np.sum(block.residual**2)), compute_redundancy(adjustment, "telemetry")
+    if compute_upper_tail(squares, degrees) > MISFIT_PROBABILITY:
+        return 1.0
+    return max(1.0, squares / degrees)
 
 
 def explain_by_noise(diagnosis: Diagnosis) -> Diagnosis:
