@@ -103,14 +103,17 @@ def _factor_by_others(adjustment: Adjustment) -> tuple[float, float]:
     survey, line = adjustment.survey, adjustment.problem.line_index
     readings = blocks["lengths"]
     width = readings.columns.shape[1] - (1 if layout.tape else 0)
+    # Residuals at a tape scale of zero, whose prior is not among the others.
+    residual = readings.residual
+    if layout.tape:
+        scale = adjustment.state.tape[readings.columns[:, -1] - layout.first_tape]
+        residual = residual - readings.jacobian[:, :, -1] * scale[:, None]
     # By the predicted readings: with the actual ones, their residuals would act as information.
-    by_factor = survey.length_m[line] / survey.length_sigma_m[line] + readings.residual[:, 0]
+    by_factor = survey.length_m[line] / survey.length_sigma_m[line] + residual[:, 0]
     blocks.pop("tape", None)
     bare = replace(layout, tape=0)
     last = bare.size
-    bare_readings = Block(
-        readings.residual, readings.columns[:, :width], readings.jacobian[:, :, :width]
-    )
+    bare_readings = Block(residual, readings.columns[:, :width], readings.jacobian[:, :, :width])
     blocks["lengths"] = _with_column(bare_readings, last + layout.tape, by_factor[:, None])
     for kind, change in scale_derivatives(adjustment).items():
         blocks[kind] = _with_column(blocks[kind], last + layout.tape, change)
@@ -265,6 +268,8 @@ def find_next_line(adjustment: Adjustment) -> LineAdvice | None:
     if len(label) < 3 or not len(used):
         return None
     first, second, length, joint = _compute_distances(adjustment, label)
+    if not len(length):
+        return None
     relative = joint / np.outer(length, length)
     sigma = float(np.median(survey.length_sigma_m[used]))
     # Reduction of the sum of relative variances by a reading of each distance.
@@ -274,6 +279,8 @@ def find_next_line(adjustment: Adjustment) -> LineAdvice | None:
     ] = 0
     taken[length < SHORT_SHARE * length.max()] = 0
     best = int(np.argmax(taken))
+    if not taken[best] > 0:
+        return None
     before = float(np.trace(relative))
     number = len(length)
     return LineAdvice(
@@ -305,9 +312,9 @@ class DistanceChanges(NamedTuple):
 def compute_distance_changes(adjustment: Adjustment, other: Adjustment) -> DistanceChanges:
     """Compute the changes of distances between labels in another solution."""
     label = _find_outermost(adjustment.state.point[:, :2])
-    if len(label) < 2:
-        return DistanceChanges(0.0, 0.0, 0.0)
     first, second, here, joint = _compute_distances(adjustment, label)
+    if not len(here):
+        return DistanceChanges(0.0, 0.0, 0.0)
     world = other.points_with_jacobian(label)[0]
     change = np.abs(np.linalg.norm(world[first] - world[second], axis=1) - here)
     sigmas = change / np.sqrt(np.maximum(np.diag(joint), np.finfo(float).tiny))
@@ -329,7 +336,7 @@ def _compute_distances(adjustment: Adjustment, label: Ints) -> tuple[Ints, Ints,
     first, second = np.triu_indices(len(label), k=1)
     along = world[second] - world[first]
     length = np.linalg.norm(along, axis=1)
-    apart = length > 1e-3 * length.max()
+    apart = length > 1e-3 * length.max(initial=0.0)
     first, second, along, length = first[apart], second[apart], along[apart], length[apart]
     unit = along / length[:, None]
     rows = np.arange(len(length))

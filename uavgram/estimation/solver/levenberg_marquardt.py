@@ -191,7 +191,8 @@ class _Iteration(Generic[State]):
         """Evaluate a step: state, residuals, and the sum of squares (infinite if impossible)."""
         state = self.update(self.state, step)
         blocks = self.evaluate(state)
-        return state, blocks, np.inf if blocks is None else compute_cost(blocks.values())
+        cost = np.inf if blocks is None else compute_cost(blocks.values())
+        return state, blocks, np.inf if np.isnan(cost) else cost
 
     def _move(self, state: State, blocks: dict[str, Block], cost: float) -> None:
         self.state, self.blocks, self.cost = state, blocks, cost

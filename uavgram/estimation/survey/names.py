@@ -72,7 +72,8 @@ class ObservationNames:
             picks = "pick" if len(labels) == 1 else "picks"
             parts.append(f"{picks} of {listed(labels, None)} in {frame!r}")
         if len(members) > MAX_CAUSES:
-            parts[-1] += f" or one of {len(members) - MAX_CAUSES} others"
+            more = len(members) - MAX_CAUSES
+            parts[-1] += " or another one" if more == 1 else f" or one of {more} others"
         return " or the ".join(parts)
 
     def advice(self, suspicion: Suspicion) -> str:

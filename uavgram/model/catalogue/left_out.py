@@ -17,7 +17,7 @@ EXCLUDED = (
         effect=Effect.AMBER,
         order=Order.EXCLUDED,
         one="The pick of {labels} in {frames} was left out.",
-        several="{count} picks were left out: of {labels} in {frames}.",
+        several="Picks of {labels} in {frames} were left out.",
         accuses=True,
     ),
     Entry(
@@ -31,7 +31,7 @@ EXCLUDED = (
         effect=Effect.AMBER,
         order=Order.REMOVED,
         one="The pick of {labels} in {frames} does not fit and was taken out.",
-        several="{count} picks do not fit and were taken out: of {labels} in {frames}.",
+        several="Picks of {labels} in {frames} do not fit and were taken out.",
         accuses=True,
     ),
     Entry(

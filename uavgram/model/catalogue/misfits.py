@@ -32,7 +32,7 @@ MISFITS = (
         effect=Effect.DOUBTFUL,
         order=Order.SUSPECT,
         one="The pick of {labels} in {frames} does not fit.",
-        several="{count} picks do not fit: of {labels} in {frames}.",
+        several="Picks of {labels} in {frames} do not fit.",
         accuses=True,
     ),
     Entry(
@@ -216,7 +216,8 @@ MISFITS = (
         action="Check all that are named, or tape another line that decides between them.",
         effect=Effect.DOUBTFUL,
         order=Order.REMOVED,
-        one="One of several picks or lengths does not fit.",
+        one="One of several readings does not fit.",
+        accuses=True,
     ),
     Entry(
         "blunder-kept",

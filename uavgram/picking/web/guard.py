@@ -17,7 +17,7 @@ A page with access can still do harm by too many or too long messages: requests 
 a greatest length, and `RateLimit` slows a socket down.
 
 A user who has lost the tab, or wants another browser, starts the program again and gets a fresh
-address: see `running.py`.
+address: see `running_server.py`.
 """
 
 from __future__ import annotations
@@ -26,12 +26,13 @@ import contextlib
 import hmac
 import logging
 import math
+import os
 import re
 import secrets
 import time
 from collections.abc import Callable
 from pathlib import Path
-from urllib.parse import unquote
+from urllib.parse import unquote_to_bytes
 
 from starlette.datastructures import URL, Headers, MutableHeaders
 from starlette.requests import HTTPConnection
@@ -248,13 +249,17 @@ class Guard:
         if token is not None:
             return PlainTextResponse(WAITS if self._tokens.is_open(token) else USED)
         wanted = connection.headers.get("x-wanted")
-        path = None if wanted is None else Path(unquote(wanted))
+        path = None if wanted is None else Path(os.fsdecode(unquote_to_bytes(wanted)))
         way = self._way_to(path, connection.headers.get("x-only") == "open")
-        return PlainTextResponse("" if way is None else f"{way}?token={self._tokens.new(LASTS_S)}")
+        if way is None:
+            return PlainTextResponse("")
+        self.tabs.expect()
+        return PlainTextResponse(f"{way}?token={self._tokens.new(LASTS_S)}")
 
     def _exchanged(self, connection: HTTPConnection, given: str) -> Response:
         """Exchange a token, once, for cookie and key, and redirect to the address without it."""
-        way = URL(scope=connection.scope).path
+        # A second slash at the beginning would lead to another computer.
+        way = f"/{URL(scope=connection.scope).path.lstrip('/')}"
         if self._tokens.use(given):
             self._entered()
             way = f"{way}#{self._tab_key}"

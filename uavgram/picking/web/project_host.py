@@ -174,7 +174,7 @@ class ProjectHost:
                 meant = await to_thread.run_sync(self.door.meant, body)
                 if self.pick is not None and self.pick.path != meant:
                     name = self.pick.path.parent.name
-                    if self.pick.is_shown and not closes:
+                    if (self.pick.is_shown or self.is_busy) and not closes:
                         return JSONResponse(
                             {"why": OPEN_ALREADY.format(name), "open": name}, CANNOT
                         )
@@ -185,7 +185,8 @@ class ProjectHost:
                     return JSONResponse({})
                 pick = await to_thread.run_sync(self._read, project)
             except UavgramError as why:
-                return await _refused_or_elsewhere(why, meant)
+                is_here = self.pick is not None and self.pick.path == meant
+                return await _refused_or_elsewhere(why, None if is_here else meant)
             await self._close()
             self._show(pick)
         return JSONResponse({})

@@ -71,7 +71,8 @@ def servers_folder(platform: str = sys.platform, environ: Mapping[str, str] = os
     key, usual = "XDG_STATE_HOME", Path(".local", "state")
     if platform == "win32":
         key, usual = "LOCALAPPDATA", Path("AppData", "Local")
-    return Path(environ.get(key) or Path.home() / usual) / "uavgram"
+    stated = Path(environ.get(key, ""))
+    return (stated if stated.is_absolute() else Path.home() / usual) / "uavgram"
 
 
 def _of_this_machine() -> str:
@@ -87,8 +88,8 @@ def left_for_others(door: ServerAddress) -> Iterator[None]:
         folder = _made(servers_folder())
         held = FileLock(folder / f"{_of_this_machine()}{door.port}{_SUFFIX}")
         held.write(json.dumps(asdict(door)))
-    except (OSError, UavgramError) as fault:  # the page works without it
-        log.warning("a second start will not find this page: %s", fault)
+    except (OSError, RuntimeError, UavgramError) as fault:  # the page works without it
+        log.warning("a second start will not find this page (%s)", type(fault).__name__)
     try:
         yield
     finally:
@@ -165,7 +166,7 @@ def request_address(
         Returns whether a server that does not have it open is asked, too.
     """
     doors = list(_doors())
-    path = {} if wanted is None else {"X-Wanted": quote(str(wanted.resolve()))}
+    path = {} if wanted is None else {"X-Wanted": quote(os.fsencode(wanted.resolve()))}
     asked = [(door, {**path, "X-Only": "open"}) for door in doors if wanted is not None]
     asked += [(door, path) for door in doors if may_change(door)]
     for door, headers in asked:

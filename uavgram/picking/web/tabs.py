@@ -30,6 +30,11 @@ class Tabs:
             self._open -= 1
             self._closed_at_s = self._clock()
 
+    def expect(self) -> None:
+        """Wait anew for a tab, as an address was given to someone."""
+        if self._closed_at_s is not None:
+            self._closed_at_s = self._clock()
+
     def gone_s(self) -> float:
         """Return the time since the last tab was closed [s]; 0 while one is open, or none came."""
         if self._open or self._closed_at_s is None:

@@ -83,7 +83,7 @@ def _suspect_message(examined: TestedSurvey, suspicion: Suspicion) -> Message:
     text, item = observation.misfit(found)
     # A reading that others can be wrong instead of is not accused.
     if accused.kind in READINGS and len(_members(suspicion)) > 1:
-        return report_not_located(names, suspicion, text)
+        return report_not_located(names, suspicion, f"For example, {item}.")
     others = []
     if suspicion.group:
         others.append(f"The {names.group(suspicion)}: {names.advice(suspicion)}.")

@@ -118,5 +118,4 @@ def get_plain_sentence(message: Message) -> str:
     form = entry.several if is_several and entry.several else entry.one
     names = {what: listed(getattr(message, what)) for what in SUBJECTS}
     names["frames"] = listed_photos(message.frames)
-    count = max(size.values(), default=0)
-    return form.format(count=count, **names)
+    return form.format(count=len(message.labels), **names)

@@ -26,7 +26,7 @@ from uavgram.estimation.reliability.test_statistics import compute_cofactors, re
 from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
 from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCause, Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
-from uavgram.estimation.survey.observations.kinds import get_kind
+from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
 from uavgram.estimation.survey.selection import remove_known, select_control, select_picks
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -296,14 +296,22 @@ class Candidate:
 
     def fits(self) -> bool:
         """Test whether the observations without the gross errors agree (chi-square test)."""
+        squares, degrees = self._fit()
+        return bool(squares < chdtri(degrees, MISFIT))
+
+    def surplus(self) -> float:
+        """Return the cost beyond that of errors of the stated size: the degrees of freedom."""
+        return self.annealed.cost - self._fit()[1]
+
+    def _fit(self) -> tuple[float, int]:
+        """Return sum of squares and degrees of freedom without the gross errors."""
         found, blocks = self.annealed, self.annealed.minimum.blocks
         gross = {name: len(found.gross(name)) for name in found.misfit}
         left = sum(blocks[name].residual.shape[1] * count for name, count in gross.items())
         numbers = sum(block.residual.size for block in blocks.values())
         degrees = max(numbers - left - found.problem.layout.size, 1)
         # Sum of squares of the rest: each gross error contributes GROSS_SIGMAS^2 to the cost.
-        squares = found.cost - GROSS_SIGMAS**2 * sum(gross.values())
-        return bool(squares < chdtri(degrees, MISFIT))
+        return found.cost - GROSS_SIGMAS**2 * sum(gross.values()), degrees
 
     def is_agreed(self) -> bool:
         """Return whether nearly all take part and no other length could be the wrong one."""
@@ -329,7 +337,7 @@ class Candidate:
 
     def is_in_disorder(self) -> bool:
         """Return whether so much is wrong, in relation to the picks, that a whole photo may be."""
-        wrong = sum(len(self.annealed.gross(name)) for name in self.annealed.misfit)
+        wrong = sum(len(self.annealed.gross(name)) for name in READINGS)
         wrong += len(self.contradicting)
         converged = self.annealed.minimum.converged
         return not converged or wrong > DISORDER_SHARE * self.taking.keep.sum()
@@ -432,13 +440,14 @@ def _without_one_photo(taking: Participants) -> list[Candidate]:
             _from_reduced(_unsoftened(rest), _unsoftened(rest), rest), _from_softened(rest)
         )
         fitting.extend(one for one in _by_cost(rest, starts)[:1] if one.explains())
-    fitting.sort(key=lambda one: one.annealed.cost)
+    fitting.sort(key=Candidate.surplus)
     if not fitting:
         return []
     best = fitting[0]
-    if len(frames) > 2 or len(fitting) < 2 or fitting[1].annealed.cost > best.annealed.cost + RIVAL:
+    if len(frames) > 2 or len(fitting) < 2 or fitting[1].surplus() > best.surplus() + RIVAL:
         return [best]
-    reason = {pick: EITHER if why is MISPLACED else why for pick, why in best.taking.reason.items()}
+    left = np.flatnonzero(taking.keep & ~best.taking.keep).tolist()
+    reason = {**best.taking.reason, **dict.fromkeys(left, EITHER)}
     return [replace(best, taking=replace(best.taking, reason=reason))]
 
 

@@ -62,7 +62,7 @@ class JudgedHypothesis:
     regained: float = 0.0
 
     def at_noise(self, noise: float) -> JudgedHypothesis:
-        """Rescale the odds to a remaining variance factor, the same for all hypotheses."""
+        """Rescale the odds to a variance factor, the same for all that are not of the log."""
         if self.after is None:
             return self
         gain = self.squares / max(noise, self.log_noise) + self.regained
