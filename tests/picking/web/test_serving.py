@@ -50,14 +50,14 @@ KEPT_MB = """
 import re, sys
 from pathlib import Path
 import numpy as np
-from uavgram.picking.web.memory import give_back_large_blocks
+from uavgram.picking.web.memory import return_large_blocks
 
 def now():
     text = Path("/proc/self/status").read_text()  # as reserved: the system may move idle pages
     return int(re.search(r"VmData:\\s+(\\d+)", text).group(1)) / 1024
 
 if sys.argv[1] == "give back":
-    assert give_back_large_blocks()
+    assert return_large_blocks()
 before = now()
 np.ones(20_000_000, np.uint8)
 blocks, small = [], []
