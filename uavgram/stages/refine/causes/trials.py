@@ -65,7 +65,9 @@ class JudgedHypothesis:
         """Rescale the odds to a variance factor, the same for all that are not of the log."""
         if self.after is None:
             return self
-        gain = self.squares / max(noise, self.log_noise) + self.regained
+        # A step explains some of any correlated error of a log; a misfit that it leaves counts.
+        own = max(noise, self.log_noise) if self.squares > 0.0 else noise
+        gain = self.squares / own + self.regained
         return replace(self, gain=gain, odds=gain / 2.0 - self.hypothesis.price)
 
 
@@ -153,9 +155,8 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     if refined is None or not (refined.adjustment.minimum.converged or hypothesis.freed):
         return JudgedHypothesis(hypothesis, judged.found, 0.0, -np.inf)
     after = Diagnosis(taking, refined)
-    # Variance factor of the corrected survey, where its core still does not fit.
-    fit = compute_core_fit(refined.adjustment)
-    noise = fit.squares / max(fit.degrees, 1.0) if fit.probability < MISFIT_PROBABILITY else 1.0
+    # Noise of the survey before and after: what the mistake adds to either is not noise.
+    noise = min(_noise_of_core(diagnosis.adjustment), _noise_of_core(refined.adjustment))
     squares = diagnosis.adjustment.minimum.cost - refined.adjustment.minimum.cost
     gain, found = diagnosis.cost - after.cost, judged.found
     regained = gain - squares
@@ -166,10 +167,23 @@ def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypo
     if hypothesis.settled is not None:
         value, covariance = hypothesis.settled(refined.adjustment)
         found = HypothesisTest(gain, len(value), value, covariance)
-    own = max(1.0, noise)
     of_log = _noise_of_log(refined.adjustment, hypothesis)
-    one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, own, of_log, squares, regained)
-    return one.at_noise(own)
+    one = JudgedHypothesis(hypothesis, found, gain, 0.0, after, noise, of_log, squares, regained)
+    return one.at_noise(noise)
+
+
+def _noise_of_core(adjustment: Adjustment) -> float:
+    """Compute the variance factor of picks, ground and the like, where they do not fit; else one.
+
+    Parameters
+    ----------
+    adjustment
+        Adjustment at the stated sigmas.
+    """
+    fit = compute_core_fit(adjustment)
+    if fit.probability >= MISFIT_PROBABILITY:
+        return 1.0
+    return max(1.0, fit.squares / max(fit.degrees, 1.0))
 
 
 def _noise_of_log(adjustment: Adjustment, hypothesis: Hypothesis) -> float:
