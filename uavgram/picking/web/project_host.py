@@ -174,7 +174,7 @@ class ProjectHost:
                 meant = await to_thread.run_sync(self.door.meant, body)
                 if self.pick is not None and self.pick.path != meant:
                     name = self.pick.path.parent.name
-                    if (self.pick.is_shown or self.is_busy) and not closes:
+                    if self.pick.is_shown and not closes:
                         return JSONResponse(
                             {"why": OPEN_ALREADY.format(name), "open": name}, CANNOT
                         )
