@@ -37,5 +37,5 @@ def shortcut(*, folder: Path | None = None) -> int:
     print_lines(
         f"Icon: {written[0]}", *(f"In the menu of programs: {path}" for path in written[1:])
     )
-    print_lines("It opens the page, and a lost tab anew. Close its window to end the program.")
+    print_lines("It opens the page, and a lost tab again. Close its window to end the program.")
     return DONE

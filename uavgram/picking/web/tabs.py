@@ -31,7 +31,7 @@ class Tabs:
             self._closed_at_s = self._clock()
 
     def expect(self) -> None:
-        """Wait anew for a tab, as an address was given to someone."""
+        """Restart the time since the last tab, as a new address was given."""
         if self._closed_at_s is not None:
             self._closed_at_s = self._clock()
 
