@@ -232,7 +232,8 @@ def test_photos_that_an_editor_has_saved_are_pointed_at(brighton: Brighton) -> N
     texts = [m.text for m in brighton.messages if m.code == "photo-edited"]
 
     assert len(texts) == 1
-    assert "2 photos (the first is DJI_0025.JPG) were saved by Microsoft Windows Photo" in texts[0]
+    assert "Microsoft Windows Photo Viewer" in texts[0]
+    assert " saved 2 photos (the first is DJI_0025.JPG)" in texts[0]
 
 
 def _homography(first: Path, second: Path) -> Floats:

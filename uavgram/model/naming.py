@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from functools import cache
 from typing import Annotated, Any, Literal, cast, get_args, get_origin, get_type_hints
@@ -159,6 +159,14 @@ def counted(number: int, what: str) -> str:
         Noun in the singular; its plural must end in s.
     """
     return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+def counted_photos(frames: Sequence[str]) -> str:
+    """Return the number of photos and the first; the name alone of a single one.
+
+    ``3 photos (the first is a.jpg)``, ``a.jpg``.
+    """
+    return frames[0] if len(frames) == 1 else f"{len(frames)} photos (the first is {frames[0]})"
 
 
 def figures(value: float, digits: int = 2, sign: str = "") -> str:

@@ -17,7 +17,7 @@ from uavgram.geometry.motion.rotation import ENU_FROM_NED, matrix_from_ypr
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.flight.pose import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message
-from uavgram.model.naming import counted
+from uavgram.model.naming import counted_photos
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed.stated_mount import apply_stated_mount
 
@@ -162,23 +162,23 @@ def _messages(poses: PhotoPoses, has_attitude: Bools) -> Iterator[Message]:
     unknown = np.flatnonzero(~has_attitude & ~has_nose)
     way_out = "give yaw_deg, pitch_deg and roll_deg in a CSV file (`poses`)"
     if by_nose.size:
+        frames = tuple(poses.frame_id[k] for k in by_nose)
         text = (
-            f"{poses.source} has no attitude for {counted(by_nose.size, 'photo')}: their direction "
+            f"There is no attitude in {poses.source} for {counted_photos(frames)}: the direction "
             "is assumed by `mount` from a level vehicle with the heading of its tags (sigma "
             f"{MOUNT_TILT_SIGMA_DEG:g} degrees of tilt, {NOSE_YAW_SIGMA_DEG:g} of yaw). If you "
             f"know better, {way_out}."
         )
-        frames = tuple(poses.frame_id[k] for k in by_nose)
         yield Message("warning", "attitude-from-course", text, frames=frames)
     if unknown.size:
+        frames = tuple(poses.frame_id[k] for k in unknown)
         text = (
-            f"{poses.source} has no attitude for {counted(unknown.size, 'photo')} (the first is "
-            f"{poses.frame_id[unknown[0]]}). Their direction is assumed by `mount` from a level "
-            f"vehicle (sigma {MOUNT_TILT_SIGMA_DEG:g} degrees of tilt); their heading is unknown, "
+            f"There is no attitude in {poses.source} for {counted_photos(frames)}. The direction "
+            "is assumed by `mount` from a level vehicle (sigma "
+            f"{MOUNT_TILT_SIGMA_DEG:g} degrees of tilt); the heading is unknown, "
             "as a drone may fly backwards and sideways. Only points that several photos share, or "
             f"known points, determine it. Pick such points, or {way_out}."
         )
-        frames = tuple(poses.frame_id[k] for k in unknown)
         yield Message("warning", "attitude-unknown", text, frames=frames)
 
 

@@ -32,7 +32,7 @@ from uavgram.model.flight.frames import Photos
 from uavgram.model.flight.log import HeightDatum
 from uavgram.model.flight.pose import PhotoPoses
 from uavgram.model.message import Message
-from uavgram.model.naming import listed_photos
+from uavgram.model.naming import counted_photos, listed_photos
 
 Angles = tuple[float, float, float]
 NONE: Angles = (math.nan, math.nan, math.nan)
@@ -324,6 +324,8 @@ def _stating_zero(names: tuple[str, ...]) -> str:
 
 def _are_elsewhere(poses: list[TagPose], others: Bools) -> Bools:
     """Mark photos (N,) whose place is known, and near that of none of the others."""
+    from scipy.spatial import cKDTree  # noqa: PLC0415  (slow to load, and rarely needed)
+
     placed = np.array([_has_place(pose) for pose in poses])
     away = placed.copy()
     if placed.any():
@@ -331,8 +333,8 @@ def _are_elsewhere(poses: list[TagPose], others: Bools) -> Bools:
         origin = (*degrees[placed][0], 0.0)
         latitude, longitude = degrees[placed].T
         place = enu_from_geodetic(latitude, longitude, 0.0, origin)[:, :2]
-        apart = np.linalg.norm(place[:, None] - place[None, others[placed]], axis=2)
-        away[placed] = (apart > _MOVED_M).all(axis=1)
+        nearest_m, _ = cKDTree(place[others[placed]]).query(place)
+        away[placed] = nearest_m > _MOVED_M
     return away
 
 
@@ -406,29 +408,28 @@ def _oddities(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message,
     messages = []
     if nadir:
         text = (
-            f"{len(nadir)} photos (the first is {nadir[0]}) state a gimbal roll near 180 degrees "
-            "while looking down: taken as a half turn about the optical axis, the same as roll 0 "
+            f"The tags of {counted_photos(nadir)} state a gimbal roll near 180 degrees while "
+            " looking down: taken as a half turn about the optical axis, the same as roll 0 "
             "with the yaw turned by 180 degrees"
         )
         messages.append(Message("info", "gimbal-roll-180", text))
     if len(over) > len(nadir):
-        name = next(name for name, _ in over if name not in nadir)
+        names = [name for name, _ in over if name not in nadir]
         text = (
-            f"{len(over) - len(nadir)} photos (the first is {name}) state a camera upside down; "
-            "these directions are used: check the seeds"
+            f"The tags of {counted_photos(names)} state a camera upside down; these "
+            " directions are used: check the seeds"
         )
         messages.append(Message("warning", "gimbal-upside-down", text))
     return tuple(messages)
 
 
 def _edited(frame_id: tuple[str, ...], poses: list[TagPose]) -> tuple[Message, ...]:
-    edited = [(name, p.editor) for name, p in zip(frame_id, poses, strict=True) if p.editor]
+    edited = {name: p.editor for name, p in zip(frame_id, poses, strict=True) if p.editor}
     if not edited:
         return ()
-    name, editor = edited[0]
     text = (
-        f"{len(edited)} photos (the first is {name}) were saved by {editor}: if it turned or "
-        "cropped them, their pose tags and the camera file no longer fit; use the camera's own "
+        f"{next(iter(edited.values()))} saved {counted_photos(list(edited))}: where it turned or "
+        "cropped a photo, the pose tags and the camera file no longer fit; use the camera's own "
         "files"
     )
     return (Message("warning", "photo-edited", text),)
