@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from uavgram.model.naming import listed_photos
+from uavgram.model.naming import listed_photos, photo_name
 
 Action = Literal[
     "swap", "unpick", "move", "length", "ends", "read", "remove-length", "free", "on-ground", "tape"
@@ -177,6 +178,9 @@ class Message:
         Not stored.
     plain
         Finding in one sentence, where code and subjects do not describe it completely.
+    mentions
+        Names in the text that are no subjects, as of another cause that explains as much. Not
+        stored.
     mend, instead
         Proposed correction, and alternatives where the observations cannot decide; stored with the
         verdict.
@@ -194,8 +198,28 @@ class Message:
     heights_sigma_m: tuple[float, ...] = ()
     several: MessagePlural | None = field(default=None, compare=False, repr=False)
     plain: str = field(default="", compare=False, repr=False)
+    mentions: tuple[str, ...] = field(default=(), compare=False, repr=False)
     mend: Remedy | None = field(default=None, compare=False, repr=False)
     instead: tuple[Remedy, ...] = field(default=(), compare=False, repr=False)
+
+    def names(self) -> tuple[str, ...]:
+        """Return all names that the text may contain; those of photos with and without ending."""
+        subjects = (name for what in SUBJECTS for name in getattr(self, what))
+        return (*subjects, *map(photo_name, self.frames), *self.mentions)
+
+    def split_text(self, separator: str = r"\. ") -> list[str]:
+        """Split the text where a pattern matches, but not inside a name; by default in sentences.
+
+        A label or a photo may be called ``St. 1``.
+        """
+        kept = sorted(filter(re.compile(separator).search, self.names()), key=len, reverse=True)
+        pattern = "|".join((*map(re.escape, kept), f"(?P<end>{separator})"))
+        parts, begin = [], 0
+        for found in re.finditer(pattern, self.text):
+            if found["end"]:
+                parts.append(self.text[begin : found.start()])
+                begin = found.end()
+        return [*parts, self.text[begin:]]
 
     def record(self) -> dict[str, str | list[str] | list[float]]:
         """Return all that is stored: level, code, text, and the subjects and numbers in use."""

@@ -206,7 +206,7 @@ def test_reasons_are_the_messages_in_their_order_two_sentences_each(clean: Judge
     verdict, _ = clean.verdict(*(of(code) for code in codes))
     assert tuple(reason.cause for reason in verdict.reasons) == codes
     assert {reason.text for reason in verdict.reasons} == {"This is wrong. Look there."}
-    assert get_first_sentences("One. Two.") == "One. Two."
+    assert get_first_sentences(Message("info", "misfit", "One. Two.")) == "One. Two."
 
 
 def test_what_has_no_value_is_not_checked_whatever_else_is_wrong(clean: Judged) -> None:

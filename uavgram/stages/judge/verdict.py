@@ -7,7 +7,6 @@ measurement there is nothing to predict, and no verdict.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Sequence
 
 from uavgram.model.catalogue.entry import Effect
@@ -20,7 +19,7 @@ from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
 from uavgram.stages.judge.statuses import determine_statuses, find_unconfirmed_ends
 from uavgram.stages.judge.tested_survey import TestedSurvey
 
-_STATISTICS = re.compile(r": | \(|\. ")
+_STATISTICS = r": | \(|\. "
 """Ends of the plain part of a message; numbers of tests follow."""
 
 
@@ -84,7 +83,7 @@ def make_reason(message: Message) -> Reason:
     """Convert a message to a reason."""
     return Reason(
         cause=message.code,
-        text=get_first_sentences(message.text),
+        text=get_first_sentences(message),
         frames=message.frames,
         labels=message.labels,
         lengths=message.lengths,
@@ -95,10 +94,10 @@ def make_reason(message: Message) -> Reason:
     )
 
 
-def get_first_sentences(text: str, count: int = 2) -> str:
+def get_first_sentences(message: Message, count: int = 2) -> str:
     """Return the first sentences of a message: the fault and the action."""
-    parts = text.split(". ")
-    return text if len(parts) <= count else ". ".join(parts[:count]) + "."
+    parts = message.split_text()
+    return message.text if len(parts) <= count else ". ".join(parts[:count]) + "."
 
 
 def get_plain_sentence(message: Message) -> str:
@@ -112,7 +111,7 @@ def get_plain_sentence(message: Message) -> str:
     entry = entry_of(message.code)
     size = {what: len(getattr(message, what)) for what in SUBJECTS if f"{{{what}}}" in entry.one}
     if not entry.one or not all(size.values()):
-        return f"{_STATISTICS.split(message.text, maxsplit=1)[0].removesuffix('.')}."
+        return f"{message.split_text(_STATISTICS)[0].removesuffix('.')}."
     of_one = {"labels": entry.labels_of_one}
     is_several = any(count > of_one.get(what, 1) for what, count in size.items())
     form = entry.several if is_several and entry.several else entry.one

@@ -234,9 +234,9 @@ def _removal_message(removal: Removal, before: Refined) -> Message:
 
 def _correction_message(cause: Cause, before: str, after: str) -> Message:
     """Report a cause, with the correction that was made."""
-    first, _, rest = cause.message.text.removesuffix(".").partition(". ")
+    first, *rest = cause.message.split_text()
     done = f"The program corrected it, check this: {before}; now {after}"
-    text = ". ".join(filter(None, (first, done, rest)))
+    text = ". ".join(sentence.removesuffix(".") for sentence in (first, done, *rest))
     return replace(cause.message, text=f"{text}.", several=None, mend=None, instead=())
 
 

@@ -186,8 +186,9 @@ def _cause(best: JudgedHypothesis, rival: JudgedHypothesis | None) -> Cause:
     assert hypothesis.message is not None  # noqa: S101  (the caller asked)
     message = hypothesis.message(best.found)
     if rival is not None and rival.hypothesis.message is not None:
-        other = rival.hypothesis.message(rival.found).text.split(": ")[0]
-        message = _add_alternative(message, f"Or, just as likely: {other}.")
+        other = rival.hypothesis.message(rival.found)
+        sentence = f"Or, just as likely: {other.split_text(': ')[0]}."
+        message = replace(_add_alternative(message, sentence), mentions=other.names())
     return Cause(
         message=message,
         # An ambiguous cause is reported, but not corrected.
@@ -236,8 +237,8 @@ def _of_both(message: Message, written: Survey, swapped: SurveyCorrection) -> Me
 
 def _add_alternative(message: Message, sentence: str) -> Message:
     """Insert another cause behind the first sentence, so that a summary contains both."""
-    first, full_stop, rest = message.text.partition(". ")
-    text = f"{first}. {sentence} {rest}" if full_stop else f"{first} {sentence}"
+    first, *rest = message.split_text()
+    text = f"{first}. {sentence} {'. '.join(rest)}" if rest else f"{first} {sentence}"
     return replace(message, text=text)
 
 
