@@ -1,100 +1,26 @@
-"""Marks and scale bars that are drawn over the photos of the report."""
+"""Scale bars that are drawn over the photos of the report."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from uavgram.geometry.ground.row_projection import row_poses
+from uavgram.model.arrays import Floats
 from uavgram.model.result.pictures import Region
 from uavgram.model.result.result import Result
+from uavgram.views.survey.drawing import Drawing
 from uavgram.views.survey.outlines import project_from
 from uavgram.views.units import round_bar, units_of
 
 
-class Mark(NamedTuple):
-    """Pick: its place, its colour, and two paths: its outline, and a cross in its middle."""
-
-    x: float
-    y: float
-    colour: str
-    outline: str
-    middle: str
-
-
-def draw_mark(
-    place: tuple[float, float], kind: str, colour: str, half_widths: tuple[float, float]
-) -> Mark:
-    """Draw a pick.
-
-    Parameters
-    ----------
-    place
-        Place of its middle.
-    kind
-        Its origin as in `Source`; or ``removed`` for a removed one.
-    colour
-        Colour of its lines.
-    half_widths
-        Half widths of the outline, and of the cross in its middle.
-    """
-    outer, inner = half_widths
-    return Mark(*place, colour, _SHAPES[kind](*place, outer), _cross(*place, inner))
-
-
-def draw_rings(places: Iterable[tuple[float, float]], r: float) -> str:
-    """Draw one ring about each place, as one path.
-
-    Drawing programs set the style again for each path.
-    """
-    return "".join(_ring(x, y, r) for x, y in places)
-
-
-def _ring(x: float, y: float, r: float) -> str:
-    return f"M{round(x - r, 2)} {round(y, 2)} {_curves(r)}"
-
-
-@lru_cache(64)
-def _curves(r: float) -> str:
-    """Return four curves that differ from a circle by 0.03 % of its radius.
-
-    With arcs some readers take thrice as long. Hundreds of rings of a page have the same size.
-    """
-    k = round(0.5523 * r, 2)
-    q = round(r - k, 2)
-    return (
-        f"c0 {-k} {q} {-r} {r} {-r} {k} 0 {r} {q} {r} {r} "
-        f"0 {k} {-q} {r} {-r} {r} {-k} 0 {-r} {-q} {-r} {-r} Z"
-    )
-
-
-def _cross(x: float, y: float, r: float) -> str:
-    left, top, right, bottom = (round(part, 2) for part in (x - r, y - r, x + r, y + r))
-    return f"M{left} {top} L{right} {bottom} M{left} {bottom} L{right} {top}"
-
-
-def _square(x: float, y: float, r: float) -> str:
-    return f"M{round(x - r, 2)} {round(y - r, 2)} h{2 * r} v{2 * r} h{-2 * r} Z"
-
-
-def _diamond(x: float, y: float, r: float) -> str:
-    left, top, right, bottom = (round(part, 2) for part in (x - r, y - r, x + r, y + r))
-    return f"M{x} {top} L{right} {y} L{x} {bottom} L{left} {y} Z"
-
-
-_SHAPES = {"match": _square, "target": _diamond, "hand": _ring, "removed": _cross}
-
-
 class Bar(NamedTuple):
-    """Scale bar in pixels of the photo, its length in words, and the left edge of its box."""
+    """Scale bar in pixels of the photo, and its length in words."""
 
     length: float
     text: str
-    left: float = 0.0
-    width: float = 0.0
 
 
 def scale_bars(result: Result, regions: Sequence[Region]) -> dict[Region, Bar]:
@@ -127,29 +53,29 @@ def scale_bars(result: Result, regions: Sequence[Region]) -> dict[Region, Bar]:
     }
 
 
-def place_bar(bar: Bar | None, region: Region, marks: Sequence[Mark], unit: float) -> Bar | None:
-    """Place the bar at the left end of the lower edge, or at the right one if it hides less there.
+def place_bar(drawing: Drawing, bar: Bar, region: Region, picked_px: Floats) -> None:
+    """Draw the bar at the left end of the lower edge, or at the right one if it hides less there.
 
     Parameters
     ----------
+    drawing
+        Drawing in pixels of the photo.
     bar
-        Bar to place, if there is one.
+        Bar to place.
     region
         Part of the photo.
-    marks
-        Marks that it should not hide.
-    unit
-        Pixels of the photo for one unit of a drawing.
+    picked_px
+        (n, 2) picks that it should not hide.
     """
-    if bar is None:
-        return None
-    width = max(bar.length + 12 * unit, 48 * unit)
-    low = region.top_px + region.height_px - 36 * unit
-    sides = (region.left_px + 4 * unit, region.left_px + region.width_px - width - 4 * unit)
-    hidden = [
-        sum(m.y > low and x - 8 * unit < m.x < x + width + 8 * unit for m in marks) for x in sides
-    ]
-    return bar._replace(left=sides[hidden[1] < hidden[0]], width=width)
+    unit = drawing.unit
+    width = max(bar.length + 20 * unit, 48 * unit)
+    edge, low = 4 * unit, region.top_px + region.height_px - 36 * unit
+    sides = region.left_px + np.array([edge, region.width_px - width - edge])
+    x, y = picked_px[:, :1], picked_px[:, 1:]
+    hidden = (y > low) & (x - 8 * unit < sides + width) & (x + 8 * unit > sides)
+    left = sides[np.argmin(hidden.sum(axis=0))] + (width - bar.length) / 2
+    base = region.top_px + region.height_px - 22 * unit
+    drawing.scale_bar(float(left), base, bar.length, bar.text, patch=0.85)
 
 
 def _around(result: Result, region: Region) -> tuple[str, ...]:
