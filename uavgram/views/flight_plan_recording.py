@@ -34,7 +34,7 @@ from uavgram.views.pages import plain, table
 from uavgram.views.recording.blueprint import BACKGROUND, layout, space_view
 from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE, Eye
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.recording.view_texts import log_in_space, make_polylines, place_in_space
+from uavgram.views.recording.view_texts import log_in_space, place_in_space
 from uavgram.views.recording.world.legend import (
     FONT_PX,
     GAP_PX,
@@ -76,7 +76,7 @@ def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units)
     kept = select_like_lengths(named)
     for path, text in ((SUMMARY, summary_page(planned, units)), (LAY, lines_page(planned))):
         told = convert_sentence(text, units, kept)
-        recorder.static(path, rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN))
+        recorder.page(path, told)
     sheets = [
         convert_sentence(photo_page(planned, k), units) for k in range(len(planned.frames.name))
     ]
@@ -163,8 +163,7 @@ def log_plan_legend(recorder: Recorder, planned: FlightPlanned, units: Units) ->
     units
         Units of the lengths shown.
     """
-    image = np.asarray(draw_plan_legend(planned, units))
-    recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
+    recorder.picture(LEGEND, draw_plan_legend(planned, units))
 
 
 def draw_plan_legend(planned: FlightPlanned, units: Units) -> Image.Image:
@@ -274,17 +273,13 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
     _flight(recorder, planned, scene)
     lines = planned.lines
     strips = np.stack([lines.start_world_m, lines.end_world_m], axis=1)
-    if len(strips):
-        recorder.static(f"{SPACE}/lines_to_lay", make_polylines(strips, REFERENCE, 5.0))
-    if planned.plates.name:
-        rings = [close_border(ring) for ring in planned.plates.corner_world_m]
-        recorder.static(f"{SPACE}/plates_to_lay", make_polylines(rings, REFERENCE, 5.0))
+    recorder.lines(f"{SPACE}/lines_to_lay", strips, REFERENCE, 5.0)
+    rings = [close_border(ring) for ring in planned.plates.corner_world_m]
+    recorder.lines(f"{SPACE}/plates_to_lay", rings, REFERENCE, 5.0)
     wanted = [strip for some in wanted_shapes(planned) for strip in some]
-    if wanted:
-        recorder.static(f"{SPACE}/wanted", make_polylines(wanted, MEASURED, 3.0))
+    recorder.lines(f"{SPACE}/wanted", wanted, MEASURED, 3.0)
     if planned.points.label:
-        dots = rr.Points3D(planned.points.world_m, colors=MEASURED, radii=rr.Radius.ui_points(3.5))
-        recorder.static(f"{SPACE}/points", dots)
+        recorder.dots(f"{SPACE}/points", planned.points.world_m, MEASURED, 3.5)
     _names(recorder, planned, scene, units)
 
 
@@ -300,11 +295,9 @@ def map_colours(share: Floats) -> Pixels:
 
 
 def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
-    area = [close_border(planned.area_world_m)]
-    recorder.static(f"{SPACE}/area", make_polylines(area, OBSERVED, 2.0))
-    if planned.no_go_world_m:
-        rings = [close_border(ring) for ring in planned.no_go_world_m]
-        recorder.static(f"{SPACE}/keep_out", make_polylines(rings, BAD, 4.0))
+    recorder.lines(f"{SPACE}/area", [close_border(planned.area_world_m)], OBSERVED, 2.0)
+    rings = [close_border(ring) for ring in planned.no_go_world_m]
+    recorder.lines(f"{SPACE}/keep_out", rings, BAD, 4.0)
     reach = accuracy_range(planned)
     if reach is None:
         return
@@ -312,35 +305,21 @@ def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> Non
     known = np.isfinite(planned.grid.sigma_m)
     share = (planned.grid.sigma_m[known] - low) / max(high - low, 1e-12)
     corners = grid_cells(planned)[known] - np.array([0.0, 0.0, _DROP * scene.size_m])
-    first = 4 * np.arange(len(corners))[:, None]
-    triangles = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
-    recorder.static(
-        f"{SPACE}/accuracy",
-        rr.Mesh3D(
-            vertex_positions=corners.reshape(-1, 3),
-            triangle_indices=triangles,
-            vertex_colors=np.repeat(map_colours(share), 4, axis=0),
-        ),
-    )
+    recorder.squares(f"{SPACE}/accuracy", corners, map_colours(share))
 
 
 def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
     frames = planned.frames
     if len(frames.name) > 1:
-        way = [frames.center_world_m]
-        recorder.static(f"{SPACE}/flight", make_polylines(way, REFINED, 1.5))
-    recorder.static(f"{SPACE}/photos", make_polylines(scene.frusta_m, REFINED, 1.5))
+        recorder.lines(f"{SPACE}/flight", [frames.center_world_m], REFINED, 1.5)
+    recorder.lines(f"{SPACE}/photos", scene.frusta_m, REFINED, 1.5)
     rings = [close_border(ring) for ring in frames.footprint_world_m]
-    recorder.static(f"{SPACE}/footprints", make_polylines(rings, QUIET, 0.8))
-    _one_by_one(recorder, f"{SPACE}/this_photo", list(scene.frusta_m), 3.0)
-    _one_by_one(recorder, f"{SPACE}/footprint_of_this_photo", rings, 2.0)
-
-
-def _one_by_one(recorder: Recorder, path: str, strips: list[Floats], width: float) -> None:
-    """Log one white polyline for each photo."""
-    radius = rr.Radius.ui_points(width / 2)
-    recorder.static(path, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=radius))
-    recorder.each(path, lambda some: rr.LineStrips3D.columns(strips=[strips[k] for k in some]))
+    recorder.lines(f"{SPACE}/footprints", rings, QUIET, 0.8)
+    for name, strips, width in (
+        ("this_photo", list(scene.frusta_m), 3.0),
+        ("footprint_of_this_photo", rings, 2.0),
+    ):
+        recorder.lines_of_frames(f"{SPACE}/{name}", [[one] for one in strips], OBSERVED, width)
 
 
 def _name_places(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str]]:

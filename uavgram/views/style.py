@@ -6,6 +6,7 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
+from uavgram.model.result.tables import HeightSource
 from uavgram.model.result.verdict import MeasurementStatus, VerdictLevel
 
 Rgb = tuple[int, int, int]
@@ -49,7 +50,7 @@ LEVEL_COLOURS: dict[VerdictLevel | None, Rgb] = {
     "red": BAD,
     None: QUIET,
 }
-HEIGHT_COLOURS: dict[str, Rgb] = {"free": FREE, "stated": REFERENCE, "found": UNASKED}
+HEIGHT_COLOURS: dict[HeightSource, Rgb] = {"free": FREE, "stated": REFERENCE, "found": UNASKED}
 FRAME_COLOURS: dict[str, Rgb] = {
     "refined": GOOD,
     "check": WARNING,

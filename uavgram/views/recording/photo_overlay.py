@@ -10,13 +10,12 @@ import numpy as np
 from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
-from uavgram.model.result.tables import TieCloud
+from uavgram.model.result.tables import HeightSource, TieCloud
 from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
 from uavgram.stages.products.text_places import Placed
 from uavgram.views.formatting import BRIGHTENED, FRAME_STATE_WORDS, number, order_worst_first
 from uavgram.views.recording.photo import FramePicks
-from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_texts
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.view_texts import place_texts, places_below
@@ -39,6 +38,7 @@ from uavgram.views.style import (
     TIE,
     Rgb,
 )
+from uavgram.views.survey.drawing import SIGNS, Sign
 from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.outlines import (
@@ -51,14 +51,8 @@ from uavgram.views.survey.outlines import (
 from uavgram.views.survey.verdict import list_named_picks
 from uavgram.views.units import units_of
 
-MARKS: dict[Source, tuple[Floats, ...]] = {
-    "match": (
-        np.array([[-1.0, -1.0], [1.0, 1.0]]),
-        np.array([[-1.0, 1.0], [1.0, -1.0]]),
-    ),
-    "target": (np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]]),),
-}
-"""Lines of the mark of each source, in half sizes: a diagonal cross, and a square."""
+MARKS: dict[Source, Sign] = {"match": "cross", "target": "square"}
+"""Sign of each source."""
 
 MARK_SHARE = 0.009
 """Half size of a mark, as a share of the photo's width."""
@@ -87,13 +81,17 @@ def log_automatic_picks(
     """
     size = MARK_SHARE * result.camera.width_px
     source = np.array(result.picks.source, dtype=str)
-    for name, lines in MARKS.items():
+    for name, sign in MARKS.items():
         own = shown & (source == name)
         marks = [
-            [at + size * line for at in result.picks.pixel_px[rows[own[rows]]] for line in lines]
+            [
+                at + size * line
+                for at in result.picks.pixel_px[rows[own[rows]]]
+                for line in SIGNS[sign]
+            ]
             for rows in picks.rows
         ]
-        log_polylines(recorder, f"{photo}/{FOUND_PICKS}/{name}", marks, FOUND, 1.5)
+        recorder.lines_of_frames(f"{photo}/{FOUND_PICKS}/{name}", marks, FOUND, 1.5)
 
 
 def log_sightings(recorder: Recorder, result: Result, ties: TieCloud, photo: str) -> None:
@@ -114,7 +112,7 @@ def log_sightings(recorder: Recorder, result: Result, ties: TieCloud, photo: str
     order = np.argsort(ties.frame, kind="stable")
     edges = np.searchsorted(ties.frame[order], np.arange(len(frames) + 1))
     dots = [ties.pixel_px[order[edges[i] : edges[i + 1]]] for i in frames]
-    log_dots(recorder, f"{photo}/{SIGHTINGS}", dots, TIE, 1.2)
+    recorder.dots_of_frames(f"{photo}/{SIGHTINGS}", dots, TIE, 1.2)
 
 
 PhotoText = tuple[Floats, str]
@@ -170,8 +168,8 @@ def log_names(
         texts.append([wanted[k][1] for k in kept])
         far = [k for k in kept if np.isfinite(placed.leaders[k, 0, 0])]
         leaders.append([np.stack([placed.leaders[k, 0], hung[k]]) for k in far])
-    log_polylines(recorder, f"{photo}/{LEADERS}", leaders, OBSERVED, LEADER_WIDTH)
-    log_texts(recorder, f"{photo}/labels", places, texts)
+    recorder.lines_of_frames(f"{photo}/{LEADERS}", leaders, OBSERVED, LEADER_WIDTH)
+    recorder.dots_of_frames(f"{photo}/labels", places, OBSERVED, 0.0, texts)
 
 
 def place_on_photo(result: Result, words: Sequence[PhotoText], picked_px: Floats) -> Placed:
@@ -281,7 +279,7 @@ def _title(recorder: Recorder, result: Result, photo: str, brightened: Collectio
             zip(result.frames.frame_id, frame_states(result), strict=True)
         )
     ]
-    log_texts(recorder, f"{photo}/name", [spot] * len(texts), texts)
+    recorder.dots_of_frames(f"{photo}/name", [spot] * len(texts), OBSERVED, 0.0, texts)
 
 
 def _residuals(
@@ -302,7 +300,7 @@ def _residuals(
         ("residual_exaggerated", where(fitted & ~bad), REFINED),
         ("residual_exaggerated_suspect", where(fitted & bad), BAD),
     ):
-        log_polylines(recorder, f"{photo}/{name}", [list(arrows[r]) for r in rows], colour, 2.5)
+        recorder.lines_of_frames(f"{photo}/{name}", [list(arrows[r]) for r in rows], colour, 2.5)
     by_hand = result.picks.by_hand
     log_automatic_picks(recorder, result, picks, ~bad, photo)
     for name, at, rows, colour, size in (
@@ -317,7 +315,7 @@ def _residuals(
         ("picked", pixel, where(by_hand & ~bad), OBSERVED, 3.5),
         ("picked_suspect", pixel, where(bad), BAD, 6.0),
     ):
-        log_dots(recorder, f"{photo}/{name}", [at[r] for r in rows], colour, size)
+        recorder.dots_of_frames(f"{photo}/{name}", [at[r] for r in rows], colour, size)
 
 
 @dataclass(frozen=True, eq=False)
@@ -406,7 +404,7 @@ def _lines(
     for shape in kinds.values():
         per_frame = runs[shape.entity]
         width = line_width(max(map(len, per_frame))) if shape.ends else line_width(0)
-        log_polylines(recorder, f"{photo}/{shape.entity}", per_frame, shape.colour, width)
+        recorder.lines_of_frames(f"{photo}/{shape.entity}", per_frame, shape.colour, width)
     return words
 
 
@@ -417,7 +415,7 @@ def _rulers(
     ends = np.stack([standing.foot_m, result.points.position_world_m[standing.rows]], axis=1)
     place = {result.points.label[row]: k for k, row in enumerate(standing.rows.tolist())}
     frames = range(len(result.frames.frame_id))
-    lines: dict[str, list[list[Floats]]] = {
+    lines: dict[HeightSource, list[list[Floats]]] = {
         source: [[] for _ in frames] for source in set(standing.source)
     }
     for frame in np.flatnonzero(result.has_refined):
@@ -430,6 +428,6 @@ def _rulers(
         for k, seen in zip(here, pixel, strict=True):
             lines[standing.source[k]][frame] += visible_runs(seen)
     for source, per_frame in lines.items():
-        log_polylines(
-            recorder, f"{photo}/{HEIGHTS}/{source}", per_frame, HEIGHT_COLOURS[source], RULER_WIDTH
+        recorder.lines_of_frames(
+            f"{photo}/{HEIGHTS}/{source}", per_frame, HEIGHT_COLOURS[source], RULER_WIDTH
         )

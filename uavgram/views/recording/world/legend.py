@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import rerun as rr
 from PIL import Image, ImageDraw, ImageFont
 
 from uavgram.model.result.result import Result
@@ -67,8 +66,7 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene, *, brightened: 
     brightened
         Whether the ground is brighter than in the photos.
     """
-    image = np.asarray(draw_legend(result, scene, brightened=brightened))
-    recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
+    recorder.picture(LEGEND, draw_legend(result, scene, brightened=brightened))
 
 
 def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Image.Image:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import rerun as rr
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
@@ -47,31 +46,17 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
     tops = np.cumsum([0.0, *(one.drawing.height + GAP for one in drawings[:-1])])
     both = list(zip(drawings, tops.tolist(), strict=True))
 
-    def log_lines(name: str, lines: list[Floats], colour: Rgb, width: float) -> None:
-        radii = rr.Radius.ui_points(width / 2)
-        recorder.static(f"{PROFILES}/{name}", rr.LineStrips2D(lines, colors=colour, radii=radii))
-
     for name, colour, width in LINES:
         lines = [_lower(line, top) for one, top in both for line in one.drawing.named(name)]
         if name == "grid":
             lines += [_scale_bar(one.drawing, top) for one, top in both]
-        log_lines(name, lines, colour, width)
+        recorder.lines(f"{PROFILES}/{name}", lines, colour, width)
     dots = [_lower(dot[0], top) for one, top in both for dot in one.drawing.named("points")]
-    recorder.static(
-        f"{PROFILES}/points", rr.Points2D(dots, radii=rr.Radius.ui_points(3.0), colors=OBSERVED)
-    )
+    recorder.dots(f"{PROFILES}/points", dots, OBSERVED, 3.0)
     words = [(at, text, line) for one, top in both for at, text, line in _words(one, top)]
-    log_lines("texts/lines", [line for _, _, line in words if np.isfinite(line[0, 0])], QUIET, 1.0)
-    recorder.static(
-        f"{PROFILES}/texts",
-        rr.Points2D(
-            [at for at, _, _ in words],
-            radii=rr.Radius.ui_points(0.0),
-            colors=OBSERVED,
-            labels=[text for _, text, _ in words],
-            show_labels=True,
-        ),
-    )
+    leaders = [line for _, _, line in words if np.isfinite(line[0, 0])]
+    recorder.lines(f"{PROFILES}/texts/lines", leaders, QUIET, 1.0)
+    recorder.texts(f"{PROFILES}/texts", [at for at, _, _ in words], [text for _, text, _ in words])
 
 
 def _lower(places: Floats, top: float) -> Floats:
