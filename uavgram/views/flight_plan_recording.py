@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
-from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import METRIC, Units
@@ -31,18 +30,11 @@ from uavgram.views.flight_plan import (
     value_rows,
 )
 from uavgram.views.pages import plain, table
-from uavgram.views.recording.blueprint import BACKGROUND, layout, space_view
+from uavgram.views.recording.blueprint import layout, legend_view, page_views, space_view
 from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE, Eye
 from uavgram.views.recording.stream import Recorder, open_recording
 from uavgram.views.recording.view_texts import log_in_space, place_in_space
-from uavgram.views.recording.world.legend import (
-    FONT_PX,
-    GAP_PX,
-    LEGEND,
-    LEGEND_BACKGROUND,
-    TEXT,
-    WIDTH_PX,
-)
+from uavgram.views.recording.world.legend import BAR_PX, LEGEND, LegendPicture
 from uavgram.views.recording.world.survey import close_border
 from uavgram.views.sentence_units import convert_sentence, select_like_lengths
 from uavgram.views.style import (
@@ -148,7 +140,6 @@ def photo_page(planned: FlightPlanned, row: int) -> str:
 
 ROWS_PX = (12, 62)
 HEIGHT_PX = 108
-BAR_PX = 300
 
 
 def log_plan_legend(recorder: Recorder, planned: FlightPlanned, units: Units) -> None:
@@ -168,29 +159,18 @@ def log_plan_legend(recorder: Recorder, planned: FlightPlanned, units: Units) ->
 
 def draw_plan_legend(planned: FlightPlanned, units: Units) -> Image.Image:
     """Draw swatches for the objects that occur, then the colours of the map."""
-    image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), LEGEND_BACKGROUND)
-    pen, font = ImageDraw.Draw(image), ImageFont.load_default(FONT_PX)
-    x = 20.0
+    legend = LegendPicture(HEIGHT_PX, ROWS_PX)
     for text, colour in _entries(planned):
-        y = ROWS_PX[0] + FONT_PX / 2 + 3
-        pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
-        pen.text((x + 70, ROWS_PX[0]), text, fill=TEXT, font=font)
-        x += 70 + pen.textlength(text, font=font) + GAP_PX
+        legend.swatch(0, text, colour)
     reach = accuracy_range(planned)
     if reach is None:
-        pen.text((20, ROWS_PX[1]), "nothing can be measured in the area", fill=TEXT, font=font)
-        return image
+        legend.write(1, "nothing can be measured in the area")
+        return legend.cut()
     length = convert_sentence(metres(planned.grid.length_m), units)
-    words = f"ground: lengths of {length} will be known to ± "
     low, high = (convert_sentence(centimetres(one), units) for one in reach)
-    x = 20.0
-    pen.text((x, ROWS_PX[1]), words + low, fill=TEXT, font=font)
-    x += pen.textlength(words + low, font=font) + 16
-    for k, colour in enumerate(map_colours(np.linspace(0, 1, BAR_PX))):
-        ends = [(x + k, ROWS_PX[1] + 4), (x + k, ROWS_PX[1] + 32)]
-        pen.line(ends, fill=tuple(colour.tolist()))
-    pen.text((x + BAR_PX + 16, ROWS_PX[1]), high, fill=TEXT, font=font)
-    return image
+    legend.write(1, f"ground: lengths of {length} will be known to ±", 8)
+    legend.scale(1, low, high, map_colours(np.linspace(0, 1, BAR_PX)))
+    return legend.cut()
 
 
 def _entries(planned: FlightPlanned) -> list[tuple[str, Rgb]]:
@@ -382,17 +362,13 @@ def write_plan_recording(planned: FlightPlanned, path: Path, units: Units = METR
     """
     scene = measure_plan(planned)
     count = len(planned.frames.name)
-    try:
-        path.touch()  # Rerun's own error for a missing folder is no OSError
-        identity = ("plan", planned.name, planned.frames.center_world_m.tobytes())
-        times = np.full(count, np.nan)  # the time of the flight is unknown
-        with open_recording(path, identity, f"{planned.name}: plan", times) as recorder:
-            log_plan(recorder, planned, scene, units)
-            log_plan_legend(recorder, planned, units)
-            log_plan_documents(recorder, planned, units)
-            recorder.stream.send_blueprint(plan_blueprint(scene))
-    except OSError as error:
-        raise OutputError(f"{path}: the recording cannot be written: {error}") from error
+    identity = ("plan", planned.name, planned.frames.center_world_m.tobytes())
+    times = np.full(count, np.nan)  # the time of the flight is unknown
+    with open_recording(path, identity, f"{planned.name}: plan", times) as recorder:
+        log_plan(recorder, planned, scene, units)
+        log_plan_legend(recorder, planned, units)
+        log_plan_documents(recorder, planned, units)
+        recorder.stream.send_blueprint(plan_blueprint(scene))
 
 
 def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:
@@ -408,12 +384,6 @@ def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:
         space_view("From above, north up", flat, above.position_m, above.target_m),
         active_tab=0,
     )
-    legend = rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND)
-    pages = rrb.Tabs(
-        rrb.TextDocumentView(origin=SUMMARY, name="Summary"),
-        rrb.TextDocumentView(origin=LAY, name="What to lay"),
-        rrb.TextDocumentView(origin=PHOTO, name="This photo"),
-        active_tab=0,
-    )
-    left = rrb.Vertical(views, legend, row_shares=[10, 1.0])
+    pages = page_views((SUMMARY, "Summary"), (LAY, "What to lay"), (PHOTO, "This photo"))
+    left = rrb.Vertical(views, legend_view(), row_shares=[10, 1.0])
     return layout(rrb.Horizontal(left, pages, column_shares=[1.5, 1]))

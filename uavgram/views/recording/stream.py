@@ -6,7 +6,9 @@ Rerun would reject blanks and other characters.
 
 from __future__ import annotations
 
+import errno
 import hashlib
+import logging
 import os
 import shutil
 import sys
@@ -21,9 +23,12 @@ import numpy as np
 import rerun as rr
 from PIL.Image import Image
 
+from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
 from uavgram.views.style import OBSERVED, Rgb
+
+log = logging.getLogger(__name__)
 
 PIECE_BYTES = 1 << 20
 # Opening one of these duplicates the file descriptor (Linux, macOS; not Windows).
@@ -509,16 +514,14 @@ def _packed(strips: list[Floats], *, is_flat: bool) -> Any:  # noqa: ANN401 (Arr
 
 @contextmanager
 def open_recording(
-    path: Path, identity: object, name: str, time_utc_s: Floats
+    path: str | os.PathLike[str], identity: object, name: str, time_utc_s: Floats
 ) -> Iterator[Recorder]:
-    """Write a recording to a file; complete when the block ends.
-
-    The batcher never flushes by the clock, so that two equal runs give equal chunks.
+    """Write a recording to a file, complete or not at all.
 
     Parameters
     ----------
     path
-        The file.
+        The file; replaced only once the new one is complete.
     identity
         The same for the same program, inputs and options: a rerun replaces the earlier review.
     name
@@ -528,8 +531,32 @@ def open_recording(
 
     Raises
     ------
-    OSError
+    OutputError
         If the file cannot be written.
+    OSError
+        If the disk is full.
+    """
+    target = Path(path)
+    unfinished = target.with_name(f".{target.name}.unfinished")
+    try:
+        unfinished.touch()  # Rerun's own error for a missing folder is no OSError
+        with _open_stream(unfinished, identity, name) as stream:
+            yield Recorder(stream, time_utc_s)
+        unfinished.replace(target)
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
+            raise  # the caller, who chose the folder, may use another one
+        raise OutputError(f"{target}: the recording cannot be written: {error}") from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+    log.info("recording of %d frames: %s", len(time_utc_s), target)
+
+
+@contextmanager
+def _open_stream(path: Path, identity: object, name: str) -> Iterator[rr.RecordingStream]:
+    """Open Rerun's stream to a file, complete when the block ends.
+
+    The batcher never flushes by the clock, so that two equal runs give equal chunks.
     """
     sink = FileSink(path)
     with strict_rerun():
@@ -544,7 +571,7 @@ def open_recording(
             stream.save(sink.path)
             sink.start()
             stream.send_recording_name(name)
-            yield Recorder(stream, time_utc_s)
+            yield stream
             stream.flush()
         finally:
             stream.disconnect()
