@@ -88,7 +88,7 @@ def _log_everything(
     if ties is not None:
         log_sightings(recorder, result, ties, PHOTO)
         log_tie_points(recorder, ties)
-    log_footprints(recorder, result, PHOTO)
+    log_footprints(recorder, result)
     log_plots(recorder, result, curves)
     log_pose_plots(recorder, poses, units_of(result))
     log_status(recorder, result)

@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.naming import counted
 from uavgram.model.result.pictures import Picture, Pictures, Region
@@ -27,7 +26,7 @@ from uavgram.views.report.picture_marks import Bar, place_bar, scale_bars
 from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, hex_colour
 from uavgram.views.survey.drawing import Drawing, Look, Sign
 from uavgram.views.survey.outlines import (
-    project_from,
+    project_polylines,
     sample_polyline,
     thin_polyline,
     visible_runs,
@@ -351,10 +350,8 @@ def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tu
         if not strips:
             continue
         lines = [sample_polyline(strip) for _, strip, _ in strips]
-        # project all lines of a photo at once: there may be hundreds
-        pixel = project_from(result, row_poses(result, frame), np.concatenate(lines))
-        ends = np.cumsum([len(line) for line in lines])[:-1]
-        for (region, _, look), line in zip(strips, np.split(pixel, ends), strict=True):
+        pixels = project_polylines(result, frame, lines)
+        for (region, _, look), line in zip(strips, pixels, strict=True):
             drawn[region] += [(run, look) for run in visible_runs(line)]
     return drawn
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import rerun as rr
 
-from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
@@ -37,59 +36,28 @@ from uavgram.views.style import (
 )
 from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.outlines import (
-    flight_order,
     frusta,
-    project_from,
     sample_polyline,
     track,
-    visible_runs,
 )
 
 ALL = "survey/footprints"
 CURRENT = "survey/footprint_of_this_photo"
-NEIGHBOURS = "footprints_before_and_after"
-# Each piece of a border is short: its bend in another photo needs few samples.
-SAMPLES = 7
 
 
-def log_footprints(recorder: Recorder, result: Result, photo: str) -> None:
-    """Log all borders on the ground, that of each frame, and those of its neighbours in it.
-
-    Parameters
-    ----------
-    recorder
-        The open recording.
-    result
-        Result of the run.
-    photo
-        Path of the photo's entity.
-    """
+def log_footprints(recorder: Recorder, result: Result) -> None:
+    """Log all borders on the ground, and that of each frame."""
     rings = {frame: close_border(ring) for frame, ring in footprints(result).items()}
     if not rings:
         return
     recorder.lines(ALL, list(rings.values()), QUIET, 0.8)
     strips = [[rings[k]] if k in rings else [] for k in range(len(result.frames.frame_id))]
     recorder.lines_of_frames(CURRENT, strips, OBSERVED, 1.6)
-    recorder.lines_of_frames(f"{photo}/{NEIGHBOURS}", _in_photos(result, rings), QUIET, 1.0)
 
 
 def close_border(ring: Floats) -> Floats:
     """Close a border: (v + 1, 3), with its first corner repeated."""
     return np.concatenate([ring, ring[:1]])
-
-
-def _in_photos(result: Result, rings: dict[int, Floats]) -> list[list[Floats]]:
-    """Return the borders of the photos before and after each frame, in the frame's pixels."""
-    flown = [int(frame) for frame in flight_order(result) if int(frame) in rings]
-    lines: list[list[Floats]] = [[] for _ in result.frames.frame_id]
-    borders = {frame: sample_polyline(ring, SAMPLES) for frame, ring in rings.items()}
-    for k, frame in enumerate(flown):
-        if not result.has_refined[frame]:
-            continue
-        for other in (*flown[max(k - 1, 0) : k], *flown[k + 1 : k + 2]):
-            pixel = project_from(result, row_poses(result, frame), borders[other])
-            lines[frame] += visible_runs(pixel)
-    return lines
 
 
 # Corners of the mesh that carries the mosaic, in pixels of the mosaic.
