@@ -269,7 +269,7 @@ class Drawing:
         size = half_width, half_height
         self.written.append(PlacedText(float(box[0]), float(y), text, kind, 1.0, *size))
         self.reserve(box)
-        self.patch(box, patch)
+        self.patches([box.tolist()], patch)
         self._write(x, y, text, kind, 1.0, side, colour)
 
     def _write(
@@ -284,11 +284,13 @@ class Drawing:
             f'fill="{colour or look.colour}">{escape(text)}</text>'
         )
 
-    def patch(self, box: Floats, opacity: float) -> None:
-        """Draw a rectangle (5,) of paper, on which texts are legible."""
-        x, y, half_width, half_height, _ = box.tolist()
-        path = f"M{x - half_width:.1f} {y - half_height:.1f}h{2 * half_width:.1f}"
-        path += f"v{2 * half_height:.1f}h{-2 * half_width:.1f}Z"
+    def patches(self, boxes: Sequence[Sequence[float]], opacity: float) -> None:
+        """Draw rectangles (5,) of paper, on which texts are legible."""
+        path = "".join(
+            f"M{x - half_width:.1f} {y - half_height:.1f}h{2 * half_width:.1f}"
+            f"v{2 * half_height:.1f}h{-2 * half_width:.1f}Z"
+            for x, y, half_width, half_height, _ in boxes
+        )
         self._path(self._over, path if opacity else "", Look(fill=PAPER, fill_opacity=opacity))
 
     def place(self, wanted: Sequence[TextRequest], reach: float = REACH) -> None:
@@ -304,10 +306,11 @@ class Drawing:
         leaders = "".join(f"M{one.leader}" for one in self.texts if one.leader)
         for look in (Look(PAPER, 1.8, opacity=0.8), Look(BLACK, 0.6, opacity=0.8)):
             self._path(self._over, leaders, look)
+        boxes = []
         for one in self.texts:
             height = one.size * self.unit * self._letters[one.kind].size
-            box = np.array([one.x, one.y - 0.295 * height, one.half_width, 0.525 * height, 0.0])
-            self.patch(box, 0.8)
+            boxes.append([one.x, one.y - 0.295 * height, one.half_width, 0.525 * height, 0.0])
+        self.patches(boxes, 0.8)
         for one in self.texts:
             x = one.x + one.side * (one.half_width - one.size * self.unit)
             self._write(x, one.y, one.text, one.kind, one.size, one.side)
@@ -333,7 +336,7 @@ class Drawing:
         middle = np.array([left + length / 2, base + 5.0 * self.unit])
         box = np.array([*middle, half, 22.0 * self.unit, 0.0])
         self.reserve(box)
-        self.patch(box * [1, 1, 1, 15 / 22, 0] - [0, self.unit, 0, 0, 0], patch)
+        self.patches([[middle[0], middle[1] - self.unit, half, 15.0 * self.unit, 0.0]], patch)
         tick = 5.0 * self.unit
         path = f"M{left:.1f} {base - tick:.1f}v{tick:.1f}h{length:.1f}v{-tick:.1f}"
         self._path(self._over, path, Look(BLACK, 2.0))
@@ -345,7 +348,7 @@ class Drawing:
         self.reserve(np.array([self.width - half, half, half, half, 0.0]))
         wide, from_right = (16.0, 30.0) if len(text) == 1 else (42.0, 44.0)
         at = np.array([self.width - from_right, 44.0])
-        self.patch(np.array([*(at - [0, 1]), wide, 31.0, 0.0]), patch)
+        self.patches([[at[0], at[1] - 1.0, wide, 31.0, 0.0]], patch)
         self._path(self._over, f"M{svg_points(at + _NORTH)}Z", Look(fill=BLACK))
         self.write(at + np.array([0.0, 24.0]), text)
 
