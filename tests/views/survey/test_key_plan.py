@@ -73,6 +73,14 @@ def test_a_footprint_is_the_ground_below_the_corners_of_its_photo() -> None:
     assert (first.max(axis=0) > camera).all()
 
 
+def test_ground_that_several_photos_show_is_darker() -> None:
+    plan = drawing(survey.build(clean=True))
+    layers = [one for one in plan.drawing.shapes if one.name == "footprints"]
+
+    assert len(layers) == len(plan.drawing.named("footprints")) > 1
+    assert all(0 < one.look.fill_opacity < 0.1 for one in layers)
+
+
 def test_names_cover_no_other_and_what_all_begin_with_is_told_once() -> None:
     plan = drawing(survey.build())
     photos = [text for text in plan.drawing.texts if text.kind == "photo"]

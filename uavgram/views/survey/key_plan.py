@@ -74,8 +74,8 @@ def key_plan(result: Result) -> KeyPlan | None:
         drawing, sheet, WIDTH / sheet.scale / 6, units_of(result),
         is_north_known=result.world.gauge == "world",
     )  # fmt: skip
-    borders = [sheet(ring) for ring in rings.values()]
-    drawing.lines("footprints", borders, FOOTPRINT, closed=True)
+    for ring in rings.values():  # one by one: the ground of several photos is darker
+        drawing.lines("footprints", [sheet(ring)], FOOTPRINT, closed=True)
     dots, cameras = sheet(points), sheet(centers)
     drawing.signs("points", dots, 1.8, Look(fill=INK["point"]))
     for is_used, colour in ((True, USED), (False, UNUSED)):
