@@ -26,8 +26,8 @@ from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.formatting import measurement_text
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.report.picture_marks import Bar, place_bar
 from uavgram.views.report.pictures import DASHES, ON_MEASURED, Gallery, gallery
+from uavgram.views.report.scale_bars import Bar, place_bar
 from uavgram.views.style import LINE_COLOURS, hex_colour
 from uavgram.views.survey.drawing import Drawing, Look
 

@@ -22,7 +22,7 @@ from uavgram.views.formatting import (
     order_shapes_first,
     size_text,
 )
-from uavgram.views.report.picture_marks import Bar, place_bar, scale_bars
+from uavgram.views.report.scale_bars import Bar, place_bar, scale_bars
 from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, hex_colour
 from uavgram.views.survey.drawing import Drawing, Look, Sign
 from uavgram.views.survey.outlines import (
