@@ -35,7 +35,7 @@ TEXT = re.compile(
     r'font-size="([\d.]+)" font-weight="(\w+)"[^>]*>(.*?)</text>'
 )
 LEADER = re.compile(
-    r'<path d="((?:M[-\d.]+,[-\d.]+ [-\d.]+,[-\d.]+ )+)" fill="none" stroke="#1b1f24"'
+    r'<path d="((?:M[-\d.]+,[-\d.]+ [-\d.]+,[-\d.]+)+)" fill="none" stroke="#1b1f24"'
 )
 LEADER_PT = 1.5 * THIN_PT
 ARIAL, ARIAL_BOLD = 0.28, 0.31
@@ -67,7 +67,7 @@ def in_svg(svg: str) -> Drawn:
     ends = [
         pair.split(" ")[1].split(",")
         for path in LEADER.findall(svg)
-        for pair in path.strip().removeprefix("M").split(" M")
+        for pair in path.removeprefix("M").split("M")
     ]
     return Drawn(texts, np.array(boxes), np.array(ends, dtype=np.float64).reshape(-1, 2), height)
 

@@ -83,15 +83,16 @@ def test_the_headline_is_as_bad_as_the_worst(batch: Batch) -> None:
 def test_distances_on_the_map_are_those_on_the_earth(batch: Batch) -> None:
     drawn = batch_map(batch, {})
     assert drawn is not None
-    first, second = drawn.places
+    (first,), (second,) = drawn.drawing.named("surveys")
     _, _, true_m = Geod(ellps="WGS84").inv(4.9, 52.1, 5.4, 52.3)
-    bar_m = float(drawn.bar_text.removesuffix(" km")) * 1000.0
-    on_map = math.hypot(first.x - second.x, first.y - second.y) / drawn.bar * bar_m
+    bar_m = float(drawn.drawing.bar_text.removesuffix(" km")) * 1000.0
+    on_map = math.dist(first, second) / drawn.drawing.bar * bar_m
 
     assert on_map == pytest.approx(true_m, rel=0.01)
-    assert second.y < first.y  # north is up
-    assert second.x > first.x
-    assert len({text for _, text in drawn.meridians}) == len(drawn.meridians) >= 2
+    assert second[1] < first[1]  # north is up
+    assert second[0] > first[0]
+    written = [one.text for one in drawn.drawing.written if one.text.endswith("E")]
+    assert len(set(written)) == len(written) == len(drawn.drawing.named("meridian")) >= 2
     assert batch_map(replace(batch, rows=ROWS[2:]), {}) is None
 
 
@@ -99,9 +100,10 @@ def test_one_place_is_a_map_too(batch: Batch) -> None:
     drawn = batch_map(replace(batch, rows=ROWS[:1]), {})
 
     assert drawn is not None
-    assert drawn.bar_text.endswith(" m")
-    assert 0 < drawn.places[0].x < 1000
-    assert 0 < drawn.places[0].y < drawn.height
+    assert drawn.drawing.bar_text.endswith(" m")
+    ((place,),) = drawn.drawing.named("surveys")
+    assert 0 < place[0] < 1000
+    assert 0 < place[1] < drawn.drawing.height
 
 
 def test_both_tables_say_the_same_and_no_spreadsheet_runs_them(

@@ -58,8 +58,8 @@ def test_the_map_has_a_cell_wherever_something_can_be_measured(contents: Content
         corners.mean(axis=1)[:, :2], PLAN.grid.center_world_m[known, :2], atol=1e-4
     )
     assert (corners[..., 2] < GROUND_M).all()
-    triangles = np.array(mesh["Mesh3D:triangle_indices"]).reshape(2, -1, 3)
-    of_both = corners.reshape(-1, 3)[triangles].mean(axis=(0, 2))  # they fill the cell
+    triangles = np.array(mesh["Mesh3D:triangle_indices"]).reshape(-1, 2, 3)
+    of_both = corners.reshape(-1, 3)[triangles].mean(axis=(1, 2))  # they fill the cell
     np.testing.assert_allclose(of_both, corners.mean(axis=1), atol=1e-4)
     packed = np.array(mesh["Mesh3D:vertex_colors"], dtype=np.uint32)[::4]
     brightness = np.sum([(packed >> shift) & 255 for shift in (24, 16, 8)], axis=0)

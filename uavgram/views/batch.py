@@ -8,11 +8,17 @@ from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import quote
 
+import numpy as np
+
 from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M
 from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
 from uavgram.model.result.verdict import VerdictLevel
 from uavgram.views.formatting import number
 from uavgram.views.pages import page
+from uavgram.views.survey.drawing import PAPER, Drawing, Look
+from uavgram.views.survey.outlines import round_length
+from uavgram.views.survey.sheet import lay_sheet
+from uavgram.views.survey.text_placement import Letters
 
 KINDS = {
     "checks": "withheld lengths and check points",
@@ -126,28 +132,17 @@ def format_time_left(seconds: float) -> str:
 WIDTH, MAX_HEIGHT, MARGIN = 1000.0, 620.0, 46.0
 _MIN_SPAN_DEG = 0.002
 """Least span of the map, about 200 m, so that a batch at one place has an area."""
-_STEPS = (1.0, 2.0, 5.0)
-
-
-class MapPlace(NamedTuple):
-    """Survey on the map: place in the drawing, class of its colour, text, link to its report."""
-
-    x: float
-    y: float
-    looks: str
-    text: str
-    link: str
+METRES_OF_DEGREE = math.radians(1.0) * EARTH_RADIUS_M
+LETTERS = {"scale": Letters(13.0, colour="#5b6470")}
+DOT, DOT_COLOURS = 7.0, {"green": "#28965a", "amber": "#c77700", "red": "#b3261e", "": "#8c919b"}
+AXIS = Look("#e3e6ea", 1.0)
 
 
 class BatchMap(NamedTuple):
-    """Drawing: height, grid lines with their texts, scale bar in kilometres or metres, places."""
+    """Map, and number of the surveys on it."""
 
-    height: float
-    meridians: list[tuple[float, str]]
-    parallels: list[tuple[float, str]]
-    bar: float
-    bar_text: str
-    places: list[MapPlace]
+    drawing: Drawing
+    shown: int
 
 
 def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
@@ -172,37 +167,34 @@ def batch_map(batch: Batch, links: dict[str, str]) -> BatchMap | None:
     west, east = _widen([row.longitude_deg for row in rows])
     # equirectangular: degrees of longitude shrink with the cosine of the latitude
     squeeze = max(math.cos(math.radians((south + north) / 2.0)), 0.05)
-    room = WIDTH - 2.0 * MARGIN
-    scale = min(room / ((east - west) * squeeze), (MAX_HEIGHT - 2.0 * MARGIN) / (north - south))
-    left = MARGIN + (room - scale * (east - west) * squeeze) / 2.0
-    height = scale * (north - south) + 2.0 * MARGIN
-
-    def x(longitude: float) -> float:
-        return left + scale * squeeze * (longitude - west)
-
-    def y(latitude: float) -> float:
-        return MARGIN + scale * (north - latitude)
-
-    metres = math.radians(1.0) * EARTH_RADIUS_M / scale  # metres per unit of the drawing
-    long = _round_down(metres * WIDTH / 4.0)
-    places = [
-        MapPlace(
-            x(row.longitude_deg),
-            y(row.latitude_deg),
-            row.level or "none",
-            f"{display_name(row)}: {row.sentence}",
-            links.get(row.project, ""),
+    size = METRES_OF_DEGREE * np.array([squeeze, 1.0])
+    sheet = lay_sheet(
+        size * [west, south], size * [east, north], MAX_HEIGHT,
+        width=WIDTH, least_height=0.0, margin=MARGIN,
+    )  # fmt: skip
+    drawing = Drawing("Map of the surveys", WIDTH, sheet.height, letters=LETTERS)
+    for at, text in _ticks(west, east, "E", "W"):
+        x, _ = sheet(size * [at, south])
+        drawing.lines("meridian", [np.array([[x, 0.0], [x, sheet.height - 22.0]])], AXIS)
+        drawing.write((x, sheet.height - 7.0), text)
+    for at, text in _ticks(south, north, "N", "S"):
+        _, y = sheet(size * [west, at])
+        drawing.lines("parallel", [np.array([[0.0, y], [WIDTH, y]])], AXIS)
+        drawing.write((6.0, y - 4.0), text, side=-1)
+    long = round_length(WIDTH / sheet.scale / 4.0)
+    bar = long * sheet.scale
+    words = f"{long / 1000.0:g} km" if long >= 1000.0 else f"{long:g} m"
+    drawing.scale_bar(WIDTH - 20.0 - bar, 12.0, bar, words)
+    for row in rows:
+        drawing.signs(
+            "surveys",
+            sheet(size * [row.longitude_deg, row.latitude_deg])[None],
+            DOT,
+            Look(PAPER, 1.5, fill=DOT_COLOURS[row.level or ""]),
+            title=f"{display_name(row)}: {row.sentence}",
+            link=links.get(row.project, ""),
         )
-        for row in rows
-    ]
-    return BatchMap(
-        height=height,
-        meridians=[(x(at), text) for at, text in _ticks(west, east, "E", "W")],
-        parallels=[(y(at), text) for at, text in _ticks(south, north, "N", "S")],
-        bar=long / metres,
-        bar_text=f"{long / 1000.0:g} km" if long >= 1000.0 else f"{long:g} m",
-        places=places,
-    )
+    return BatchMap(drawing, len(rows))
 
 
 def _widen(values: list[float]) -> tuple[float, float]:
@@ -211,15 +203,9 @@ def _widen(values: list[float]) -> tuple[float, float]:
     return low - more, high + more
 
 
-def _round_down(value: float) -> float:
-    """Return the largest of 1, 2 and 5 times a power of ten that does not exceed a value."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return max(step * power for step in _STEPS if step * power <= value)
-
-
 def _ticks(low: float, high: float, above: str, below: str) -> list[tuple[float, str]]:
     """Return the round degrees within a range, with their texts."""
-    step = _round_down((high - low) / 2.0)
+    step = round_length((high - low) / 2.0)
     digits = max(0, -math.floor(math.log10(step)))
     first, last = math.ceil(low / step), math.floor(high / step)
     return [(k * step, _degrees(k * step, digits, above, below)) for k in range(first, last + 1)]

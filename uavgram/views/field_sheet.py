@@ -6,6 +6,8 @@ import hashlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,14 +36,9 @@ from uavgram.views.flight_plan import (
 from uavgram.views.pages import page
 from uavgram.views.pages_pdf import PAPER_SIZES, page_pdf
 from uavgram.views.sentence_units import convert_sentence, select_like_lengths
-from uavgram.views.survey.text_placement import (
-    Letters,
-    PlacedText,
-    TextRequest,
-    box,
-    place_texts,
-    svg_points,
-)
+from uavgram.views.survey.drawing import HATCH, PAPER, Drawing, Look
+from uavgram.views.survey.sheet import Sheet, lay_sheet
+from uavgram.views.survey.text_placement import Letters, TextRequest, box
 from uavgram.views.units import round_bar, table_unit
 
 WIDTH = 900.0
@@ -49,47 +46,6 @@ MIN_HEIGHT, MAX_HEIGHT = 420.0, 740.0
 """Limits of the drawing's height, in its own units: a sheet has room for it and for some text."""
 
 MARGIN = 46.0
-
-
-@dataclass(frozen=True, eq=False)
-class SheetMapping:
-    """Drawing of a rectangle of ground.
-
-    Attributes
-    ----------
-    west_m, north_m
-        World coordinates of the inner edge of its left and upper margins.
-    scale
-        Units of the drawing per metre.
-    height
-        Height of the drawing.
-    """
-
-    west_m: float
-    north_m: float
-    scale: float
-    height: float
-
-    @classmethod
-    def fit(cls, world_m: Floats) -> SheetMapping:
-        """Make the paper on which all (n, 2 or 3) places are seen."""
-        low = world_m[:, :2].min(axis=0)
-        size = np.maximum(world_m[:, :2].max(axis=0) - low, 1.0)
-        scale = float(((np.array([WIDTH, MAX_HEIGHT]) - 2 * MARGIN) / size).min())
-        height = max(float(size[1]) * scale + 2 * MARGIN, MIN_HEIGHT)
-        spare = ((np.array([WIDTH, height]) - 2 * MARGIN) / scale - size) / 2
-        return cls(
-            west_m=float(low[0] - spare[0]),
-            north_m=float(low[1] + size[1] + spare[1]),
-            scale=scale,
-            height=height,
-        )
-
-    def __call__(self, world_m: Floats) -> Floats:
-        """Map (..., 2 or 3) places to (..., 2) x to the right and y downwards."""
-        x = MARGIN + (world_m[..., 0] - self.west_m) * self.scale
-        return np.stack([x, MARGIN + (self.north_m - world_m[..., 1]) * self.scale], axis=-1)
-
 
 LIGHTEST, DARKEST = 1.0, 0.66
 """Range of grey as a share of white: names on the darkest can still be read."""
@@ -106,35 +62,27 @@ class Shade:
     words: str
 
 
-@dataclass(frozen=True)
-class Shading:
-    """Map: SVG points of each cell with its grey, cells that cannot be measured in, legend."""
-
-    cells: tuple[tuple[str, str], ...]
-    unseen: tuple[str, ...]
-    legend: tuple[Shade, ...]
-
-
-def shade_cells(planned: FlightPlanned, paper: SheetMapping) -> Shading:
-    """Shade the cells: the lighter, the better."""
-    grid = planned.grid
-    corners = [svg_points(paper(ring)) for ring in grid_cells(planned)]
+def _shade_cells(planned: FlightPlanned, drawing: Drawing, paper: Sheet) -> tuple[Shade, ...]:
+    """Shade the cells: the lighter, the better; cross out those that cannot be measured in."""
+    grid, area = planned.grid, paper(planned.area_world_m)
+    rings = paper(grid_cells(planned))
     known = np.isfinite(grid.sigma_m)
-    unseen = tuple(ring for ring, is_known in zip(corners, known, strict=True) if not is_known)
-    if not known.any():
-        return Shading((), unseen, ())
-    edges = class_edges(grid.sigma_m[known])
-    count = len(edges) - 1
-    greys = [_grey(k / max(count - 1, 1)) for k in range(count)]
-    which = np.clip(np.searchsorted(edges, grid.sigma_m, side="right") - 1, 0, count - 1)
-    cells = tuple(
-        (ring, greys[k]) for ring, k, seen in zip(corners, which, known, strict=True) if seen
-    )
-    legend = tuple(
-        Shade(grey, centimetres(float(low), float(high)))
-        for grey, low, high in zip(greys, edges, edges[1:], strict=False)
-    )
-    return Shading(cells, unseen, legend)
+    crosses = rings[~known][:, [0, 2, 1, 3]].reshape(-1, 2, 2)
+    shades: tuple[Shade, ...] = ()
+    if known.any():
+        edges = class_edges(grid.sigma_m[known])
+        count = len(edges) - 1
+        shades = tuple(
+            Shade(_grey(k / max(count - 1, 1)), centimetres(float(low), float(high)))
+            for k, (low, high) in enumerate(pairwise(edges))
+        )
+        which = np.clip(np.searchsorted(edges, grid.sigma_m, side="right") - 1, 0, count - 1)
+        for k, shade in enumerate(shades):
+            look = Look(shade.colour, 0.4, fill=shade.colour)
+            cells = rings[known & (which == k)]
+            drawing.lines("cells", cells, look, closed=True, clip=area)
+    drawing.lines("unseen", crosses, Look("#999", 0.6), clip=area)
+    return shades
 
 
 def class_edges(sigma_m: Floats) -> Floats:
@@ -162,68 +110,15 @@ LETTERS = {
     "wanted": Letters(12.0, colour="#000"),
     "photo": Letters(11.0, colour="#000"),
     "point": Letters(10.0, colour="#000"),
-    "bar": Letters(13.0, colour="#000"),
-    "north": Letters(14.0, is_bold=True, colour="#000"),
+    "scale": Letters(13.0, colour="#000"),
 }
 """Letters of each kind of name, in black."""
-
-BAR_ROOM = WIDTH / 5 + 40.0
-"""Room of the scale bar at the lower left; the north arrow is at the upper right."""
 
 _REACH = 40.0
 """Largest distance of a name from its object, in heights of a line of text."""
 
 _BESIDE = 8.0
 _HALF_TICK, _HALF_PHOTO, _HALF_POINT = 8.0, 9.0, 3.0
-
-
-def place_names(
-    planned: FlightPlanned, paper: SheetMapping, units: Units
-) -> tuple[PlacedText, ...]:
-    """Place all names, each at the nearest place that is free.
-
-    Parameters
-    ----------
-    planned
-        The plan.
-    paper
-        Mapping from the world to the drawing.
-    units
-        Units of lengths.
-    """
-    wanted = [
-        TextRequest(text, kind, paper(at)[None], gap=_BESIDE)
-        for kind, text, at in _names(planned, units)
-    ]
-    sheet = np.zeros(2), np.array([WIDTH, paper.height])
-    return place_texts(
-        wanted, sheet, _occupied_boxes(planned, paper), letters=LETTERS, reach=_REACH
-    )[0]
-
-
-def _occupied_boxes(planned: FlightPlanned, paper: SheetMapping) -> Floats:
-    """Return (n, 5) boxes to keep free of names: reference lines, photos, points, bar and arrow."""
-    lines = planned.lines
-    starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
-    along = ends - starts
-    reach = np.linalg.norm(along, axis=1) / 2 + 2.0
-    half, angle = np.full(len(reach), _HALF_TICK), np.arctan2(along[:, 1], along[:, 0])
-    marks = (
-        (planned.frames.center_world_m, _HALF_PHOTO),
-        (planned.plates.center_world_m, _HALF_PHOTO),
-        (planned.points.world_m, _HALF_POINT),
-    )
-    return np.concatenate(
-        [
-            [box((0.5 * BAR_ROOM, paper.height - 21.0), 0.5 * BAR_ROOM, 21.0)],
-            [box((WIDTH - 26.0, 35.0), 26.0, 35.0)],
-            np.column_stack([(starts + ends) / 2, reach, half, angle]),
-            *(
-                np.column_stack([paper(at), np.tile([half_mark, half_mark, 0.0], (len(at), 1))])
-                for at, half_mark in marks
-            ),
-        ]
-    )
 
 
 def _names(planned: FlightPlanned, units: Units) -> Iterator[tuple[str, str, Floats]]:
@@ -263,51 +158,12 @@ _MIN_PLATE = 9.0
 """Least half diagonal of a plate on paper."""
 
 
-@dataclass(frozen=True)
-class FieldDrawing:
-    """Content of the drawing for the template; texts of points are those of SVG.
+class FieldDrawing(NamedTuple):
+    """Drawing, shades of grey of its map, and names of the photos whose footprints are shown."""
 
-    Attributes
-    ----------
-    width, height
-        Size of the drawing.
-    shading
-        Map of the accuracy.
-    area, no_go, footprints
-        Rings.
-    outlined
-        Names of the photos of `footprints`.
-    path, photos
-        Path of the drone; a triangle at each photo, its tip towards the nose.
-    lines, ticks
-        Reference lines, and a bar across each of their ends.
-    plates
-        Squares, drawn large enough to be seen.
-    wanted, points
-        Planned measurements, and (x, y) of the points between which they are measured.
-    names
-        Texts that do not overlap.
-    bar, bar_text
-        Scale bar.
-    """
-
-    width: float
-    height: float
-    shading: Shading
-    area: str
-    no_go: tuple[str, ...]
-    footprints: tuple[str, ...]
+    drawing: Drawing
+    shades: tuple[Shade, ...]
     outlined: tuple[str, ...]
-    path: str
-    photos: tuple[str, ...]
-    lines: tuple[str, ...]
-    ticks: tuple[str, ...]
-    plates: tuple[str, ...]
-    wanted: tuple[str, ...]
-    points: tuple[tuple[float, float], ...]
-    names: tuple[PlacedText, ...]
-    bar: float
-    bar_text: str
 
 
 def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
@@ -319,55 +175,80 @@ def field_drawing(planned: FlightPlanned, units: Units) -> FieldDrawing:
             *(lines.start_world_m, lines.end_world_m, points.world_m),
             planned.plates.center_world_m,
         ]
-    )
-    paper = SheetMapping.fit(shown)
+    )[:, :2]
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    paper = lay_sheet(low, high, MAX_HEIGHT, width=WIDTH, least_height=MIN_HEIGHT, margin=MARGIN)
+    drawing = Drawing(
+        "The area from above, to scale: lines to lay, photos to take, accuracy to expect",
+        WIDTH, paper.height, letters=LETTERS,
+    )  # fmt: skip
     every = -(-len(frames.name) // MAX_FOOTPRINTS)
-    starts, ends = paper(lines.start_world_m), paper(lines.end_world_m)
-    bar_m, bar_text = round_bar(WIDTH / 5 / paper.scale, units)
-    return FieldDrawing(
-        width=WIDTH,
-        height=paper.height,
-        shading=shade_cells(planned, paper),
-        area=svg_points(paper(planned.area_world_m)),
-        no_go=tuple(svg_points(paper(ring)) for ring in planned.no_go_world_m),
-        footprints=tuple(svg_points(paper(ring)) for ring in frames.footprint_world_m[::every]),
-        outlined=frames.name[::every],
-        path=svg_points(paper(frames.center_world_m)),
-        photos=_triangles(paper(frames.center_world_m), frames.heading_deg),
-        lines=tuple(svg_points(np.stack(pair)) for pair in zip(starts, ends, strict=True)),
-        ticks=_ticks(starts, ends),
-        plates=_plates(paper(planned.plates.corner_world_m)),
-        wanted=tuple(svg_points(paper(strip)) for some in wanted_shapes(planned) for strip in some),
-        points=tuple((x, y) for x, y in paper(points.world_m).tolist()),
-        names=place_names(planned, paper, units),
-        bar=bar_m * paper.scale,
-        bar_text=bar_text,
+    shades = _shade_cells(planned, drawing, paper)
+    whole = np.array([[0, 0], [WIDTH, 0], [WIDTH, paper.height], [0, paper.height]])
+    footprints = [paper(ring) for ring in frames.footprint_world_m[::every]]
+    strips = np.stack([paper(lines.start_world_m), paper(lines.end_world_m)], axis=1)
+    photos, dots = paper(frames.center_world_m), paper(points.world_m)
+    drawing.lines(
+        "footprints", footprints, Look("#666", 0.8, dashes="1.5 4"), closed=True, clip=whole
     )
+    drawing.lines("area", [paper(planned.area_world_m)], Look("#000", 1.6), closed=True)
+    rings = [paper(ring) for ring in planned.no_go_world_m]
+    drawing.lines("no_go", rings, Look(fill=PAPER), Look("#000", 2.2, fill=HATCH), closed=True)
+    drawing.lines("path", [photos], Look("#333", 1.1, dashes="8 4"))
+    wanted = [paper(strip) for some in wanted_shapes(planned) for strip in some]
+    drawing.lines("wanted", wanted, Look("#000", 1.3))
+    drawing.signs("points", dots, 2.6, Look("#000", 1.2, fill=PAPER))
+    drawing.lines("lines", strips, Look(PAPER, 8.0), Look("#000", 4.2))
+    plates = _plates(paper(planned.plates.corner_world_m))
+    drawing.lines("plates", plates, Look(PAPER, 2.0, fill="#000"), closed=True)
+    drawing.lines("ticks", _ticks(strips), Look("#000", 3.0))
+    triangles = _triangles(photos, frames.heading_deg)
+    drawing.lines("photos", triangles, Look("#000", 1.2, fill=PAPER), closed=True)
+    bar_m, bar_text = round_bar(WIDTH / 5 / paper.scale, units)
+    drawing.scale_bar(22.0, paper.height - 24.0, bar_m * paper.scale, bar_text, patch=0.85)
+    drawing.compass(patch=0.85)
+    along = strips[:, 1] - strips[:, 0]
+    reach, angle = np.linalg.norm(along, axis=1) / 2 + 2.0, np.arctan2(along[:, 1], along[:, 0])
+    half = np.full(len(reach), _HALF_TICK)
+    drawing.reserve(np.column_stack([strips.mean(axis=1), reach, half, angle]))
+    for places, half_sign in (
+        (photos, _HALF_PHOTO),
+        (paper(planned.plates.center_world_m), _HALF_PHOTO),
+        (dots, _HALF_POINT),
+    ):
+        drawing.reserve([box(at, half_sign, half_sign) for at in places])
+    drawing.place(
+        [
+            TextRequest(text, kind, paper(at)[None], gap=_BESIDE)
+            for kind, text, at in _names(planned, units)
+        ],
+        reach=_REACH,
+    )
+    return FieldDrawing(drawing, shades, frames.name[::every])
 
 
-def _triangles(places: Floats, heading_deg: Floats) -> tuple[str, ...]:
+def _triangles(places: Floats, heading_deg: Floats) -> Floats:
     angle = np.deg2rad(heading_deg)
     cos, sin = np.cos(angle), np.sin(angle)
     # y goes down in a drawing, so clockwise from north is clockwise from up
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], axis=1)
-    corners = places[:, None] + np.einsum("nij,kj->nki", turn, _TRIANGLE)
-    return tuple(svg_points(ring) for ring in corners)
+    return np.asarray(places[:, None] + np.einsum("nij,kj->nki", turn, _TRIANGLE))
 
 
-def _plates(corners: Floats) -> tuple[str, ...]:
+def _plates(corners: Floats) -> Floats:
     middle = corners.mean(axis=1, keepdims=True)
     half = np.linalg.norm(corners - middle, axis=-1, keepdims=True)
     larger = np.maximum(_MIN_PLATE / np.maximum(half, 1e-9), 1.0)
-    return tuple(svg_points(ring) for ring in middle + larger * (corners - middle))
+    return np.asarray(middle + larger * (corners - middle))
 
 
-def _ticks(starts: Floats, ends: Floats) -> tuple[str, ...]:
-    along = ends - starts
+def _ticks(strips: Floats) -> Floats:
+    """Return a bar across each end of the (n, 2, 2) lines, (2n, 2, 2)."""
+    along = strips[:, 1] - strips[:, 0]
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
     across *= _TICK / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-9)
-    places, out = np.concatenate([starts, ends]), np.concatenate([across, across])
-    bars = np.stack([places - out, places + out], axis=1)
-    return tuple(svg_points(bar) for bar in bars)
+    out = across[:, None, None] * np.array([-1.0, 1.0])[:, None]
+    return np.asarray(strips[:, :, None] + out).reshape(-1, 2, 2)
 
 
 NAME = "field_sheet"
@@ -390,7 +271,6 @@ def field_sheet(planned: FlightPlanned, units: Units = METRIC) -> str:
         "field_sheet/page.html",
         planned=planned,
         view=field_drawing(planned, units),
-        letters=LETTERS,
         headline=summarise_work(planned),
         outcome=describe_accuracy(planned),
         lines=line_rows(planned),

@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from PIL import Image, ImageDraw, ImageFont
+from PIL import Image
 
-from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import METRIC, Units
@@ -31,18 +30,11 @@ from uavgram.views.flight_plan import (
     value_rows,
 )
 from uavgram.views.pages import plain, table
-from uavgram.views.recording.blueprint import BACKGROUND, layout, space_view
+from uavgram.views.recording.blueprint import layout, legend_view, page_views, space_view
 from uavgram.views.recording.scene import FRUSTUM_SHARE, SPACING_SHARE, TO_THE_EYE, Eye
 from uavgram.views.recording.stream import Recorder, open_recording
-from uavgram.views.recording.view_texts import log_in_space, make_polylines, place_in_space
-from uavgram.views.recording.world.legend import (
-    FONT_PX,
-    GAP_PX,
-    LEGEND,
-    LEGEND_BACKGROUND,
-    TEXT,
-    WIDTH_PX,
-)
+from uavgram.views.recording.view_texts import log_in_space, place_in_space
+from uavgram.views.recording.world.legend import BAR_PX, LEGEND, LegendPicture
 from uavgram.views.recording.world.survey import close_border
 from uavgram.views.sentence_units import convert_sentence, select_like_lengths
 from uavgram.views.style import (
@@ -76,7 +68,7 @@ def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units)
     kept = select_like_lengths(named)
     for path, text in ((SUMMARY, summary_page(planned, units)), (LAY, lines_page(planned))):
         told = convert_sentence(text, units, kept)
-        recorder.static(path, rr.TextDocument(told, media_type=rr.MediaType.MARKDOWN))
+        recorder.page(path, told)
     sheets = [
         convert_sentence(photo_page(planned, k), units) for k in range(len(planned.frames.name))
     ]
@@ -148,7 +140,6 @@ def photo_page(planned: FlightPlanned, row: int) -> str:
 
 ROWS_PX = (12, 62)
 HEIGHT_PX = 108
-BAR_PX = 300
 
 
 def log_plan_legend(recorder: Recorder, planned: FlightPlanned, units: Units) -> None:
@@ -163,35 +154,23 @@ def log_plan_legend(recorder: Recorder, planned: FlightPlanned, units: Units) ->
     units
         Units of the lengths shown.
     """
-    image = np.asarray(draw_plan_legend(planned, units))
-    recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
+    recorder.picture(LEGEND, draw_plan_legend(planned, units))
 
 
 def draw_plan_legend(planned: FlightPlanned, units: Units) -> Image.Image:
     """Draw swatches for the objects that occur, then the colours of the map."""
-    image = Image.new("RGB", (WIDTH_PX, HEIGHT_PX), LEGEND_BACKGROUND)
-    pen, font = ImageDraw.Draw(image), ImageFont.load_default(FONT_PX)
-    x = 20.0
+    legend = LegendPicture(HEIGHT_PX, ROWS_PX)
     for text, colour in _entries(planned):
-        y = ROWS_PX[0] + FONT_PX / 2 + 3
-        pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
-        pen.text((x + 70, ROWS_PX[0]), text, fill=TEXT, font=font)
-        x += 70 + pen.textlength(text, font=font) + GAP_PX
+        legend.swatch(0, text, colour)
     reach = accuracy_range(planned)
     if reach is None:
-        pen.text((20, ROWS_PX[1]), "nothing can be measured in the area", fill=TEXT, font=font)
-        return image
+        legend.write(1, "nothing can be measured in the area")
+        return legend.cut()
     length = convert_sentence(metres(planned.grid.length_m), units)
-    words = f"ground: lengths of {length} will be known to ± "
     low, high = (convert_sentence(centimetres(one), units) for one in reach)
-    x = 20.0
-    pen.text((x, ROWS_PX[1]), words + low, fill=TEXT, font=font)
-    x += pen.textlength(words + low, font=font) + 16
-    for k, colour in enumerate(map_colours(np.linspace(0, 1, BAR_PX))):
-        ends = [(x + k, ROWS_PX[1] + 4), (x + k, ROWS_PX[1] + 32)]
-        pen.line(ends, fill=tuple(colour.tolist()))
-    pen.text((x + BAR_PX + 16, ROWS_PX[1]), high, fill=TEXT, font=font)
-    return image
+    legend.write(1, f"ground: lengths of {length} will be known to ±", 8)
+    legend.scale(1, low, high, map_colours(np.linspace(0, 1, BAR_PX)))
+    return legend.cut()
 
 
 def _entries(planned: FlightPlanned) -> list[tuple[str, Rgb]]:
@@ -274,17 +253,13 @@ def log_plan(recorder: Recorder, planned: FlightPlanned, scene: PlanScene, units
     _flight(recorder, planned, scene)
     lines = planned.lines
     strips = np.stack([lines.start_world_m, lines.end_world_m], axis=1)
-    if len(strips):
-        recorder.static(f"{SPACE}/lines_to_lay", make_polylines(strips, REFERENCE, 5.0))
-    if planned.plates.name:
-        rings = [close_border(ring) for ring in planned.plates.corner_world_m]
-        recorder.static(f"{SPACE}/plates_to_lay", make_polylines(rings, REFERENCE, 5.0))
+    recorder.lines(f"{SPACE}/lines_to_lay", strips, REFERENCE, 5.0)
+    rings = [close_border(ring) for ring in planned.plates.corner_world_m]
+    recorder.lines(f"{SPACE}/plates_to_lay", rings, REFERENCE, 5.0)
     wanted = [strip for some in wanted_shapes(planned) for strip in some]
-    if wanted:
-        recorder.static(f"{SPACE}/wanted", make_polylines(wanted, MEASURED, 3.0))
+    recorder.lines(f"{SPACE}/wanted", wanted, MEASURED, 3.0)
     if planned.points.label:
-        dots = rr.Points3D(planned.points.world_m, colors=MEASURED, radii=rr.Radius.ui_points(3.5))
-        recorder.static(f"{SPACE}/points", dots)
+        recorder.dots(f"{SPACE}/points", planned.points.world_m, MEASURED, 3.5)
     _names(recorder, planned, scene, units)
 
 
@@ -300,11 +275,9 @@ def map_colours(share: Floats) -> Pixels:
 
 
 def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
-    area = [close_border(planned.area_world_m)]
-    recorder.static(f"{SPACE}/area", make_polylines(area, OBSERVED, 2.0))
-    if planned.no_go_world_m:
-        rings = [close_border(ring) for ring in planned.no_go_world_m]
-        recorder.static(f"{SPACE}/keep_out", make_polylines(rings, BAD, 4.0))
+    recorder.lines(f"{SPACE}/area", [close_border(planned.area_world_m)], OBSERVED, 2.0)
+    rings = [close_border(ring) for ring in planned.no_go_world_m]
+    recorder.lines(f"{SPACE}/keep_out", rings, BAD, 4.0)
     reach = accuracy_range(planned)
     if reach is None:
         return
@@ -312,35 +285,21 @@ def _ground(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> Non
     known = np.isfinite(planned.grid.sigma_m)
     share = (planned.grid.sigma_m[known] - low) / max(high - low, 1e-12)
     corners = grid_cells(planned)[known] - np.array([0.0, 0.0, _DROP * scene.size_m])
-    first = 4 * np.arange(len(corners))[:, None]
-    triangles = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])])
-    recorder.static(
-        f"{SPACE}/accuracy",
-        rr.Mesh3D(
-            vertex_positions=corners.reshape(-1, 3),
-            triangle_indices=triangles,
-            vertex_colors=np.repeat(map_colours(share), 4, axis=0),
-        ),
-    )
+    recorder.squares(f"{SPACE}/accuracy", corners, map_colours(share))
 
 
 def _flight(recorder: Recorder, planned: FlightPlanned, scene: PlanScene) -> None:
     frames = planned.frames
     if len(frames.name) > 1:
-        way = [frames.center_world_m]
-        recorder.static(f"{SPACE}/flight", make_polylines(way, REFINED, 1.5))
-    recorder.static(f"{SPACE}/photos", make_polylines(scene.frusta_m, REFINED, 1.5))
+        recorder.lines(f"{SPACE}/flight", [frames.center_world_m], REFINED, 1.5)
+    recorder.lines(f"{SPACE}/photos", scene.frusta_m, REFINED, 1.5)
     rings = [close_border(ring) for ring in frames.footprint_world_m]
-    recorder.static(f"{SPACE}/footprints", make_polylines(rings, QUIET, 0.8))
-    _one_by_one(recorder, f"{SPACE}/this_photo", list(scene.frusta_m), 3.0)
-    _one_by_one(recorder, f"{SPACE}/footprint_of_this_photo", rings, 2.0)
-
-
-def _one_by_one(recorder: Recorder, path: str, strips: list[Floats], width: float) -> None:
-    """Log one white polyline for each photo."""
-    radius = rr.Radius.ui_points(width / 2)
-    recorder.static(path, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=radius))
-    recorder.each(path, lambda some: rr.LineStrips3D.columns(strips=[strips[k] for k in some]))
+    recorder.lines(f"{SPACE}/footprints", rings, QUIET, 0.8)
+    for name, strips, width in (
+        ("this_photo", list(scene.frusta_m), 3.0),
+        ("footprint_of_this_photo", rings, 2.0),
+    ):
+        recorder.lines_of_frames(f"{SPACE}/{name}", [[one] for one in strips], OBSERVED, width)
 
 
 def _name_places(planned: FlightPlanned, units: Units) -> tuple[list[Floats], list[str]]:
@@ -403,17 +362,13 @@ def write_plan_recording(planned: FlightPlanned, path: Path, units: Units = METR
     """
     scene = measure_plan(planned)
     count = len(planned.frames.name)
-    try:
-        path.touch()  # Rerun's own error for a missing folder is no OSError
-        identity = ("plan", planned.name, planned.frames.center_world_m.tobytes())
-        times = np.full(count, np.nan)  # the time of the flight is unknown
-        with open_recording(path, identity, f"{planned.name}: plan", times) as recorder:
-            log_plan(recorder, planned, scene, units)
-            log_plan_legend(recorder, planned, units)
-            log_plan_documents(recorder, planned, units)
-            recorder.stream.send_blueprint(plan_blueprint(scene))
-    except OSError as error:
-        raise OutputError(f"{path}: the recording cannot be written: {error}") from error
+    identity = ("plan", planned.name, planned.frames.center_world_m.tobytes())
+    times = np.full(count, np.nan)  # the time of the flight is unknown
+    with open_recording(path, identity, f"{planned.name}: plan", times) as recorder:
+        log_plan(recorder, planned, scene, units)
+        log_plan_legend(recorder, planned, units)
+        log_plan_documents(recorder, planned, units)
+        recorder.stream.send_blueprint(plan_blueprint(scene))
 
 
 def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:
@@ -429,12 +384,6 @@ def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:
         space_view("From above, north up", flat, above.position_m, above.target_m),
         active_tab=0,
     )
-    legend = rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND)
-    pages = rrb.Tabs(
-        rrb.TextDocumentView(origin=SUMMARY, name="Summary"),
-        rrb.TextDocumentView(origin=LAY, name="What to lay"),
-        rrb.TextDocumentView(origin=PHOTO, name="This photo"),
-        active_tab=0,
-    )
-    left = rrb.Vertical(views, legend, row_shares=[10, 1.0])
+    pages = page_views((SUMMARY, "Summary"), (LAY, "What to lay"), (PHOTO, "This photo"))
+    left = rrb.Vertical(views, legend_view(), row_shares=[10, 1.0])
     return layout(rrb.Horizontal(left, pages, column_shares=[1.5, 1]))

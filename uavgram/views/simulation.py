@@ -14,6 +14,8 @@ from uavgram.model.result.verdict import VerdictLevel
 from uavgram.model.simulation import Accuracy, Repetitions, Simulation, Variant
 from uavgram.views.formatting import number
 from uavgram.views.pages import page
+from uavgram.views.survey.drawing import BLACK, Drawing, Look
+from uavgram.views.survey.text_placement import Letters
 from uavgram.views.terminal import align_columns
 from uavgram.views.units import decimals, display_unit
 
@@ -282,38 +284,9 @@ LOWEST, HIGHEST = 0.25, 8.0
 
 TICKS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0)
 CURVE_HEIGHT = 190.0
-
-
-class Bar(NamedTuple):
-    """Row of a measurement: name, height in the drawing, ends and estimate on the axis."""
-
-    name: str
-    y: float
-    low: float
-    high: float
-    at: float
-    is_bad: bool
-
-
-class Ranges(NamedTuple):
-    """Drawing of ranges: size, positions of ticks with their texts, rows."""
-
-    width: float
-    height: float
-    ticks: list[tuple[float, str]]
-    rows: list[Bar]
-
-
-class Curve(NamedTuple):
-    """Convergence of spread over prediction; `band` is the effect of chance on one value."""
-
-    width: float
-    height: float
-    path: str
-    band: str
-    one: float
-    ticks: list[tuple[float, str]]
-    heights: list[tuple[float, str]]
+LETTERS = {"axis": Letters(13.0, colour="#5b6470"), "row": Letters(13.0)}
+AXIS, ONE = Look("#d5d9de", 1.0), Look(BLACK, 1.5)
+RIGHT_SIZE, WRONG = "#4078c8", "#b3261e"
 
 
 def _across(ratio: float) -> float:
@@ -322,7 +295,7 @@ def _across(ratio: float) -> float:
     return LEFT + (WIDTH - LEFT - RIGHT) * share
 
 
-def draw_ranges(simulation: Simulation) -> Ranges:
+def draw_ranges(simulation: Simulation) -> Drawing:
     """Draw the error over stated sigma of each measurement, with its 95 % range.
 
     Parameters
@@ -332,24 +305,26 @@ def draw_ranges(simulation: Simulation) -> Ranges:
     """
     accuracy = simulation.accuracy
     known = np.flatnonzero(np.isfinite(accuracy.z)).tolist()
-    rows = []
+    height = TOP + ROW * len(known) + BOTTOM
+    label = "Error over stated sigma of each measurement"
+    drawing = Drawing(label, WIDTH, height, letters=LETTERS)
+    for tick in TICKS:
+        x = _across(tick)
+        look = ONE if tick == 1.0 else AXIS
+        drawing.lines("ticks", [np.array([[x, 14.0], [x, height - 26.0]])], look)
+        drawing.write((x, height - 9.0), f"{tick:g}", "axis")
     for k, i in enumerate(known):
+        y = TOP + ROW * (k + 0.5)
         low, high = accuracy.z_range[i].tolist()
-        rows.append(
-            Bar(
-                name=simulation.repetitions.name[i],
-                y=TOP + ROW * (k + 0.5),
-                low=_across(low),
-                high=_across(high),
-                at=_across(float(accuracy.z[i])),
-                is_bad=low > 1.0,
-            )
-        )
-    ticks = [(_across(tick), f"{tick:g}") for tick in TICKS]
-    return Ranges(WIDTH, TOP + ROW * len(rows) + BOTTOM, ticks, rows)
+        drawing.write((LEFT - 12.0, y + 4.0), simulation.repetitions.name[i], "row", side=1)
+        ends = np.array([[_across(low), y], [_across(high), y]])
+        drawing.lines("ranges", [ends], Look(WRONG if low > 1.0 else RIGHT_SIZE, 5.0))
+        at = np.array([[_across(float(accuracy.z[i])), y]])
+        drawing.signs("ratios", at, 4.5, Look(fill=BLACK))
+    return drawing
 
 
-def draw_convergence(simulation: Simulation) -> Curve | None:
+def draw_convergence(simulation: Simulation) -> Drawing | None:
     """Draw spread over prediction against the number of repetitions; return None if too few.
 
     Parameters
@@ -357,35 +332,36 @@ def draw_convergence(simulation: Simulation) -> Curve | None:
     simulation
         The simulation.
     """
-    points = [(n, ratio) for n, ratio in simulation.running if n > 2 and math.isfinite(ratio)]
+    points = np.array(
+        [(n, ratio) for n, ratio in simulation.running if n > 2 and math.isfinite(ratio)]
+    )
     if len(points) < 3:
         return None
-    first, last = points[0][0], points[-1][0]
+    counts, ratios = points.T
+    first, last = int(counts[0]), int(counts[-1])
 
-    def x(count: float) -> float:
-        return 60.0 + (WIDTH - 90.0) * math.log(count / first) / math.log(last / first)
+    def place(count: Floats | float, ratio: Floats | float) -> Floats:
+        share = np.log(np.asarray(count) / first) / math.log(last / first)
+        up = (CURVE_HEIGHT - BOTTOM - 12.0) * np.clip(ratio, 0.0, 2.0) / 2.0
+        x, y = np.broadcast_arrays(60.0 + (WIDTH - 90.0) * share, CURVE_HEIGHT - BOTTOM - up)
+        return np.stack([x, y], axis=-1)
 
-    def y(ratio: float) -> float:
-        return CURVE_HEIGHT - BOTTOM - (CURVE_HEIGHT - BOTTOM - 12.0) * min(ratio, 2.0) / 2.0
-
-    # 95 % range of a standard deviation from n samples: 1 +- 1.96 / sqrt(2 (n - 1))
-    chance = [(n, 1.96 / math.sqrt(2.0 * (n - 1))) for n, _ in points]
-    upper = [(x(n), y(1.0 + off)) for n, off in chance]
-    lower = [(x(n), y(max(1.0 - off, 0.0))) for n, off in reversed(chance)]
-    counts = sorted({first, last} | {n for n in (10, 30, 100, 300, 1000) if first < n < last})
-    return Curve(
-        width=WIDTH,
-        height=CURVE_HEIGHT,
-        path=_path([(x(n), y(ratio)) for n, ratio in points]),
-        band=_path(upper + lower) + " Z",
-        one=y(1.0),
-        ticks=[(x(n), str(n)) for n in counts],
-        heights=[(y(ratio), f"{ratio:g}") for ratio in (0.0, 0.5, 1.0, 1.5, 2.0)],
+    drawing = Drawing(
+        "Spread over prediction by number of repetitions", WIDTH, CURVE_HEIGHT, letters=LETTERS
     )
-
-
-def _path(points: list[tuple[float, float]]) -> str:
-    return "M " + " L ".join(f"{x:.1f} {y:.1f}" for x, y in points)
+    for ratio in (0.0, 0.5, 1.0, 1.5, 2.0):
+        level = place(np.array([first, last]), ratio)
+        drawing.lines("levels", [level], ONE if ratio == 1.0 else AXIS)
+        drawing.write((50.0, level[0, 1] + 4.0), f"{ratio:g}", "row", side=1)
+    # 95 % range of a standard deviation from n samples: 1 +- 1.96 / sqrt(2 (n - 1))
+    chance = 1.96 / np.sqrt(2.0 * (counts - 1.0))
+    band = np.concatenate([place(counts, 1.0 + chance), place(counts, 1.0 - chance)[::-1]])
+    drawing.lines("band", [band], Look(fill="#5b6470", fill_opacity=0.14), closed=True)
+    drawing.lines("curve", [place(counts, ratios)], Look(RIGHT_SIZE, 2.5))
+    for count in sorted({first, last} | {n for n in (10, 30, 100, 300, 1000) if first < n < last}):
+        x, _ = place(count, 0.0).tolist()
+        drawing.write((x, CURVE_HEIGHT - 10.0), str(count), "axis")
+    return drawing
 
 
 COST_HEADER = ("disturbance", "error, times", "error/stated", "in 95 %", "green")

@@ -6,6 +6,7 @@ import numpy as np
 
 from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats
+from uavgram.model.result.tables import HeightSource
 from uavgram.model.result.verdict import MeasurementStatus, VerdictLevel
 
 Rgb = tuple[int, int, int]
@@ -49,7 +50,7 @@ LEVEL_COLOURS: dict[VerdictLevel | None, Rgb] = {
     "red": BAD,
     None: QUIET,
 }
-HEIGHT_COLOURS: dict[str, Rgb] = {"free": FREE, "stated": REFERENCE, "found": UNASKED}
+HEIGHT_COLOURS: dict[HeightSource, Rgb] = {"free": FREE, "stated": REFERENCE, "found": UNASKED}
 FRAME_COLOURS: dict[str, Rgb] = {
     "refined": GOOD,
     "check": WARNING,
@@ -93,3 +94,19 @@ def _between(anchors: Floats, share: Floats) -> Pixels:
     at = share * (len(anchors) - 1)
     channels = [np.interp(at, np.arange(len(anchors)), anchors[:, c]) for c in range(3)]
     return np.stack(channels, axis=-1).round().astype(np.uint8)
+
+
+INK = {
+    "used": "#b0127a",
+    "suspect": "#c62828",
+    "removed": "#c62828",
+    "checked": "#6a3fb5",
+    "unseen": "#777777",
+    "position": "#8e24aa",
+    "measured": "#00796b",
+    "point": "#222222",
+    "ellipse": "#e07b00",
+    "above": hex_colour(ABOVE),
+    "below": hex_colour(BELOW),
+}
+"""Colours on white paper, where those of the screen are too faint."""

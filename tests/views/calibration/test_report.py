@@ -80,8 +80,9 @@ def test_removed_corners_are_listed_worst_first(html: str, account: CalibrationA
 def test_coverage_counts_and_the_residuals_scale_are_stated(account: CalibrationAccount) -> None:
     result = account.result
     view = calibration_maps.coverage_map(result)
-    assert [int(cell.text) for cell in view.cells] == result.maps.corners.ravel().tolist()
-    empty = [cell.fill == calibration_maps.EMPTY for cell in view.cells]
+    written = [int(one.text) for one in view.drawing.written]
+    assert written == result.maps.corners.ravel().tolist()
+    empty = [fill == calibration_maps.EMPTY for fill in fills(view)]
     assert empty == (result.maps.corners.ravel() == 0).tolist()
     residuals = calibration_maps.residual_map(result)
     drawn = re.search(r"Drawn (\d+) times", residuals.note)
@@ -91,11 +92,12 @@ def test_coverage_counts_and_the_residuals_scale_are_stated(account: Calibration
     first = np.flatnonzero(~removed)[0]
     start = (result.corners.pixel_px[first] + 0.5) * 520 / 1024
     end = start + factor * result.corners.residual_px[first] * 520 / 1024
-    path = residuals.paths[0][0]
-    stroke = re.match(r"M(\S+) (\S+)L(\S+) (\S+?)M", path)
-    assert stroke is not None
-    numbers = [float(x) for x in stroke.groups()]
-    np.testing.assert_allclose(numbers, [*start, *end], atol=0.051)
+    np.testing.assert_allclose(residuals.drawing.named("corners")[0], [start, end])
+
+
+def fills(view: calibration_maps.Figure) -> list[str]:
+    """The colours of the cells."""
+    return [one.look.fill for one in view.drawing.shapes if one.name == "cells"]
 
 
 def test_dark_cells_are_uncertain_ones(account: CalibrationAccount) -> None:
@@ -104,7 +106,7 @@ def test_dark_cells_are_uncertain_ones(account: CalibrationAccount) -> None:
     assert (low, high) == (0.1, 1.6)
     view = calibration_maps.uncertainty_map(account.result)
     values = account.result.maps.uncertainty_px.ravel()
-    light = [sum(int(c.fill[k : k + 2], 16) for k in (1, 3, 5)) for c in view.cells]
+    light = [sum(int(fill[k : k + 2], 16) for k in (1, 3, 5)) for fill in fills(view)]
     assert light[int(np.nanargmin(values))] > light[int(np.nanargmax(values))]
 
 

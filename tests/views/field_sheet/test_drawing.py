@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from planned_sample import sample_plan
 
-from uavgram.model.arrays import Floats
 from uavgram.model.naming import METRIC
 from uavgram.model.planned import AccuracyGrid
 from uavgram.stages.products.planned_layers import grid_cells
@@ -17,51 +16,46 @@ from uavgram.stages.products.text_places import overlaps
 from uavgram.views.field_sheet import WIDTH, class_edges, field_drawing
 
 PLAN = sample_plan()
-DRAWING = field_drawing(PLAN, METRIC)
-ROUNDING = 0.1
+SHEET = field_drawing(PLAN, METRIC)
+DRAWING = SHEET.drawing
 
 
-def points(svg: str) -> Floats:
-    return np.array([[float(x) for x in pair.split(",")] for pair in svg.split()])
+SCALE = DRAWING.bar / float(DRAWING.bar_text.removesuffix(" m"))
 
 
 def test_it_is_to_scale_with_north_up() -> None:
-    scale = DRAWING.bar / float(DRAWING.bar_text.removesuffix(" m"))
-    drawn, ground = points(DRAWING.area), PLAN.area_world_m[:, :2]
-    flipped = (drawn - drawn[0]) * [1.0, -1.0] / scale
-    np.testing.assert_allclose(flipped, ground - ground[0], atol=2 * ROUNDING / scale)
-    for svg, length_m in zip(DRAWING.lines, PLAN.lines.length_m, strict=True):
-        start, end = points(svg)
-        assert np.linalg.norm(end - start) / scale == pytest.approx(length_m, abs=0.02)
+    (drawn,), ground = DRAWING.named("area"), PLAN.area_world_m[:, :2]
+    flipped = (drawn - drawn[0]) * [1.0, -1.0] / SCALE
+    np.testing.assert_allclose(flipped, ground - ground[0], atol=1e-9)
+    for (start, end), length_m in zip(DRAWING.named("lines"), PLAN.lines.length_m, strict=True):
+        assert np.linalg.norm(end - start) / SCALE == pytest.approx(length_m, abs=0.02)
 
 
 def test_all_that_must_be_seen_is_on_the_sheet() -> None:
-    shown = [DRAWING.area, DRAWING.path, *DRAWING.no_go, *DRAWING.lines, *DRAWING.wanted]
-    for svg in shown:
-        places = points(svg)
+    for name in ("area", "path", "no_go", "lines", "wanted"):
+        places = np.concatenate(DRAWING.named(name))
         assert (places >= 0).all()
         assert (places <= [WIDTH, DRAWING.height]).all()
 
 
 def test_a_photo_points_where_the_nose_does() -> None:
-    for svg, heading in zip(DRAWING.photos, np.deg2rad(PLAN.frames.heading_deg), strict=True):
-        corners = points(svg)
+    headings = np.deg2rad(PLAN.frames.heading_deg)
+    for corners, heading in zip(DRAWING.named("photos"), headings, strict=True):
         ahead = (corners[0] - corners[2]) / np.linalg.norm(corners[0] - corners[2])
         np.testing.assert_allclose(ahead, [np.sin(heading), -np.cos(heading)], atol=0.02)
 
 
 def test_no_name_covers_another_or_a_line_to_lay() -> None:
-    names = np.array([[n.x, n.y, n.half_width, n.half_height, 0.0] for n in DRAWING.names])
+    names = np.array([[n.x, n.y, n.half_width, n.half_height, 0.0] for n in DRAWING.texts])
     other = ~np.eye(len(names), dtype=bool)
     assert not (overlaps(names, names) & other).any()
     assert (names[:, 0] - names[:, 2] >= 0).all()
     assert (names[:, 0] + names[:, 2] <= WIDTH).all()
-    for svg in DRAWING.lines:
-        start, end = points(svg)
+    for start, end in DRAWING.named("lines"):
         on_line = start + np.linspace(0, 1, 100)[:, None] * (end - start)
         beside = np.abs(on_line[:, None] - names[None, :, :2]) < names[None, :, 2:4]
         assert not beside.all(axis=2).any()
-    told = {name.text for name in DRAWING.names}
+    told = {name.text for name in DRAWING.texts}
     assert {"L1 14.2 m", "L5b", "corner 4", "P6", "skid left", "A"} <= told
 
 
@@ -72,10 +66,10 @@ def test_no_name_is_hidden_by_scale_bar_or_arrow(turn_deg: float) -> None:
     corners = (
         PLAN.area_world_m * [3.0, 1.2, 1.0] @ np.array([[cos, sin, 0], [-sin, cos, 0], [0, 0, 1]])
     )
-    drawn = field_drawing(dataclasses.replace(PLAN, area_world_m=corners), METRIC)
-    bar = (12.0, drawn.height - 38.0, 22.0 + drawn.bar + 14.0, drawn.height)  # as the template has
-    arrow = (WIDTH - 41.0, 4.0, WIDTH - 11.0, 66.0)
-    for name in drawn.names:
+    drawn = field_drawing(dataclasses.replace(PLAN, area_world_m=corners), METRIC).drawing
+    bar = (12.0, drawn.height - 35.0, 32.0 + drawn.bar, drawn.height)  # their patches
+    arrow = (WIDTH - 46.0, 12.0, WIDTH - 14.0, 74.0)
+    for name in drawn.texts:
         for left, top, right, bottom in (bar, arrow):
             beside = max(left - name.x, name.x - right) - name.half_width
             above = max(top - name.y, name.y - bottom) - name.half_height
@@ -96,21 +90,30 @@ def test_steps_of_grey_are_round_and_cover_the_map(low: float, high: float) -> N
 
 
 def test_the_darker_the_worse_and_white_is_best() -> None:
-    known = PLAN.grid.sigma_m[np.isfinite(PLAN.grid.sigma_m)]
-    greys = np.array([int(grey[1:3], 16) for _, grey in DRAWING.shading.cells])
-    order = np.argsort(known, kind="stable")
-    assert (np.diff(greys[order]) <= 0).all()
-    assert greys.max() == 255
-    assert len(DRAWING.shading.unseen) == np.isnan(PLAN.grid.sigma_m).sum()
+    sigma = PLAN.grid.sigma_m
+    levels = [int(shade.colour[1:3], 16) for shade in SHEET.shades]
+    shaded = [one for one in DRAWING.shapes if one.name == "cells"]
+    places = PLAN.grid.center_world_m[:, :2] * [1.0, -1.0]
+    middles = np.array([ring.mean(axis=0) for one in shaded for ring in one.lines]) / SCALE
+    level = np.array([int(one.look.fill[1:3], 16) for one in shaded for _ in one.lines])
+    offset = DRAWING.named("area")[0][0] / SCALE - PLAN.area_world_m[0, :2] * [1.0, -1.0]
+    away = np.linalg.norm(middles[:, None] - offset - places, axis=2)
+    order = np.argsort(sigma[away.argmin(axis=1)], kind="stable")
+
+    assert away.min(axis=1).max() < 1e-6
+    assert (np.diff(level[order]) <= 0).all()
+    assert levels[0] == 255
+    assert levels == sorted(levels, reverse=True)
+    assert len(DRAWING.named("unseen")) == 2 * np.isnan(sigma).sum()
 
 
 def test_cells_of_a_turned_map_lie_side_by_side() -> None:
-    scale = DRAWING.bar / float(DRAWING.bar_text.removesuffix(" m"))
-    first, second = (points(svg) for svg, _ in DRAWING.shading.cells[:2])
-    shared = np.linalg.norm(first[:, None] - second[None], axis=2) < 2 * ROUNDING
-    assert shared.sum() == 2
-    sides = np.linalg.norm(np.roll(first, -1, axis=0) - first, axis=1)
-    np.testing.assert_allclose(sides, PLAN.grid.cell_m * scale, atol=3 * ROUNDING)
+    cells = np.array(DRAWING.named("cells"))
+    others = cells[1:].reshape(-1, 2)
+    shared = np.linalg.norm(cells[0][:, None] - others, axis=2) < 1e-6
+    assert shared.any(axis=1).sum() >= 2
+    sides = np.linalg.norm(np.roll(cells[0], -1, axis=0) - cells[0], axis=1)
+    np.testing.assert_allclose(sides, PLAN.grid.cell_m * SCALE)
 
 
 @pytest.mark.parametrize("turn_deg", [0.0, 28.0, 100.0])
@@ -149,7 +152,7 @@ def test_of_many_photos_some_are_outlined() -> None:
     )
     drawing = field_drawing(dataclasses.replace(PLAN, frames=many), METRIC)
     assert drawing.outlined == ("P1", "P5", "P9", "P13", "P17", "P21", "P25", "P29")
-    assert len(drawing.footprints) == 8
+    assert len(drawing.drawing.named("footprints")) == 8
 
 
 def test_ends_that_nobody_named_have_no_name_of_their_own() -> None:
@@ -159,6 +162,6 @@ def test_ends_that_nobody_named_have_no_name_of_their_own() -> None:
         PLAN.measurements, points=(("skid left 1", "skid left 2"), *[("C", "D")] * 3)
     )
     plan = dataclasses.replace(PLAN, points=points, measurements=measured)
-    shown = [name.text for name in field_drawing(plan, METRIC).names]
+    shown = [name.text for name in field_drawing(plan, METRIC).drawing.texts]
     assert {"skid left", "C", "D"} <= set(shown)
     assert not {"skid left 1", "skid left 2"} & set(shown)

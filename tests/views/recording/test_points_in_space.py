@@ -125,11 +125,11 @@ def test_the_close_up_of_a_raised_point_has_its_flat_ellipse(
     relative = replace(result.points.relative, ellipse_95_m=within)
     worst = replace(result, points=replace(result.points, relative=relative))
     write_recording(worst, (), no_ground, tmp_path / "recording.rrd")
-    shown = Contents(tmp_path / "recording.rrd").static["/close_up/ellipse_95"]
+    shown = Contents(tmp_path / "recording.rrd").static["/close_up/ellipse_95/0"]
 
     np.testing.assert_allclose(shown["Ellipsoids3D:half_sizes"], [[0.5, 0.25, 1e-3]], rtol=1e-5)
     for on_ground in (contents, flat):
-        assert "/close_up/ellipse_95" not in on_ground.static
+        assert "/close_up/ellipse_95/0" not in on_ground.static
 
 
 def test_small_ellipsoids_are_drawn_once_more_as_much_larger_as_said(

@@ -11,8 +11,8 @@ from recording_contents import Contents
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
 from uavgram.views.recording import write_recording
-from uavgram.views.recording.photo_marks import CENTRE_PX
 from uavgram.views.recording.scene import measure_scene
+from uavgram.views.recording.stream import CENTRE_PX
 from uavgram.views.recording.world.legend import draw_legend
 from uavgram.views.style import FOUND, TIE
 

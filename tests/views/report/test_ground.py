@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,6 @@ from uavgram.imaging.top_view.ground_picture import MOST_PX, cut_ground
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.pictures import NO_PICTURES
 from uavgram.views.report import ground_extent, render_report
-from uavgram.views.report.brief import place_backdrop
 from uavgram.views.survey.top_view import top_view
 
 SIZE_M = 0.1
@@ -59,17 +59,18 @@ def test_the_backdrop_lies_where_the_drawing_has_its_corners() -> None:
     corners = ground_extent(result)
     assert corners is not None
     ground = cut_ground(texture(), *corners)
-    view = top_view(result)
+    view = top_view(result, ground=ground, address="data:")
     assert ground is not None
     assert view is not None
-    placed = place_backdrop(view, replace(NO_PICTURES, ground=ground))
-    assert placed is not None
-    per_metre = view.bar / float(view.bar_text.split()[0])
-    dot, point = view.dots[0], result.points.position_world_m[0]
+    image = re.search('<image x="(.+?)" y="(.+?)" width="(.+?)"', view.drawing.__html__())
+    assert image is not None
+    x, y, width = map(float, image.groups())
+    per_metre = view.drawing.bar / float(view.drawing.bar_text.split()[0])
+    (dot,), point = view.drawing.named("points")[0], result.points.position_world_m[0]
 
-    assert placed.x == pytest.approx(dot[0] + (ground.west_m - point[0]) * per_metre, abs=0.01)
-    assert placed.y == pytest.approx(dot[1] - (ground.north_m - point[1]) * per_metre, abs=0.01)
-    assert placed.width == pytest.approx(ground.width_m * per_metre, abs=0.01)
+    assert x == pytest.approx(dot[0] + (ground.west_m - point[0]) * per_metre, abs=0.01)
+    assert y == pytest.approx(dot[1] - (ground.north_m - point[1]) * per_metre, abs=0.01)
+    assert width == pytest.approx(ground.width_m * per_metre, abs=0.01)
     html = render_report(result, replace(NO_PICTURES, ground=ground))
     assert html.count("<image ") == 1
     assert "appear displaced away from the camera" in html

@@ -13,7 +13,7 @@ from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource
 from uavgram.views.formatting import height_text
 from uavgram.views.report import render_annex
-from uavgram.views.survey.top_view import DIAMOND, top_view
+from uavgram.views.survey.top_view import top_view
 
 SIGMAS = "east, north, up, and their sigmas on the earth [m]"
 
@@ -65,15 +65,17 @@ def test_the_plan_marks_points_off_the_ground_and_writes_their_heights() -> None
     view = top_view(result)
     assert view is not None
     rows = [k for k, label in enumerate(result.points.label) if label in RAISED]
-    marks = np.array([[p.split(",") for p in mark.split()] for mark in view.off_ground], float)
+    dots = np.concatenate(view.drawing.named("points"))
+    middles = np.concatenate(view.drawing.named("off_ground"))
 
-    np.testing.assert_allclose(marks.mean(axis=1), np.array(view.dots)[rows], atol=0.06)
-    assert np.ptp(marks[..., 0]) > 0
-    np.testing.assert_allclose(np.ptp(marks, axis=1), 2 * DIAMOND, atol=0.11)
-    written = {text.text: (text.x, text.y) for text in view.texts if text.kind == "off_ground"}
+    np.testing.assert_array_equal(middles, dots[rows])
+    assert np.ptp(middles[:, 0]) > 0
+    written = {
+        text.text: (text.x, text.y) for text in view.drawing.texts if text.kind == "off_ground"
+    }
     assert set(written) == {"+1.402 m", "+0.50 m", "+2.250 m", "-0.800 m"}
     for row in rows:  # below its mark, where its nearer end is
-        label, (x, y) = result.points.label[row], view.dots[row]
+        label, (x, y) = result.points.label[row], dots[row]
         at = next(place for text, place in written.items() if float(text[:-2]) == RAISED[label][0])
         assert 0 < at[1] - y < 20
         assert abs(at[0] - x) < 35  # half of its width
@@ -83,7 +85,8 @@ def test_the_plan_marks_points_off_the_ground_and_writes_their_heights() -> None
 def test_the_plan_of_a_plane_has_no_such_marks() -> None:
     view = top_view(survey.build())
     assert view is not None
-    assert view.off_ground == ()
+    assert not view.has_off_ground
+    assert view.drawing.named("off_ground") == []
     assert "a point off the ground" not in render_annex(survey.build())
 
 

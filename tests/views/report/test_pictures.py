@@ -26,9 +26,10 @@ from uavgram.model.survey.observations import Source
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.formatting import measurement_text
 from uavgram.views.report import render_annex, render_report
-from uavgram.views.report.picture_marks import place_bar
-from uavgram.views.report.pictures import ON_MEASURED, Gallery, LineStyle, gallery
+from uavgram.views.report.pictures import DASHES, ON_MEASURED, Gallery, gallery
+from uavgram.views.report.scale_bars import Bar, place_bar
 from uavgram.views.style import LINE_COLOURS, hex_colour
+from uavgram.views.survey.drawing import Drawing, Look
 
 STRETCH = (12.0, 96.0, 1.5)
 
@@ -103,20 +104,15 @@ def test_the_mark_of_a_point_is_where_it_was_picked() -> None:
             if pair == (image, one.name)
         ]
 
-        assert any(
-            abs(mark.x - picks.pixel_px[row, 0]) < 0.006
-            and abs(mark.y - picks.pixel_px[row, 1]) < 0.006
-            for mark in one.marks
-        )
-        assert any(tag.text == one.name for tag in one.tags)
+        assert any(np.array_equal(at, picks.pixel_px[[row]]) for at in one.drawing.named("picks"))
+        assert any(tag.text == one.name for tag in one.drawing.texts)
 
 
 def test_a_scale_bar_is_as_long_as_that_length_looks() -> None:
     made = result()
     one = shown().points[0]
     poses, frame = made.frames.refined, one.region.frame
-    assert one.bar is not None
-    length_m = float(one.bar.text.removesuffix(" m"))
+    length_m = float(one.drawing.bar_text.removesuffix(" m"))
     middle = made.points.position_world_m[one.region.row]
     right = poses.world_from_camera[frame][:, 0]
     ends = np.stack([middle - right * length_m / 2, middle + right * length_m / 2])
@@ -128,21 +124,21 @@ def test_a_scale_bar_is_as_long_as_that_length_looks() -> None:
         ends, turn, -back @ poses.center_world_m[frame], matrix, lens[[4, 5, 6, 7, 8]]
     )[0][:, 0]
 
-    assert one.bar.length == pytest.approx(np.linalg.norm(pixel[1] - pixel[0]), rel=1e-6)
+    assert one.drawing.bar == pytest.approx(np.linalg.norm(pixel[1] - pixel[0]), rel=1e-6)
 
 
 def test_a_scale_bar_stands_where_it_hides_less() -> None:
     one = shown().points[0]
-    part, mark = one.region, one.marks[0]
-    y = part.top_px + part.height_px - 20 * one.unit
-    ends = {}
-    for side, x in (("left", part.left_px + 30 * one.unit), ("none", part.left_px - 99.0)):
-        bar = place_bar(one.bar, part, (mark._replace(x=x, y=y),), one.unit)
-        assert bar is not None
-        ends[side] = bar.left, bar.left + bar.width
+    part, unit = one.region, one.drawing.unit
+    y = part.top_px + part.height_px - 20 * unit
+    places = {}
+    for side, x in (("left", part.left_px + 30 * unit), ("none", part.left_px - 99.0)):
+        drawing = Drawing("", part.width_px, part.height_px, unit=unit)
+        place_bar(drawing, Bar(40 * unit, "1 m"), part, np.array([[x, y]]))
+        places[side] = drawing.written[0].x - part.left_px
 
-    assert ends["none"][0] == pytest.approx(part.left_px + 4 * one.unit)
-    assert ends["left"][1] == pytest.approx(part.left_px + part.width_px - 4 * one.unit)
+    assert places["none"] == pytest.approx(34 * unit)
+    assert places["left"] == pytest.approx(part.width_px - 34 * unit)
 
 
 def test_each_picture_says_of_which_file_and_part_it_is_and_that_it_was_brightened() -> None:
@@ -178,13 +174,14 @@ def test_a_withheld_length_is_drawn_as_on_the_plan() -> None:
     made = replace(result(), lines=replace(lines, status=status))
     both = gallery(made, pictures())
     assert both is not None
-    looks = [{look for _, look in one.overview[0].lines} for one in (shown(), both)]
-
-    used = LineStyle(hex_colour(LINE_COLOURS["used"]), dashed=False)
-    assert looks == [
-        {ON_MEASURED, used},
-        {ON_MEASURED, LineStyle(hex_colour(LINE_COLOURS["checked"]), dashed=True)},
+    looks = [
+        {shapes.look for shapes in one.overview[0].drawing.shapes if shapes.name == "lines"}
+        for one in (shown(), both)
     ]
+
+    used = ON_MEASURED._replace(stroke=hex_colour(LINE_COLOURS["used"]))
+    checked = Look(hex_colour(LINE_COLOURS["checked"]), ON_MEASURED.width, dashes=DASHES)
+    assert looks == [{ON_MEASURED, used}, {ON_MEASURED, checked}]
     dashed = f'stroke="{hex_colour(LINE_COLOURS["checked"])}" stroke-width="[0-9.]+" stroke-dash'
     assert re.search(dashed, render_report(made, pictures()))
 
@@ -222,7 +219,7 @@ def test_the_value_of_a_measurement_stands_under_its_picture() -> None:
         row = measurement_text(result().measurements, result().measurements.name.index(one.name))
 
         assert one.told.startswith(f"{row.value}, ")
-        assert one.lines
+        assert one.drawing.named("lines")
 
 
 def test_every_number_of_a_caption_is_that_of_the_results(tmp_path: Path) -> None:
@@ -243,7 +240,7 @@ def test_every_number_of_a_caption_is_that_of_the_results(tmp_path: Path) -> Non
 def test_every_mark_of_a_picture_is_named_once_and_no_name_covers_another() -> None:
     made, several = result(), 0
     for one in (*shown().overview, *shown().points):
-        region, unit = one.region, one.unit
+        region, unit = one.region, one.drawing.unit
         low = np.array([region.left_px, region.top_px]) - 0.5
         here = [
             label
@@ -257,13 +254,13 @@ def test_every_mark_of_a_picture_is_named_once_and_no_name_covers_another() -> N
             if image == made.frames.frame_id[region.frame] and status != "unused"
             if (spot >= 0).all() and (spot <= [region.width_px, region.height_px]).all()
         ]
-        assert sorted(tag.text for tag in one.tags) == sorted(here)
+        assert sorted(tag.text for tag in one.drawing.texts) == sorted(here)
         several += len(here) > 1
-        for k, tag in enumerate(one.tags):
+        for k, tag in enumerate(one.drawing.texts):
             half = 3.0 * unit * tag.size * len(tag.text)
             assert low[0] <= tag.x - half
             assert tag.x + half <= low[0] + region.width_px
-            for other in one.tags[:k]:
+            for other in one.drawing.texts[:k]:
                 aside = half + 3.0 * unit * other.size * len(other.text)
                 up = 10.0 * unit * tag.size
                 assert abs(tag.x - other.x) >= aside or abs(tag.y - other.y) >= up
@@ -281,8 +278,8 @@ def test_a_picture_of_a_measurement_names_its_own_points_and_wrong_ones_alone() 
     others = set()
     for one in told.measurements:
         own = set(made.measurements.points[made.measurements.name.index(one.name)])
-        named = {tag.text for tag in one.tags}
+        named = {tag.text for tag in one.drawing.texts}
         others |= named - own
-        assert len(one.marks) >= len(named) > 0
+        assert len(one.drawing.named("picks")) >= len(named) > 0
 
     assert others == {"P09"}

@@ -44,20 +44,21 @@ def result() -> Result:
 def test_a_drawing_is_to_scale(result: Result) -> None:
     kerb, bank = profile_drawings(result)
     assert [kerb.name, bank.name] == ["kerb", "<b>bank"]
-    line = np.round(kerb.dots, 1)  # as the template prints them
-    across = kerb.width - LEFT - RIGHT
+    drawing = kerb.drawing
+    (line,) = drawing.named("line")
+    across = drawing.width - LEFT - RIGHT
     np.testing.assert_allclose(line[:, 0], LEFT + across * np.array([0, 0.5, 1]), atol=0.05)
     steep = across / 10.0 * kerb.exaggeration
     np.testing.assert_allclose(line[:, 1] - line[0, 1], -steep * PLACE[:3, 2], atol=0.1)
-    assert TOP <= line[:, 1].min() < line[:, 1].max() <= kerb.height - BOTTOM
-    assert kerb.height <= TOP + MAX_HEIGHT + BOTTOM
-    ((x, top, bottom),) = kerb.rulers  # B alone is off the ground
-    assert (x, top) == pytest.approx(line[1], abs=0.05)
-    assert bottom - top == pytest.approx(0.4 * steep)
-    _, high, low = kerb.bars[1]
-    assert low - high == pytest.approx(2 * 1.959964 * 0.03 * steep)
-    assert [text.text for text in kerb.names] == ["A", "B", "C"]
-    assert kerb.bar == pytest.approx(float(kerb.bar_text.split()[0]) * across / 10.0)
+    assert TOP <= line[:, 1].min() < line[:, 1].max() <= drawing.height - BOTTOM
+    assert drawing.height <= TOP + MAX_HEIGHT + BOTTOM
+    ((top, bottom),) = drawing.named("rulers")  # B alone is off the ground
+    np.testing.assert_array_equal(top, line[1])
+    assert bottom[1] - top[1] == pytest.approx(0.4 * steep)
+    high, low = drawing.named("bars")[1]
+    assert low[1] - high[1] == pytest.approx(2 * 1.959964 * 0.03 * steep)
+    assert [text.text for text in drawing.texts] == ["A", "B", "C"]
+    assert drawing.bar == pytest.approx(float(drawing.bar_text.split()[0]) * across / 10.0)
 
 
 def test_the_report_has_a_table_and_a_drawing_of_each_profile(result: Result) -> None:

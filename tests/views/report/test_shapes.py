@@ -1,40 +1,47 @@
-"""The marks of the report, as fontTools reads the paths of drawings."""
+"""Signs in drawings, as fontTools reads the paths of their SVG."""
 
+import re
 from math import pi
+from typing import get_args
 
+import numpy as np
 import pytest
 from fontTools.pens.areaPen import AreaPen
 from fontTools.pens.boundsPen import BoundsPen
 from fontTools.svgLib.path import parse_path
 
-from uavgram.views.report.picture_marks import draw_mark, draw_rings
+from uavgram.views.survey.drawing import Drawing, Look, Sign
 
-X, Y, R, INNER = 812.34, 77.5, 6.28, 1.44
-AREAS = {"match": 4 * R**2, "target": 2 * R**2, "hand": pi * R**2, "removed": 0.0}
+X, Y, R, UNIT = 812.34, 77.5, 3.14, 2.0
+AREAS = {"square": 4.0, "diamond": 2.0, "ring": pi, "cross": 0.0}
 
 
-@pytest.mark.parametrize("kind", AREAS)
-def test_a_mark_stands_about_its_pick(kind: str) -> None:
-    made = draw_mark((X, Y), kind, "#123456", (R, INNER))
+@pytest.mark.parametrize("sign", get_args(Sign))
+def test_a_sign_is_about_its_place(sign: Sign) -> None:
+    (path,) = paths(np.array([[X, Y]]), sign)
+    r = R * UNIT
 
-    assert made[:3] == (X, Y, "#123456")
-    assert _bounds(made.outline) == pytest.approx((X - R, Y - R, X + R, Y + R), abs=0.01)
-    assert _bounds(made.middle) == pytest.approx(
-        (X - INNER, Y - INNER, X + INNER, Y + INNER), abs=0.01
-    )
-    if kind != "removed":
+    assert bounds(path) == pytest.approx((X - r, Y - r, X + r, Y + r), abs=0.06)
+    if sign != "cross":
         area = AreaPen(None)
-        parse_path(made.outline, area)
-        assert abs(area.value) == pytest.approx(AREAS[kind], rel=0.001)
+        parse_path(path, area)
+        assert abs(area.value) == pytest.approx(AREAS[sign] * r**2, rel=0.01)
 
 
-def test_rings_are_one_path() -> None:
-    assert _bounds(draw_rings([(0.0, 0.0), (10.0, 20.0)], 2.2)) == pytest.approx(
-        (-2.2, -2.2, 12.2, 22.2)
-    )
+def test_signs_of_one_look_are_one_path() -> None:
+    (path,) = paths(np.array([[0.0, 0.0], [10.0, 20.0]]), "ring")
+    r = R * UNIT
+
+    assert bounds(path) == pytest.approx((-r, -r, 10 + r, 20 + r), abs=0.01)
 
 
-def _bounds(path: str) -> tuple[float, float, float, float]:
+def paths(places: np.ndarray, sign: Sign) -> list[str]:
+    drawing = Drawing("", 1000.0, 100.0, unit=UNIT)
+    drawing.signs("picks", places, R, Look("#123456", 1.0), sign=sign)
+    return re.findall(' d="([^"]+)"', drawing.__html__())
+
+
+def bounds(path: str) -> tuple[float, float, float, float]:
     pen = BoundsPen(None)
     parse_path(path, pen)
     assert pen.bounds is not None

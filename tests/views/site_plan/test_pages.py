@@ -31,7 +31,7 @@ from uavgram.views.site_plan.legend import draw_legend
 from uavgram.views.site_plan.pages import GroundPicture, PlanContent, PlanFiles, plan_pages
 from uavgram.views.site_plan.sheet import INK as BLACK
 from uavgram.views.site_plan.sheet import MM_OF_POINT, Sheet
-from uavgram.views.survey.sheet import INK
+from uavgram.views.style import INK
 
 TINY_MM = 0.1
 

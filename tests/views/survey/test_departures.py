@@ -54,13 +54,16 @@ def test_the_drawing_has_a_coloured_dot_and_a_number_where_the_ground_is_no_plan
     assert view is not None
     rows = [result.points.label.index(label) for label in DEPARTURE_M]
 
-    assert [dot[:2] for dot in view.off_plane] == [view.dots[row] for row in rows]
-    assert view.off_plane[3][2] == "#0571b0"
-    numbers = [text for text in view.texts if text.kind == "off_plane"]
+    dots = np.concatenate(view.drawing.named("points"))
+    coloured = [one for one in view.drawing.shapes if one.name == "off_plane"]
+
+    np.testing.assert_array_equal([one.lines[0][0] for one in coloured], dots[rows])
+    assert coloured[3].look.fill == "#0571b0"
+    numbers = [text for text in view.drawing.texts if text.kind == "off_plane"]
     assert len(numbers) >= 2
     expected = dict(zip(rows, ("+3", "-1", "0", "-20"), strict=True))
     for text in numbers:
-        beside = [row for row in rows if math.dist(view.dots[row], (text.x, text.y)) < 25]
+        beside = [row for row in rows if math.dist(dots[row], (text.x, text.y)) < 25]
         assert text.text in {expected[row] for row in beside}
     assert "-20" in {text.text for text in numbers}
 
@@ -69,7 +72,10 @@ def test_the_drawing_of_a_plane_is_as_it_was() -> None:
     flat, rough = top_view(survey.build()), top_view(uneven(survey.build()))
     assert flat is not None
     assert rough is not None
-    assert (flat.off_plane, flat.full_m) == ((), 0.0)
-    assert not [text for text in flat.texts if text.kind == "off_plane"]
-    kept = tuple(text for text in rough.texts if text.kind != "off_plane")
-    assert replace(rough, off_plane=(), full_m=0.0, texts=kept) == flat
+    assert (flat.drawing.named("off_plane"), flat.full_m) == ([], 0.0)
+    assert not [text for text in flat.drawing.texts if text.kind == "off_plane"]
+    kept = tuple(text for text in rough.drawing.texts if text.kind != "off_plane")
+    assert kept == flat.drawing.texts
+    for name in ("points", "lines", "ellipses"):
+        pairs = zip(rough.drawing.named(name), flat.drawing.named(name), strict=True)
+        assert all(np.array_equal(one, other) for one, other in pairs)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-import pytest
 import synthetic_survey as survey
 
 from uavgram.model.result.result import Result
@@ -19,14 +18,21 @@ def drawing(result: Result) -> KeyPlan:
     return plan
 
 
-def spots(points: str) -> np.ndarray:
-    return np.array([pair.split(",") for pair in points.split()], dtype=np.float64)
+def spots(plan: KeyPlan, name: str) -> np.ndarray:
+    """(n, 2) middles of the signs of a name."""
+    return np.concatenate(plan.drawing.named(name))
+
+
+def shown_first(result: Result, adjusted: np.ndarray) -> np.ndarray:
+    """The rows of the cameras in the order in which they are drawn: unused ones last."""
+    rows = np.flatnonzero(result.has_refined | result.has_seed)
+    return rows[np.argsort(~adjusted[rows], kind="stable")]
 
 
 def test_cameras_lie_among_the_points_to_one_scale_and_north_is_up() -> None:
     result = survey.build()
     plan = drawing(result)
-    rows = np.flatnonzero(result.has_refined | result.has_seed)
+    rows = shown_first(result, result.has_refined)
     poses = result.frames
     centers = np.where(
         result.has_refined[rows, None],
@@ -34,8 +40,8 @@ def test_cameras_lie_among_the_points_to_one_scale_and_north_is_up() -> None:
         poses.seed.center_world_m[rows],
     )
     world = np.concatenate([centers[:, :2], result.points.position_world_m[:, :2]])
-    drawn = np.array([*((one.x, one.y) for one in plan.cameras), *plan.dots])
-    per_metre = plan.bar / float(plan.bar_text.split()[0])
+    drawn = np.concatenate([spots(plan, "cameras"), spots(plan, "points")])
+    per_metre = plan.drawing.bar / float(plan.drawing.bar_text.split()[0])
 
     np.testing.assert_allclose(
         np.diff(drawn, axis=0), np.diff(world, axis=0) * per_metre * [1, -1], atol=1e-6
@@ -43,48 +49,48 @@ def test_cameras_lie_among_the_points_to_one_scale_and_north_is_up() -> None:
 
 
 def test_an_arrow_points_where_the_camera_looks_and_is_the_longer_the_flatter() -> None:
-    result = survey.build()
-    plan = drawing(result)
-    rows = np.flatnonzero(result.has_refined | result.has_seed)
-    refined = result.frames.refined.world_from_camera
-    arrows = 0
-    for row, one in zip(rows, plan.cameras, strict=True):
-        if not result.has_refined[row] or not one.arrow:
-            continue
-        east, north, _ = refined[row][:, 2]
-        start, tip = spots(one.arrow)
-        np.testing.assert_allclose(tip - start, ARROW * np.array([east, -north]), atol=0.11)
-        arrows += 1
-    steep = [
-        np.linalg.norm(refined[row][:2, 2]) * ARROW < 5
-        for row in np.flatnonzero(result.has_refined)
-    ]
+    made = survey.build()
+    tilt = np.array([[1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [0.0, -0.8, 0.6]])
+    refined = made.frames.refined
+    tilted = replace(refined, world_from_camera=refined.world_from_camera @ tilt)
+    result = replace(made, frames=replace(made.frames, refined=tilted))
+    forward = result.frames.refined.world_from_camera[result.has_refined, :, 2]
+    flat = np.linalg.norm(forward[:, :2], axis=1) * ARROW > 5
+    arrows = drawing(result).drawing.named("arrows")[: flat.sum()]
 
-    assert arrows == len(steep) - sum(steep)
+    assert len(arrows) == flat.sum() > 0
+    for (start, tip), (east, north, _) in zip(arrows, forward[flat], strict=True):
+        np.testing.assert_allclose(tip - start, ARROW * np.array([east, -north]), atol=1e-6)
 
 
 def test_a_footprint_is_the_ground_below_the_corners_of_its_photo() -> None:
     result = survey.build(clean=True)
     plan = drawing(result)
-    first = spots(plan.footprints[0])
-    row = int(np.flatnonzero(result.has_refined)[0])
-    camera = plan.cameras[np.flatnonzero(result.has_refined | result.has_seed).tolist().index(row)]
+    first, camera = plan.drawing.named("footprints")[0], spots(plan, "cameras")[0]
 
     # it looks nearly straight down: the camera is over what it shows
-    assert (first.min(axis=0) < [camera.x, camera.y]).all()
-    assert (first.max(axis=0) > [camera.x, camera.y]).all()
+    assert (first.min(axis=0) < camera).all()
+    assert (first.max(axis=0) > camera).all()
+
+
+def test_ground_that_several_photos_show_is_darker() -> None:
+    plan = drawing(survey.build(clean=True))
+    layers = [one for one in plan.drawing.shapes if one.name == "footprints"]
+
+    assert len(layers) == len(plan.drawing.named("footprints")) > 1
+    assert all(0 < one.look.fill_opacity < 0.1 for one in layers)
 
 
 def test_names_cover_no_other_and_what_all_begin_with_is_told_once() -> None:
     plan = drawing(survey.build())
-    photos = [text for text in plan.texts if text.kind == "photo"]
+    photos = [text for text in plan.drawing.texts if text.kind == "photo"]
     half = {"photo": 3.1, "label": 2.8}
 
     assert plan.prefix == "DSC_00"
-    assert len(photos) + plan.unnamed == len(plan.cameras)
+    assert len(photos) + plan.drawing.missing == len(spots(plan, "cameras"))
     assert not any(text.text.startswith("DSC") for text in photos)
-    for i, one in enumerate(plan.texts):
-        for other in plan.texts[:i]:
+    for i, one in enumerate(plan.drawing.texts):
+        for other in plan.drawing.texts[:i]:
             room = half[one.kind] * len(one.text) + half[other.kind] * len(other.text)
             assert abs(one.x - other.x) >= room or abs(one.y - other.y) >= 12.0
 
@@ -92,18 +98,17 @@ def test_names_cover_no_other_and_what_all_begin_with_is_told_once() -> None:
 def test_names_of_the_grid_are_whole_and_count_from_the_origin() -> None:
     result = survey.build()
     plan = drawing(result)
-    named = [line for line in plan.grid if line.text]
-    per_metre = plan.bar / float(plan.bar_text.split()[0])
-    dot, point = plan.dots[0], result.points.position_world_m[0]
+    named = [one for one in plan.drawing.written if one.kind == "grid"]
+    per_metre = plan.drawing.bar / float(plan.drawing.bar_text.split()[0])
+    dot, point = spots(plan, "points")[0], result.points.position_world_m[0]
+    lines = np.array(plan.drawing.named("grid"))
 
-    assert {line.text[0] for line in named} == {"E", "N"}
-    for line in named:
-        off = float(line.text.split()[1])
-        assert line.x - 2.8 * len(line.text) >= 0
-        if line.text[0] == "E":
-            assert line.x1 == pytest.approx(dot[0] + (off - point[0]) * per_metre)
-        else:
-            assert line.y1 == pytest.approx(dot[1] - (off - point[1]) * per_metre)
+    assert {one.text[0] for one in named} == {"E", "N"}
+    for one in named:
+        off, axis = float(one.text.split()[1]), "EN".index(one.text[0])
+        assert one.x - 2.8 * len(one.text) >= 0
+        at = dot[axis] + (1, -1)[axis] * (off - point[axis]) * per_metre
+        assert np.abs(lines[:, :, axis] - at).max(axis=1).min() < 1e-6
 
 
 def test_without_poses_there_is_no_key_plan_and_without_a_log_no_north() -> None:
@@ -113,5 +118,5 @@ def test_without_poses_there_is_no_key_plan_and_without_a_log_no_north() -> None
     frames = replace(made.frames, refined=unposed, seed=unposed)
 
     assert key_plan(replace(made, frames=frames)) is None
-    assert drawing(made).north_known
-    assert not drawing(survey.build(telemetry=False)).north_known
+    for result, text in ((made, "N"), (survey.build(telemetry=False), "up in photo 1")):
+        assert text in [one.text for one in drawing(result).drawing.written]

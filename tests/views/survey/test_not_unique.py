@@ -87,7 +87,7 @@ def test_the_drawing_of_the_report_doubts_it(sure: Result, marked: Result) -> No
     doubted, trusted = top_view(marked), top_view(sure)
     assert doubted is not None
     assert trusted is not None
-    said = {text.text for text in doubted.texts}
+    said = {text.text for text in doubted.drawing.texts}
 
     assert [text for text in said if text.startswith(NAME) and text.endswith(" ?")]
-    assert not [text.text for text in trusted.texts if text.text.endswith(" ?")]
+    assert not [text.text for text in trusted.drawing.texts if text.text.endswith(" ?")]

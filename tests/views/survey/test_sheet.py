@@ -7,7 +7,8 @@ import pytest
 
 from uavgram.model.naming import IMPERIAL, METRIC, Units
 from uavgram.stages.products.text_places import overlaps
-from uavgram.views.survey.sheet import LETTER, grid_lines, lay_sheet
+from uavgram.views.survey.drawing import Drawing
+from uavgram.views.survey.sheet import draw_frame, lay_sheet
 
 
 @pytest.mark.parametrize("units", [METRIC, IMPERIAL])
@@ -16,10 +17,11 @@ def test_no_name_of_a_grid_line_covers_another(units: Units) -> None:
     for _ in range(200):
         low = rng.uniform(-2000.0, 2000.0, 2)
         sheet = lay_sheet(low, low + rng.uniform(3.0, 300.0, 2))
-        named = [line for line in grid_lines(sheet, units) if line.text]
+        drawing = Drawing("", sheet.width, sheet.height)
+        draw_frame(drawing, sheet, 0.2 * sheet.width / sheet.scale, units, is_north_known=True)
         boxes = np.array(
-            [(line.x, line.y - 3.0, LETTER / 2 * len(line.text), 4.0, 0.0) for line in named]
+            [(one.x, one.y - 3.0, one.half_width, 4.0, 0.0) for one in drawing.written]
         )
 
-        assert len(named) > 2
+        assert len([one for one in drawing.written if one.kind == "grid"]) > 2
         assert not np.triu(overlaps(boxes, boxes), 1).any()

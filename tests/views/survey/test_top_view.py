@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from itertools import pairwise
 
@@ -12,6 +13,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
 from uavgram.model.result.result import Result
+from uavgram.views.survey.drawing import Look
 from uavgram.views.survey.top_view import TopView, top_view
 
 
@@ -19,6 +21,17 @@ def width(text: str, is_bold: bool) -> float:  # noqa: FBT001
     """Of a text of 11 units in DejaVu Sans, the widest of the usual fonts."""
     font = FontProperties(family="DejaVu Sans", weight="bold" if is_bold else "normal")
     return float(TextPath((0.0, 0.0), text, size=11, prop=font).get_extents().width)
+
+
+def stroke(look: Look) -> str:
+    """The style of a line in SVG."""
+    dashes = f' stroke-dasharray="{look.dashes}"' if look.dashes else ""
+    return f'stroke="{look.stroke}" stroke-width="{look.width:g}"{dashes}'
+
+
+def dots(view: TopView) -> np.ndarray:
+    """(n, 2) places of the points."""
+    return np.concatenate(view.drawing.named("points"))
 
 
 def drawing(result: Result) -> TopView:
@@ -31,9 +44,9 @@ def drawing(result: Result) -> TopView:
 def test_the_drawing_is_to_scale_and_north_is_up() -> None:
     result = survey.build()
     view = drawing(result)
-    drawn = np.array(view.dots)
+    drawn = dots(view)
     world = result.points.position_world_m[:, :2]
-    per_metre = view.bar / float(view.bar_text.split()[0])
+    per_metre = view.drawing.bar / float(view.drawing.bar_text.split()[0])
 
     np.testing.assert_allclose(np.diff(drawn[:, 0]), np.diff(world[:, 0]) * per_metre, atol=1e-6)
     np.testing.assert_allclose(np.diff(drawn[:, 1]), -np.diff(world[:, 1]) * per_metre, atol=1e-6)
@@ -41,13 +54,10 @@ def test_the_drawing_is_to_scale_and_north_is_up() -> None:
 
 def test_everything_lies_on_the_sheet() -> None:
     view = drawing(survey.build())
-    strokes = (*view.lines, *view.ellipses)
-    spots = np.array(
-        [p.split(",") for stroke in strokes for p in stroke.points.split()], dtype=float
-    )
+    spots = np.concatenate(view.drawing.named("lines") + view.drawing.named("ellipses"))
 
     assert (spots >= 0).all()
-    assert (spots <= [view.width, view.height]).all()
+    assert (spots <= [view.drawing.width, view.drawing.height]).all()
 
 
 def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged() -> None:
@@ -63,10 +73,10 @@ def test_ellipses_as_large_as_the_scene_are_neither_filled_nor_enlarged() -> Non
 def test_ellipses_are_those_within_the_survey() -> None:
     result = survey.build()
     view = drawing(result)
-    outline = np.array([p.split(",") for p in view.ellipses[3].points.split()], dtype=np.float64)
-    reach = np.linalg.norm(outline - np.array(view.dots[3]), axis=1).max()
+    outline = view.drawing.named("ellipses")[3]
+    reach = np.linalg.norm(outline - dots(view)[3], axis=1).max()
 
-    per_metre = view.bar / float(view.bar_text.split()[0])
+    per_metre = view.drawing.bar / float(view.drawing.bar_text.split()[0])
     expected = per_metre * view.ellipse_factor * result.points.relative.ellipse_95_m[3, 0]
     assert reach == pytest.approx(expected, rel=0.02)
 
@@ -79,35 +89,35 @@ def test_many_measured_lines_are_thin_and_few_are_named() -> None:
     )
     view = drawing(survey.build(measures=measures))
 
-    assert {stroke.width for stroke in view.lines} == {0.5, 2.0}
-    assert 0 < len([text for text in view.texts if text.kind == "measured"]) <= 12
+    assert {one.look.width for one in view.drawing.shapes if one.name == "lines"} == {0.5, 2.0}
+    assert 0 < len([text for text in view.drawing.texts if text.kind == "measured"]) <= 12
 
 
 def test_lines_of_one_look_are_one_and_none_is_lost() -> None:
     view = drawing(survey.build())
-    together = [
-        (piece, one.colour, one.dashed, one.width)
-        for one in view.looks
-        for piece in one.points.split(" M")
-    ]
+    together = [one for one in view.drawing.shapes if one.name == "lines"]
+    svg = view.drawing.__html__()
 
-    assert len(view.looks) < len(view.lines) == len(together)
-    assert {(one.points, one.colour, one.dashed, one.width) for one in view.lines} == set(together)
+    assert len({one.look for one in together}) == len(together) < len(view.drawing.named("lines"))
+    for one in together:
+        (path,) = re.findall(f'd="([^"]+)" fill="none" {stroke(one.look)}/>', svg)
+        assert path.count("M") == len(one.lines)
 
 
 def test_without_telemetry_north_is_not_claimed() -> None:
-    assert drawing(survey.build()).north_known
-    assert not drawing(survey.build(telemetry=False)).north_known
+    for result, text in ((survey.build(), "N"), (survey.build(telemetry=False), "up in photo 1")):
+        written = [one.text for one in drawing(result).drawing.written if one.kind == "scale"]
+        assert written[1:] == [text]
 
 
 def test_one_point_alone_can_be_drawn_and_none_is_no_drawing() -> None:
-    assert drawing(survey.build(point_count=1, lines=(), measures=())).dots
+    assert drawing(survey.build(point_count=1, lines=(), measures=())).drawing.named("points")
     assert top_view(survey.build(point_count=0, lines=(), measures=())) is None
 
 
 @pytest.mark.parametrize("name", ["R3 hedge 11.21 m", "path 38.212 m"])
 def test_lines_and_measurements_are_named(name: str) -> None:
-    assert name in [text.text for text in drawing(survey.build()).texts]
+    assert name in [text.text for text in drawing(survey.build()).drawing.texts]
 
 
 def test_no_text_is_cut_off_or_covers_another() -> None:
@@ -117,17 +127,20 @@ def test_no_text_is_cut_off_or_covers_another() -> None:
         for i, pair in enumerate(pairwise(labels))
     )
     view = drawing(survey.build(measures=measures))
-    bold = [text.kind == "measured" for text in view.texts]
+    bold = [text.kind == "measured" for text in view.drawing.texts]
     half = np.array(
-        [width(text.text, is_bold) / 2 for text, is_bold in zip(view.texts, bold, strict=True)]
+        [
+            width(text.text, is_bold) / 2
+            for text, is_bold in zip(view.drawing.texts, bold, strict=True)
+        ]
     )
-    x, y = np.array([(text.x, text.y) for text in view.texts]).T
+    x, y = np.array([(text.x, text.y) for text in view.drawing.texts]).T
     aside = np.abs(x[:, None] - x) < half[:, None] + half
     level = np.abs(y[:, None] - y) < 11
 
-    assert (half <= [text.half_width for text in view.texts]).all()
+    assert (half <= [text.half_width for text in view.drawing.texts]).all()
     assert (x[bold] - half[bold] >= 0).all()
-    assert (x[bold] + half[bold] <= view.width).all()
+    assert (x[bold] + half[bold] <= view.drawing.width).all()
     assert not (np.triu(aside & level, 1) & bold & np.array(bold)[:, None]).any()
 
 
@@ -138,30 +151,30 @@ def test_every_point_is_named_however_crowded_and_no_text_covers_another(seed: i
     place = result.points.position_world_m.copy()
     place[5:25] = place[5] + rng.normal(size=(20, 3)) * [0.4, 0.4, 0.0]
     view = drawing(replace(result, points=replace(result.points, position_world_m=place)))
-    names = [text for text in view.texts if text.kind == "name"]
-    size = view.texts[0].size
+    names = [text for text in view.drawing.texts if text.kind == "name"]
+    size = view.drawing.texts[0].size
     half = np.array([0.5 * 0.62 * 10 * size * len(text.text) for text in names])
     x, y = np.array([(text.x, text.y) for text in names]).T
     aside = np.abs(x[:, None] - x) < half[:, None] + half
     level = np.abs(y[:, None] - y) < 10 * size
 
     assert sorted(text.text for text in names) == sorted(result.points.label)
-    assert view.unnamed == 0
+    assert view.drawing.missing == 0
     assert not np.triu(aside & level, 1).any()
     far = [text for text in names if text.leader]
     assert far
     for text in far:
         start = np.array(text.leader.split()[0].split(","), np.float64)
         row = result.points.label.index(text.text)
-        np.testing.assert_allclose(start, view.dots[row], atol=0.1)
+        np.testing.assert_allclose(start, dots(view)[row], atol=0.1)
 
 
 def test_of_thousands_of_points_some_are_named_and_the_others_counted() -> None:
     view = drawing(survey.build(point_count=1200, lines=(), measures=()))
-    names = [text for text in view.texts if text.kind == "name"]
+    names = [text for text in view.drawing.texts if text.kind == "name"]
 
     assert len(names) > 20
-    assert len(names) + view.unnamed == 1200
+    assert len(names) + view.drawing.missing == 1200
 
 
 def test_many_known_lengths_are_thin_but_the_suspect_ones() -> None:
@@ -171,4 +184,5 @@ def test_many_known_lengths_are_thin_but_the_suspect_ones() -> None:
     )
     view = drawing(survey.build(lines=lines, measures=()))
 
-    assert [stroke.width for stroke in view.lines] == [1.0] * 7 + [2.0] + [1.0] * 17
+    widths = {one.look.width: len(one.lines) for one in view.drawing.shapes if one.name == "lines"}
+    assert widths == {1.0: 24, 2.0: 1}

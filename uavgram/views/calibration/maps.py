@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from uavgram.views.calibration.drawing_rules import (
     uncertainty_shares,
 )
 from uavgram.views.calibration.verdict import percent
+from uavgram.views.survey.drawing import Drawing, Look
+from uavgram.views.survey.text_placement import Letters
 
 WIDTH = 520.0
 MAX_DOTS = 6000
@@ -33,56 +35,23 @@ DIAL = 260.0
 DIAL_RINGS_DEG = (15, 30, 45, 60)
 
 
-@dataclass(frozen=True)
-class Cell:
-    """Cell of the image with its colour and text."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-    fill: str
-    text: str
-    ink: str
+LETTERS = {"cell": Letters(12.0), "over": Letters(12.0, colour=DARK)}
 
 
-@dataclass(frozen=True)
-class Mark:
-    """Text at a place."""
+class Figure(NamedTuple):
+    """Drawing, and its explanation."""
 
-    x: float
-    y: float
-    text: str
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """Shapes by kind; paths are SVG's, by colour.
-
-    Attributes
-    ----------
-    width, height
-        Size of the drawing.
-    cells, marks
-        In the order in which they are drawn.
-    paths
-        Triples of path, colour and width.
-    note
-        Explanation of the drawing.
-    picture
-        A photo under it, as a data URL; empty: none.
-    """
-
-    width: float
-    height: float
-    cells: tuple[Cell, ...] = ()
-    paths: tuple[tuple[str, str, float], ...] = ()
-    marks: tuple[Mark, ...] = ()
+    drawing: Drawing
     note: str = ""
-    picture: str = ""
 
 
-def coverage_map(result: CalibrationResult) -> Drawing:
+def _over_image(result: CalibrationResult, label: str) -> Drawing:
+    camera = result.calibration
+    height = WIDTH * camera.height_px / camera.width_px
+    return Drawing(label, WIDTH, height, letters=LETTERS)
+
+
+def coverage_map(result: CalibrationResult) -> Figure:
     """Draw the corners found and their number in each cell."""
     corners = result.maps.corners
     strength = np.log1p(corners) / np.log1p(max(int(corners.max()), 1))
@@ -93,20 +62,15 @@ def coverage_map(result: CalibrationResult) -> Drawing:
     ]
     removed = np.array([status == "removed" for status in result.corners.status])
     place, step = _place(result, result.corners.pixel_px)
-    paths = [(_dots(place[~removed][::step], 1.1), FITS, 0.0)]
-    if removed.any():
-        paths.append((_dots(place[removed], 2.0), MISFITS, 0.0))
+    drawing = _over_image(result, "Corners in the image")
     texts = [str(count) for count in corners.ravel().tolist()]
-    return Drawing(
-        width=WIDTH,
-        height=_height(result),
-        cells=_cells(result, fills, texts, DARK),
-        paths=tuple(paths),
-        note=_thin(step),
-    )
+    _draw_cells(drawing, result, fills, texts, DARK)
+    drawing.signs("corners", place[~removed][::step], 1.1, Look(fill=FITS))
+    drawing.signs("removed", place[removed], 2.0, Look(fill=MISFITS))
+    return Figure(drawing, _thin(step))
 
 
-def residual_map(result: CalibrationResult) -> Drawing:
+def residual_map(result: CalibrationResult) -> Figure:
     """Draw the residual of every corner and their mean in each cell."""
     corners, maps = result.corners, result.maps
     factor = mean_residual_factor(result)
@@ -118,28 +82,29 @@ def residual_map(result: CalibrationResult) -> Drawing:
     mean_to, _ = _place(result, tips.reshape(-1, 2))
     known = np.isfinite(mean_to[:, 0])
     odd = known & (maps.residual_probability.ravel() < UNLIKELY)
-    return Drawing(
-        width=WIDTH,
-        height=_height(result),
-        paths=(
-            (_lines(start[used][::step], end[used][::step]), "#b9c6d6", 0.6),
-            (_arrows(mean_from[known & ~odd], mean_to[known & ~odd]), FITS, 2.0),
-            (_arrows(mean_from[odd], mean_to[odd]), MISFITS, 2.4),
-        ),
-        note=f"Drawn {factor} times too long. {_thin(step)}".strip(),
-    )
+    drawing = _over_image(result, "Residuals in the image")
+    each = np.stack([start, end], axis=1)[used][::step]
+    drawing.lines("corners", each, Look("#b9c6d6", 0.6))
+    for name, rows, look in (
+        ("mean", known & ~odd, Look(FITS, 2.0)),
+        ("odd", odd, Look(MISFITS, 2.4)),
+    ):
+        drawing.lines(name, _arrows(mean_from[rows], mean_to[rows]), look)
+    return Figure(drawing, f"Drawn {factor} times too long. {_thin(step)}".strip())
 
 
-def uncertainty_map(result: CalibrationResult) -> Drawing:
+def uncertainty_map(result: CalibrationResult) -> Figure:
     """Draw the sigma of a projected direction in each cell."""
     values = result.maps.uncertainty_px.ravel()
     share, _, _ = uncertainty_shares(values)
     fills = hex_colours(1 - share)
     texts = [pixels_text(value) for value in values.tolist()]
-    return Drawing(width=WIDTH, height=_height(result), cells=_cells(result, fills, texts, None))
+    drawing = _over_image(result, "Sigma of a projected direction in the image")
+    _draw_cells(drawing, result, fills, texts, None)
+    return Figure(drawing)
 
 
-def length_map(result: CalibrationResult, effect: LensEffect, picture: str = "") -> Drawing | None:
+def length_map(result: CalibrationResult, effect: LensEffect, picture: str = "") -> Figure | None:
     """Draw level lengths on the ground with the error that the calibration causes in each.
 
     Parameters
@@ -166,60 +131,41 @@ def length_map(result: CalibrationResult, effect: LensEffect, picture: str = "")
     values = lengths.pose_fitted[level]
     cost_mm = 1000.0 * values * lengths.length[level] * HEIGHT_M
     colours = hex_colours(1 - uncertainty_shares(values)[0])
+    drawing = _over_image(result, "Lengths in the image")
+    if picture:
+        size = np.array([drawing.width, drawing.height])
+        drawing.image(np.zeros(2), size, picture, opacity=0.5)
     ticks = np.array([[0.0, -5.0], [0.0, 5.0]])
-    paths = []
-    for pair, colour in zip(ends, colours, strict=True):
-        bars = [_lines(end[None] + ticks[:1], end[None] + ticks[1:]) for end in pair]
-        paths.append((_lines(pair[:1], pair[1:]) + "".join(bars), colour, 3.0))
-    marks = [
-        Mark(x, y - 7, f"{percent(value)}, {cost:.2g} mm")
-        for (x, y), value, cost in zip(
-            ends.mean(axis=1).tolist(), values.tolist(), cost_mm.tolist(), strict=True
-        )
-    ]
+    for pair, colour, value, cost in zip(ends, colours, values, cost_mm, strict=True):
+        lines = [pair, *(end + ticks for end in pair)]
+        drawing.lines("lengths", lines, Look(colour, 3.0))
+        x, y = pair.mean(axis=0)
+        drawing.write((x, y - 7), f"{percent(value)}, {cost:.2g} mm", "over", patch=0.7)
     worst = int(np.argmax(cost_mm))
-    return Drawing(
-        width=WIDTH,
-        height=_height(result),
-        paths=tuple(paths),
-        marks=tuple(marks),
-        note=f"Millimetres are those from {HEIGHT_M:g} m above the ground: a length of "
+    note = (
+        f"Millimetres are those from {HEIGHT_M:g} m above the ground: a length of "
         f"{HEIGHT_M * lengths.length[level][worst]:.1f} m is uncertain by up to "
-        f"{cost_mm[worst]:.2g} mm. From twice the height it is twice as long, and so is its error.",
-        picture=picture,
+        f"{cost_mm[worst]:.2g} mm. From twice the height it is twice as long, and so is its error."
     )
+    return Figure(drawing, note)
 
 
-def tilt_dial(result: CalibrationResult) -> Drawing:
+def tilt_dial(result: CalibrationResult) -> Figure:
     """Draw the tilt of the board in each photo: away from the camera towards that side."""
     tilt = tilt_directions(result)
     reach = max(float(np.linalg.norm(tilt, axis=1).max(initial=0.0)), 20.0) * 1.12
     middle, scale = DIAL / 2, DIAL / 2 / reach
-    rings = [ring for ring in DIAL_RINGS_DEG if 1.1 * ring < reach]
-    circles = "".join(
-        f"M{middle - ring * scale:.1f} {middle:.1f}a{ring * scale:.1f} {ring * scale:.1f} 0 1 0 "
-        f"{2 * ring * scale:.1f} 0a{ring * scale:.1f} {ring * scale:.1f} 0 1 0 "
-        f"{-2 * ring * scale:.1f} 0"
-        for ring in rings
-    )
-    cross = f"M{middle} 0V{DIAL}M0 {middle}H{DIAL}"
+    drawing = Drawing("Tilts of the board", DIAL, DIAL, letters=LETTERS)
+    thin = Look("#d5d9de", 1.0)
+    drawing.lines("axes", DIAL * np.array([[[0.5, 0], [0.5, 1]], [[0, 0.5], [1, 0.5]]]), thin)
+    for ring in (ring for ring in DIAL_RINGS_DEG if 1.1 * ring < reach):
+        drawing.signs("rings", np.full((1, 2), middle), ring * scale, thin)
+        drawing.write((middle + 12, middle - ring * scale - 3), f"{ring}°", "over", patch=0.7)
     removed = np.array([status == "removed" for status in result.photos.status])
     spots = middle + scale * tilt
-    return Drawing(
-        width=DIAL,
-        height=DIAL,
-        paths=(
-            (circles + cross, "#d5d9de", 1.0),
-            (_dots(spots[~removed], 4.0), FITS, 0.0),
-            (_dots(spots[removed], 4.0), MISFITS, 0.0),
-        ),
-        marks=tuple(Mark(middle + 12, middle - ring * scale - 3, f"{ring}°") for ring in rings),
-    )
-
-
-def _height(result: CalibrationResult) -> float:
-    camera = result.calibration
-    return WIDTH * camera.height_px / camera.width_px
+    drawing.signs("tilts", spots[~removed], 4.0, Look(fill=FITS))
+    drawing.signs("removed", spots[removed], 4.0, Look(fill=MISFITS))
+    return Figure(drawing)
 
 
 def _place(result: CalibrationResult, pixel: Floats) -> tuple[Floats, int]:
@@ -232,43 +178,24 @@ def _thin(step: int) -> str:
     return f"Of many corners, one in {step} is drawn." if step > 1 else ""
 
 
-def _cells(
-    result: CalibrationResult, fills: list[str], texts: list[str], ink: str | None
-) -> tuple[Cell, ...]:
+def _draw_cells(
+    drawing: Drawing, result: CalibrationResult, fills: list[str], texts: list[str], ink: str | None
+) -> None:
+    """Draw the cells of the image with their colours and texts."""
     rows, columns = result.maps.corners.shape
-    width, height = WIDTH / columns, _height(result) / rows
-    return tuple(
-        Cell(
-            x=(k % columns) * width,
-            y=(k // columns) * height,
-            width=width,
-            height=height,
-            fill=fill,
-            text=text,
-            ink=ink or (LIGHT if is_dark(fill) else DARK),
-        )
-        for k, (fill, text) in enumerate(zip(fills, texts, strict=True))
-    )
+    size = np.array([drawing.width / columns, drawing.height / rows])
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    for k, (fill, text) in enumerate(zip(fills, texts, strict=True)):
+        corner = np.array([k % columns, k // columns])
+        look = Look(LIGHT, 0.7, fill=fill)
+        drawing.lines("cells", [size * (corner + square)], look, closed=True)
+        x, y = size * (corner + 0.5)
+        colour = ink or (LIGHT if is_dark(fill) else DARK)
+        drawing.write((x, y + 4), text, "cell", colour=colour)
 
 
-def _dots(place: Floats, radius: float) -> str:
-    """Draw round dots as filled paths."""
-    r = f"{radius:g}"
-    return "".join(
-        f"M{x - radius:.1f} {y:.1f}a{r} {r} 0 1 0 {2 * radius:g} 0a{r} {r} 0 1 0 {-2 * radius:g} 0"
-        for x, y in place.tolist()
-    )
-
-
-def _lines(start: Floats, end: Floats) -> str:
-    return "".join(
-        f"M{a:.1f} {b:.1f}L{c:.1f} {d:.1f}"
-        for (a, b), (c, d) in zip(start.tolist(), end.tolist(), strict=True)
-    )
-
-
-def _arrows(start: Floats, end: Floats) -> str:
-    """Draw lines with heads of a fixed size, or smaller on short lines."""
+def _arrows(start: Floats, end: Floats) -> Floats:
+    """Draw lines with heads of a fixed size, or smaller on short lines; (3n, 2, 2)."""
     along = end - start
     length = np.linalg.norm(along, axis=1, keepdims=True)
     unit = np.divide(along, length, out=np.zeros_like(along), where=length > 0)
@@ -276,4 +203,5 @@ def _arrows(start: Floats, end: Floats) -> str:
     side = unit[:, ::-1] * [-1.0, 1.0]
     head = np.minimum(7.0, 0.5 * length)
     left, right = end - head * (unit - 0.5 * side), end - head * (unit + 0.5 * side)
-    return _lines(start, end) + _lines(left, end) + _lines(right, end)
+    tails = np.concatenate([start, left, right])
+    return np.stack([tails, np.tile(end, (3, 1))], axis=1)

@@ -13,8 +13,8 @@ import numpy as np
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import measured_strips, reference_strips
 from uavgram.views.formatting import measurement_text, order_worst_first
+from uavgram.views.style import INK
 from uavgram.views.survey.outlines import nice_factor
-from uavgram.views.survey.sheet import INK
 from uavgram.views.units import table_unit, units_of
 
 if TYPE_CHECKING:

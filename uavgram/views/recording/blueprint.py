@@ -80,13 +80,13 @@ def blueprint(
     overview = rrb.Horizontal(
         rrb.Vertical(
             rrb.Tabs(_survey(scene), _plan(scene), active_tab=0),
-            rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND),
+            legend_view(),
             row_shares=[10, 1.1],
         ),
         rrb.Vertical(
             _photo(result, scene),
             rrb.StateTimelineView(origin=STATUS, name=frame_counts(result)),
-            _pages(
+            page_views(
                 (SUMMARY, "Summary"), (MEASURED, "Measured"), (MESSAGES, messages_title(result))
             ),
             row_shares=[5.9, 1.15, 4.7],
@@ -100,7 +100,7 @@ def blueprint(
     drawn = [*([rrb.Tabs(*places, active_tab=0)] if places else []), *plots]
     details = rrb.Horizontal(
         *([rrb.Vertical(*drawn)] if drawn else []),
-        _pages(
+        page_views(
             *((FRAME_SHEET, "Frame"), (LENGTHS, "Lengths"), (CHECKS, "Checks"), (POINTS, "Points")),
             *([(HEIGHTS, "Heights")] if result.points.is_off_ground.any() else []),
         ),
@@ -122,14 +122,34 @@ def layout(views: rrb.Container) -> rrb.Blueprint:
     )
 
 
+def legend_view() -> rrb.Spatial2DView:
+    """Show the legend."""
+    return rrb.Spatial2DView(origin=LEGEND, name="Legend", titlebar=False, background=BACKGROUND)
+
+
+def picture_view(
+    origin: str, name: str, x: tuple[float, float], y: tuple[float, float]
+) -> rrb.Spatial2DView:
+    """Show a drawing in a plane.
+
+    Parameters
+    ----------
+    origin, name
+        Its entity, and title of the view.
+    x, y
+        Bounds to the left and right, above and below.
+    """
+    bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
+    return rrb.Spatial2DView(origin=origin, name=name, background=BACKGROUND, visual_bounds=bounds)
+
+
 def _photo(result: Result, scene: Scene) -> rrb.Spatial2DView:
+    """Show the photo with a margin for its edges and its name."""
     alone = ", flight log alone orange" if result.has_seed.any() else ""
-    return rrb.Spatial2DView(
-        origin=PHOTO,
-        name=f"Photo: picks white, residuals (drawn ×{scene.residual_factor}) blue{alone}",
-        background=BACKGROUND,
-        visual_bounds=_photo_bounds(result),
-    )
+    name = f"Photo: picks white, residuals (drawn ×{scene.residual_factor}) blue{alone}"
+    width, height = result.camera.width_px, result.camera.height_px
+    edge = PHOTO_MARGIN * width
+    return picture_view(PHOTO, name, (-edge, width + edge), (-NAME_ABOVE * height, height + edge))
 
 
 def _places(result: Result, scene: Scene) -> list[rrb.View]:
@@ -138,7 +158,8 @@ def _places(result: Result, scene: Scene) -> list[rrb.View]:
     if scene.side_eye is not None:
         views.append(_from_the_side(scene.side_eye))
     if result.profiles.profile:
-        views.append(_profiles(result))
+        bounds = (0.0, WIDTH), (-GAP, opening_height(result))
+        views.append(picture_view(PROFILES, "Profiles", *bounds))
     if scene.worst_point is not None:
         views.append(_worst_point(result, scene.worst_point))
     if has_map(result):
@@ -146,17 +167,10 @@ def _places(result: Result, scene: Scene) -> list[rrb.View]:
     return views
 
 
-def _pages(*pages: tuple[str, str]) -> rrb.Tabs:
+def page_views(*pages: tuple[str, str]) -> rrb.Tabs:
     """Lay out documents: their entities and names."""
     views = [rrb.TextDocumentView(origin=origin, name=name) for origin, name in pages]
     return rrb.Tabs(*views, active_tab=0)
-
-
-def _photo_bounds(result: Result) -> rrb.VisualBounds2D:
-    """Return the bounds of the photo with a margin for its edges and its name."""
-    width, height = result.camera.width_px, result.camera.height_px
-    edge, top = PHOTO_MARGIN * width, NAME_ABOVE * height
-    return rrb.VisualBounds2D(x_range=[-edge, width + edge], y_range=[-top, height + edge])
 
 
 def _survey(scene: Scene) -> rrb.Spatial3DView:
@@ -274,13 +288,6 @@ def plot(origin: str, name: str, values: Floats) -> rrb.TimeSeriesView:
         name=name,
         axis_y=rrb.ScalarAxis(range=(0.0, max(top, 1e-3))),
         plot_legend=rrb.PlotLegend(visible=False),
-    )
-
-
-def _profiles(result: Result) -> rrb.Spatial2DView:
-    bounds = rrb.VisualBounds2D(x_range=[0.0, WIDTH], y_range=[-GAP, opening_height(result)])
-    return rrb.Spatial2DView(
-        origin=PROFILES, name="Profiles", background=BACKGROUND, visual_bounds=bounds
     )
 
 

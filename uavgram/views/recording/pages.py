@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
-import rerun as rr
 
 from uavgram.model.naming import counted
 from uavgram.model.result.result import Result
@@ -263,8 +262,7 @@ def log_documents(
         (POINTS, points_page(result)),
         (MESSAGES, messages_page(result)),
     ):
-        recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        recorder.page(path, text)
     if scene.off_ground is not None:
-        text = heights_page(result, scene.off_ground)
-        recorder.static(HEIGHTS, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        recorder.page(HEIGHTS, heights_page(result, scene.off_ground))
     recorder.sheets(FRAME_SHEET, list(frame_sheets(result, picks, curves, poses)))

@@ -14,10 +14,8 @@ from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import point_index
-from uavgram.views.recording.photo_marks import CENTRE_PX, log_camera_poses
 from uavgram.views.recording.scene import CURRENT_FRUSTUM, Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import OBSERVED
 from uavgram.views.survey.outlines import project_from
 
 
@@ -111,19 +109,11 @@ def log_camera(recorder: Recorder, result: Result, scene: Scene) -> None:
     visible = np.isfinite(posed[:, 0])
     center = np.where(visible[:, None], posed, scene.middle_m)
     rotation = np.where(visible[:, None, None], turned, np.eye(3))
-    log_camera_poses(recorder, CAMERA, center, rotation)
+    recorder.poses(CAMERA, center, rotation)
     depth = np.where(visible, CURRENT_FRUSTUM * scene.frustum_m, HIDDEN_M)
     recorder.each(PHOTO, lambda some: rr.Pinhole.columns(image_plane_distance=depth[some]))
-    fx, fy, cx, cy = result.shared.intrinsics.value[:4]
-    recorder.static(
-        PHOTO,
-        rr.Pinhole.from_fields(
-            image_from_camera=[[fx, 0, cx + CENTRE_PX], [0, fy, cy + CENTRE_PX], [0, 0, 1]],
-            resolution=[result.camera.width_px, result.camera.height_px],
-            camera_xyz=rr.ViewCoordinates.RDF,
-            color=OBSERVED,
-        ),
-    )
+    size_px = result.camera.width_px, result.camera.height_px
+    recorder.camera(PHOTO, result.shared.intrinsics.value, size_px)
 
 
 def log_photos(

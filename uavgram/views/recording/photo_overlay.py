@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import TieCloud
 from uavgram.model.survey.observations import Source
-from uavgram.stages.products.map_layers import measured_strips, position_strips, reference_strips
+from uavgram.stages.products.map_layers import (
+    footprints,
+    measured_strips,
+    position_strips,
+    reference_strips,
+)
 from uavgram.stages.products.text_places import Placed
 from uavgram.views.formatting import BRIGHTENED, FRAME_STATE_WORDS, number, order_worst_first
 from uavgram.views.recording.photo import FramePicks
-from uavgram.views.recording.photo_marks import log_dots, log_polylines, log_texts
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.view_texts import place_texts, places_below
@@ -25,7 +28,7 @@ from uavgram.views.recording.world.labels import (
     measured_text,
     reference_text,
 )
-from uavgram.views.recording.world.survey import NEIGHBOURS
+from uavgram.views.recording.world.survey import close_border
 from uavgram.views.sentence_units import convert_sentence
 from uavgram.views.style import (
     BAD,
@@ -34,31 +37,28 @@ from uavgram.views.style import (
     LINE_COLOURS,
     MEASURED_COLOURS,
     OBSERVED,
+    QUIET,
     REFINED,
     SEED,
     TIE,
     Rgb,
 )
+from uavgram.views.survey.drawing import SIGNS, Sign
 from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.off_ground import OffGround
 from uavgram.views.survey.outlines import (
     VisiblePolylines,
+    flight_order,
     is_in_photo,
-    project_from,
+    project_polylines,
     sample_polyline,
     visible_runs,
 )
 from uavgram.views.survey.verdict import list_named_picks
 from uavgram.views.units import units_of
 
-MARKS: dict[Source, tuple[Floats, ...]] = {
-    "match": (
-        np.array([[-1.0, -1.0], [1.0, 1.0]]),
-        np.array([[-1.0, 1.0], [1.0, -1.0]]),
-    ),
-    "target": (np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0]]),),
-}
-"""Lines of the mark of each source, in half sizes: a diagonal cross, and a square."""
+MARKS: dict[Source, Sign] = {"match": "cross", "target": "square"}
+"""Sign of each source."""
 
 MARK_SHARE = 0.009
 """Half size of a mark, as a share of the photo's width."""
@@ -87,13 +87,17 @@ def log_automatic_picks(
     """
     size = MARK_SHARE * result.camera.width_px
     source = np.array(result.picks.source, dtype=str)
-    for name, lines in MARKS.items():
+    for name, sign in MARKS.items():
         own = shown & (source == name)
         marks = [
-            [at + size * line for at in result.picks.pixel_px[rows[own[rows]]] for line in lines]
+            [
+                at + size * line
+                for at in result.picks.pixel_px[rows[own[rows]]]
+                for line in SIGNS[sign]
+            ]
             for rows in picks.rows
         ]
-        log_polylines(recorder, f"{photo}/{FOUND_PICKS}/{name}", marks, FOUND, 1.5)
+        recorder.lines_of_frames(f"{photo}/{FOUND_PICKS}/{name}", marks, FOUND, 1.5)
 
 
 def log_sightings(recorder: Recorder, result: Result, ties: TieCloud, photo: str) -> None:
@@ -114,7 +118,7 @@ def log_sightings(recorder: Recorder, result: Result, ties: TieCloud, photo: str
     order = np.argsort(ties.frame, kind="stable")
     edges = np.searchsorted(ties.frame[order], np.arange(len(frames) + 1))
     dots = [ties.pixel_px[order[edges[i] : edges[i + 1]]] for i in frames]
-    log_dots(recorder, f"{photo}/{SIGHTINGS}", dots, TIE, 1.2)
+    recorder.dots_of_frames(f"{photo}/{SIGHTINGS}", dots, TIE, 1.2)
 
 
 PhotoText = tuple[Floats, str]
@@ -170,8 +174,8 @@ def log_names(
         texts.append([wanted[k][1] for k in kept])
         far = [k for k in kept if np.isfinite(placed.leaders[k, 0, 0])]
         leaders.append([np.stack([placed.leaders[k, 0], hung[k]]) for k in far])
-    log_polylines(recorder, f"{photo}/{LEADERS}", leaders, OBSERVED, LEADER_WIDTH)
-    log_texts(recorder, f"{photo}/labels", places, texts)
+    recorder.lines_of_frames(f"{photo}/{LEADERS}", leaders, OBSERVED, LEADER_WIDTH)
+    recorder.dots_of_frames(f"{photo}/labels", places, OBSERVED, 0.0, texts)
 
 
 def place_on_photo(result: Result, words: Sequence[PhotoText], picked_px: Floats) -> Placed:
@@ -216,6 +220,9 @@ def _with_heights(result: Result) -> dict[str, str]:
 HEIGHTS = "heights"
 # Rulers are short: their bend needs few samples.
 RULER_SAMPLES, RULER_WIDTH = 9, 2.0
+# So are the pieces of a footprint's border.
+BORDER_SAMPLES = 7
+NEIGHBOURS = "footprints_before_and_after"
 
 # Entities drawn on the photo.
 OVERLAYS = (
@@ -264,9 +271,7 @@ def log_overlay(
     brightened
         Rows of the frames whose photos are brighter than the files.
     """
-    words = _lines(recorder, result, picks, photo)
-    if scene.off_ground is not None:
-        _rulers(recorder, result, scene.off_ground, picks, photo)
+    words = _log_shapes(recorder, result, scene, picks, photo)
     _residuals(recorder, result, scene, picks, photo)
     log_names(recorder, result, picks, words, photo)
     _title(recorder, result, photo, brightened)
@@ -281,7 +286,7 @@ def _title(recorder: Recorder, result: Result, photo: str, brightened: Collectio
             zip(result.frames.frame_id, frame_states(result), strict=True)
         )
     ]
-    log_texts(recorder, f"{photo}/name", [spot] * len(texts), texts)
+    recorder.dots_of_frames(f"{photo}/name", [spot] * len(texts), OBSERVED, 0.0, texts)
 
 
 def _residuals(
@@ -302,7 +307,7 @@ def _residuals(
         ("residual_exaggerated", where(fitted & ~bad), REFINED),
         ("residual_exaggerated_suspect", where(fitted & bad), BAD),
     ):
-        log_polylines(recorder, f"{photo}/{name}", [list(arrows[r]) for r in rows], colour, 2.5)
+        recorder.lines_of_frames(f"{photo}/{name}", [list(arrows[r]) for r in rows], colour, 2.5)
     by_hand = result.picks.by_hand
     log_automatic_picks(recorder, result, picks, ~bad, photo)
     for name, at, rows, colour, size in (
@@ -317,54 +322,88 @@ def _residuals(
         ("picked", pixel, where(by_hand & ~bad), OBSERVED, 3.5),
         ("picked_suspect", pixel, where(bad), BAD, 6.0),
     ):
-        log_dots(recorder, f"{photo}/{name}", [at[r] for r in rows], colour, size)
+        recorder.dots_of_frames(f"{photo}/{name}", [at[r] for r in rows], colour, size)
 
 
 @dataclass(frozen=True, eq=False)
 class _Shape:
-    """Shape to draw in every frame that sees it: samples of one polyline in the world.
+    """Shape to draw in every frame that sees it.
 
-    `ends` are the labels that must all be picked in a frame; known lengths are always drawn.
-    Contradicted measurements are dashed.
+    Attributes
+    ----------
+    entity, colour
+        Entity that it belongs to, and its colour.
+    samples_m
+        (n, 3) samples of one polyline in the world.
+    text
+        Its label, if any.
+    ends
+        Labels that must all be picked in a frame.
+    frames
+        Rows of the frames, if not all.
+    width
+        Width in points of the screen; by default many lines are drawn thinner.
+    is_dashed
+        Whether it is dashed, as contradicted measurements are.
     """
 
     entity: str
     colour: Rgb
-    text: str
     samples_m: Floats
+    text: str = ""
     ends: frozenset[str] = frozenset()
+    frames: frozenset[int] | None = None
+    width: float | None = line_width(0)
     is_dashed: bool = False
 
 
-def _shapes(result: Result) -> list[_Shape]:
-    """Return known lengths, suspect first; lines; measurements, the least certain first."""
+def _shapes(result: Result, scene: Scene) -> Iterator[_Shape]:
+    """Yield known lengths, suspect first; lines; measurements, the least certain first; others."""
     known, measured = reference_strips(result), measured_strips(result)
-    shapes = []
     for row in sorted(known, key=lambda i: result.lines.status[i] not in ("suspect", "removed")):
-        status = result.lines.status[row]
-        text = reference_text(result, row)
-        entity = f"known_lengths/{status}"
-        shapes.append(_Shape(entity, LINE_COLOURS[status], text, sample_polyline(known[row])))
+        status, samples = result.lines.status[row], sample_polyline(known[row])
+        entity, text = f"known_lengths/{status}", reference_text(result, row)
+        yield _Shape(entity, LINE_COLOURS[status], samples, text)
     lines = result.control_lines
     for name, status, strip in zip(lines.name, lines.status, position_strips(result), strict=True):
         entity = f"lines_of_known_position/{status}"
-        shapes.append(_Shape(entity, LINE_COLOURS[status], name, sample_polyline(strip)))
+        yield _Shape(entity, LINE_COLOURS[status], sample_polyline(strip), name)
     for row in map(int, order_worst_first(result.measurements)):
         text, ends = measured_text(result, row), frozenset(result.measurements.points[row])
         standing = result.measurements.status[row]
         entity = f"measured/{standing}" if standing in ("doubtful", "contradicted") else "measured"
-        shapes += [
-            _Shape(
+        for strip in measured.get(row, []):
+            yield _Shape(
                 entity,
                 MEASURED_COLOURS[standing],
-                text,
                 sample_polyline(strip),
+                text,
                 ends,
+                width=None,
                 is_dashed=standing == "contradicted",
             )
-            for strip in measured.get(row, [])
-        ]
-    return shapes
+    if scene.off_ground is not None:
+        yield from _rulers(result, scene.off_ground)
+    # borders of the ground that the photos before and after show
+    rings = footprints(result)
+    flown = [int(frame) for frame in flight_order(result) if int(frame) in rings]
+    for k, frame in enumerate(flown):
+        samples = sample_polyline(close_border(rings[frame]), BORDER_SAMPLES)
+        beside = frozenset([*flown[max(k - 1, 0) : k], *flown[k + 1 : k + 2]])
+        yield _Shape(NEIGHBOURS, QUIET, samples, frames=beside, width=1.0)
+
+
+def _rulers(result: Result, standing: OffGround) -> Iterator[_Shape]:
+    """Yield the line from the ground to each point off it, which shows its height."""
+    for foot, row, source in zip(standing.foot_m, standing.rows, standing.source, strict=True):
+        ends = np.stack([foot, result.points.position_world_m[row]])
+        yield _Shape(
+            f"{HEIGHTS}/{source}",
+            HEIGHT_COLOURS[source],
+            sample_polyline(ends, RULER_SAMPLES),
+            ends=frozenset([result.points.label[row]]),
+            width=RULER_WIDTH,
+        )
 
 
 def _dashed(pixel: Floats) -> Floats:
@@ -372,64 +411,37 @@ def _dashed(pixel: Floats) -> Floats:
     return np.where(np.arange(len(pixel))[:, None] % 4 == 3, np.nan, pixel)
 
 
-def _lines(
-    recorder: Recorder, result: Result, picks: FramePicks, photo: str
+def _log_shapes(
+    recorder: Recorder, result: Result, scene: Scene, picks: FramePicks, photo: str
 ) -> list[list[PhotoText]]:
-    """Log visible known lengths, and the measurements whose points were all picked in the frame.
+    """Log the visible shapes.
 
     Returns
     -------
     The texts of the lines of each frame.
     """
-    frames, shapes = range(len(result.frames.frame_id)), _shapes(result)
+    frames, shapes = range(len(result.frames.frame_id)), list(_shapes(result, scene))
     in_sight = VisiblePolylines(result, [shape.samples_m for shape in shapes])
     words: list[list[PhotoText]] = [[] for _ in frames]
     kinds = {shape.entity: shape for shape in shapes}
     runs: dict[str, list[list[Floats]]] = {entity: [[] for _ in frames] for entity in kinds}
-    for frame in np.flatnonzero(result.has_refined):
+    for frame in np.flatnonzero(result.has_refined).tolist():
         picked = {result.picks.label[row] for row in picks.rows[frame]}
-        near = (shapes[row] for row in in_sight.of(int(frame)))
-        shown = [shape for shape in near if shape.ends <= picked]
-        if not shown:
-            continue
-        samples = np.concatenate([shape.samples_m for shape in shown])
-        cuts = np.cumsum([len(shape.samples_m) for shape in shown])[:-1]
-        pixel = project_from(result, row_poses(result, int(frame)), samples)
-        for shape, seen in zip(shown, np.split(pixel, cuts), strict=True):
+        near = (shapes[row] for row in in_sight.of(frame))
+        shown = [
+            shape
+            for shape in near
+            if shape.ends <= picked and (shape.frames is None or frame in shape.frames)
+        ]
+        pixels = project_polylines(result, frame, [shape.samples_m for shape in shown])
+        for shape, seen in zip(shown, pixels, strict=True):
             pieces = visible_runs(seen)
-            if pieces:
-                runs[shape.entity][frame] += (
-                    visible_runs(_dashed(seen)) if shape.is_dashed else pieces
-                )
+            runs[shape.entity][frame] += visible_runs(_dashed(seen)) if shape.is_dashed else pieces
+            if pieces and shape.text:
                 longest = max(pieces, key=len)
                 words[frame].append((longest[len(longest) // 2], shape.text))
     for shape in kinds.values():
         per_frame = runs[shape.entity]
-        width = line_width(max(map(len, per_frame))) if shape.ends else line_width(0)
-        log_polylines(recorder, f"{photo}/{shape.entity}", per_frame, shape.colour, width)
+        width = shape.width or line_width(max(map(len, per_frame)))
+        recorder.lines_of_frames(f"{photo}/{shape.entity}", per_frame, shape.colour, width)
     return words
-
-
-def _rulers(
-    recorder: Recorder, result: Result, standing: OffGround, picks: FramePicks, photo: str
-) -> None:
-    """Log the line from the ground to each picked point off it, which shows its height."""
-    ends = np.stack([standing.foot_m, result.points.position_world_m[standing.rows]], axis=1)
-    place = {result.points.label[row]: k for k, row in enumerate(standing.rows.tolist())}
-    frames = range(len(result.frames.frame_id))
-    lines: dict[str, list[list[Floats]]] = {
-        source: [[] for _ in frames] for source in set(standing.source)
-    }
-    for frame in np.flatnonzero(result.has_refined):
-        labels = [result.picks.label[pick] for pick in picks.rows[frame]]
-        here = [place[label] for label in labels if label in place]
-        if not here:
-            continue
-        strips = np.stack([sample_polyline(ends[k], RULER_SAMPLES) for k in here])
-        pixel = project_from(result, row_poses(result, int(frame)), strips)
-        for k, seen in zip(here, pixel, strict=True):
-            lines[standing.source[k]][frame] += visible_runs(seen)
-    for source, per_frame in lines.items():
-        log_polylines(
-            recorder, f"{photo}/{HEIGHTS}/{source}", per_frame, HEIGHT_COLOURS[source], RULER_WIDTH
-        )

@@ -9,14 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import rerun as rr
 
-from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.arrays import Floats, Ints
 from uavgram.stages.products.text_places import Label, Placed, place_labels
 from uavgram.views.recording.scene import Eye
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.style import OBSERVED, QUIET, Rgb
+from uavgram.views.style import QUIET
 
 HALF_LETTER_ON_SCREEN, LINE_ON_SCREEN = 0.0056, 0.040
 """Half the width of a letter on a usual screen, and the height of a line, in views of space.
@@ -163,31 +161,5 @@ def log_in_space(recorder: Recorder, path: str, placed: ViewTexts) -> None:
         The placed texts.
     """
     if placed.words:
-        recorder.static(path, make_texts(placed.place_m, placed.words))
-    if placed.leaders_m:
-        recorder.static(f"{path}/lines", make_polylines(placed.leaders_m, QUIET, 1.2))
-
-
-def make_polylines(
-    lines: Floats | list[Floats], colour: Rgb | Pixels, width: float
-) -> rr.LineStrips3D:
-    """Make polylines.
-
-    Parameters
-    ----------
-    lines
-        (N, n, 3) or N polylines (n, 3).
-    colour
-        Colour of all, or (N, 3) of each.
-    width
-        Width in points of the screen.
-    """
-    single = np.asarray(lines, dtype=np.float32) if isinstance(lines, np.ndarray) else list(lines)
-    return rr.LineStrips3D(single, colors=colour, radii=rr.Radius.ui_points(width / 2))
-
-
-def make_texts(position: Floats, words: tuple[str, ...]) -> rr.Points3D:
-    """Make white texts without a dot: coloured text is hard to read over photos."""
-    return rr.Points3D(
-        position, radii=rr.Radius.ui_points(0.0), colors=OBSERVED, labels=words, show_labels=True
-    )
+        recorder.texts(path, placed.place_m, placed.words)
+    recorder.lines(f"{path}/lines", placed.leaders_m, QUIET, 1.2)

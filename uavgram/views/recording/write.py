@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import errno
-import logging
 import os
 from collections.abc import Callable, Iterable
-from pathlib import Path
 
-from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.result.result import Result
@@ -32,8 +28,6 @@ from uavgram.views.recording.world.points import log_close_up, log_tie_points
 from uavgram.views.recording.world.profiles import log_profiles
 from uavgram.views.recording.world.survey import log_footprints, log_survey
 from uavgram.views.units import units_of
-
-log = logging.getLogger(__name__)
 
 
 def write_recording(
@@ -67,23 +61,10 @@ def write_recording(
     OSError
         If the disk is full.
     """
-    target = Path(path)
-    unfinished = target.with_name(f".{target.name}.unfinished")
-    try:
-        unfinished.touch()  # Rerun's own error for a missing folder is no OSError
-        made = result.provenance
-        identity = (result.name, made.program, made.version, made.inputs, made.options)
-        times = result.frames.time_utc_s
-        with open_recording(unfinished, identity, result.name, times) as recorder:
-            _log_everything(recorder, result, photos, texture, ties)
-        unfinished.replace(target)
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
-            raise  # the caller, who chose the folder, may use another one
-        raise OutputError(f"{target}: the recording cannot be written: {error}") from error
-    finally:
-        unfinished.unlink(missing_ok=True)
-    log.info("recording of %d frames: %s", len(result.frames.frame_id), target)
+    made = result.provenance
+    identity = (result.name, made.program, made.version, made.inputs, made.options)
+    with open_recording(path, identity, result.name, result.frames.time_utc_s) as recorder:
+        _log_everything(recorder, result, photos, texture, ties)
 
 
 def _log_everything(
@@ -107,7 +88,7 @@ def _log_everything(
     if ties is not None:
         log_sightings(recorder, result, ties, PHOTO)
         log_tie_points(recorder, ties)
-    log_footprints(recorder, result, PHOTO)
+    log_footprints(recorder, result)
     log_plots(recorder, result, curves)
     log_pose_plots(recorder, poses, units_of(result))
     log_status(recorder, result)

@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import listed
 from uavgram.model.provenance import case_from_options
-from uavgram.model.result.pictures import GroundPicture, Pictures
+from uavgram.model.result.pictures import Pictures
 from uavgram.model.result.result import Result
 from uavgram.views.formatting import order_shapes_first
 from uavgram.views.report.checks import checks_summary
@@ -22,45 +22,26 @@ from uavgram.views.survey.top_view import TopView, fit_layout, top_view, used_po
 from uavgram.views.survey.verdict import verdict_words
 
 
-class Backdrop(NamedTuple):
-    """Picture behind a drawing: its place there, and its address."""
-
-    x: float
-    y: float
-    width: float
-    height: float
-    data: str
-
-
 def ground_extent(result: Result) -> tuple[Floats, Floats] | None:
     """Return south-west and north-east corner (2,) of the report's plan; None without one."""
     plan = fit_layout(result, lay_out_brief(result).plan_height, used_points(result))
     return None if plan is None else plan.sheet.extent_m
 
 
-def report_plan(result: Result, first: Brief) -> TopView | None:
-    """Draw the plan of the first page; return None if there is no point to draw."""
-    return top_view(result, first.plan_height, used_points(result))
+def report_plan(result: Result, first: Brief, pictures: Pictures) -> TopView | None:
+    """Draw the plan of the first page; return None if there is no point to draw.
 
-
-def place_backdrop(view: TopView | None, pictures: Pictures) -> Backdrop | None:
-    """Place the picture of the ground in a drawing."""
-    ground = pictures.ground
-    if view is None or ground is None:
-        return None
-    return _placed(view, ground)
-
-
-def _placed(view: TopView, ground: GroundPicture) -> Backdrop:
-    x, y = view.sheet(np.array([ground.west_m, ground.north_m]))
-    scale = view.sheet.scale
-    return Backdrop(
-        x=round(float(x), 2),
-        y=round(float(y), 2),
-        width=round(ground.width_m * scale, 2),
-        height=round(ground.height_m * scale, 2),
-        data=picture_mark(GROUND),
-    )
+    Parameters
+    ----------
+    result
+        Result of the run.
+    first
+        Content of the page.
+    pictures
+        Pictures, of which one may be of the ground.
+    """
+    shown, address = used_points(result), picture_mark(GROUND)
+    return top_view(result, first.plan_height, shown, pictures.ground, address)
 
 
 MAX_ROWS = 12

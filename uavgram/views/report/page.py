@@ -37,7 +37,6 @@ from uavgram.views.report.brief import (
     MAX_REASONS,
     Brief,
     lay_out_brief,
-    place_backdrop,
     report_plan,
 )
 from uavgram.views.report.budget import MAX_ROWS, budget_table
@@ -50,9 +49,9 @@ from uavgram.views.report.measurements import (
     relief_notes,
     second_order_note,
 )
-from uavgram.views.report.picture_marks import draw_rings
 from uavgram.views.report.pictures import embed_pictures, gallery
 from uavgram.views.result_tables import result_table, select_rows
+from uavgram.views.style import INK
 from uavgram.views.survey.key_facts import key_facts
 from uavgram.views.survey.key_plan import key_plan
 from uavgram.views.survey.off_ground import collect_departures
@@ -66,7 +65,6 @@ from uavgram.views.survey.reliability import (
     removal_rows,
     weakest_links,
 )
-from uavgram.views.survey.sheet import INK
 from uavgram.views.survey.sources import (
     ONLY_PROGRAM,
     SOURCE_WORDS,
@@ -78,7 +76,6 @@ from uavgram.views.survey.sources import (
     point_origins,
     ties_text,
 )
-from uavgram.views.survey.text_placement import LETTERS
 from uavgram.views.survey.top_view import top_view
 from uavgram.views.survey.verdict import THREE_SIGMA, status_text, verdict_words
 from uavgram.views.units import spread_text, units_of, value_text
@@ -219,8 +216,6 @@ def _facts(result: Result, pictures: Pictures, report: Path) -> dict[str, Any]:
         gallery=gallery(result, pictures),
         **_plans(result, pictures, first),
         ink=INK,
-        letters=LETTERS,
-        rings=draw_rings,
         place=describe_origin(result),
         why_to_neighbours=WHY_TO_NEIGHBOURS,
         why_two_ellipses=WHY_TWO_ELLIPSES,
@@ -260,11 +255,10 @@ def _warnings(result: Result) -> tuple[str, ...]:
 
 def _plans(result: Result, pictures: Pictures, first: Brief) -> dict[str, object]:
     """Draw the views from above: both plans, and the key plan of the photos."""
-    plan = report_plan(result, first)
     return {
-        "plan_view": plan,
+        "plan_view": report_plan(result, first, pictures),
         "view": top_view(result, BESIDE_HEIGHT),
-        "ground": place_backdrop(plan, pictures),
+        "has_ground": pictures.ground is not None,
         "brightened": pictures.ground is not None and pictures.ground.brightened,
         "key": key_plan(result),
         "units_word": "metres" if units_of(result).length == "m" else "feet",

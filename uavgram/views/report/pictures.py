@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.naming import counted
 from uavgram.model.result.pictures import Picture, Pictures, Region
@@ -23,16 +22,17 @@ from uavgram.views.formatting import (
     order_shapes_first,
     size_text,
 )
-from uavgram.views.report.picture_marks import Bar, Mark, draw_mark, place_bar, scale_bars
+from uavgram.views.report.scale_bars import Bar, place_bar, scale_bars
 from uavgram.views.style import BAD, LINE_COLOURS, MEASURED, OBSERVED, hex_colour
+from uavgram.views.survey.drawing import Drawing, Look, Sign
 from uavgram.views.survey.outlines import (
-    project_from,
+    project_polylines,
     sample_polyline,
     thin_polyline,
     visible_runs,
 )
 from uavgram.views.survey.sources import note_automatic_values
-from uavgram.views.survey.text_placement import PlacedText, TextRequest, box, place_texts
+from uavgram.views.survey.text_placement import TextRequest, box
 from uavgram.views.survey.top_view import used_labels
 from uavgram.views.survey.verdict import status_text
 from uavgram.views.units import units_of
@@ -54,31 +54,25 @@ PICKED_BY: dict[Source, str] = {
 }
 
 
-class LineStyle(NamedTuple):
-    """Style of a line."""
-
-    colour: str
-    dashed: bool
-
-
-ON_MEASURED = LineStyle(hex_colour(MEASURED), dashed=False)
+ON_MEASURED = Look(hex_colour(MEASURED), 1.6)
+DASHES = "7 4"
+SHADOW = "#101418"
+SIGNS: dict[str, Sign] = {
+    "hand": "ring", "match": "square", "target": "diamond", "removed": "cross",
+}  # fmt: skip
+"""Sign of a pick by its origin as in `Source`, or of a removed one."""
 
 
 class PhotoPicture(NamedTuple):
-    """Picture with its overlay, in pixels of the photo.
+    """Picture with its overlay.
 
     Attributes
     ----------
     region
         Part of the photo.
-    data
-        Mark that is replaced by the picture itself.
-    unit
-        Pixels of the photo for one unit of a drawing.
-    lines
-        Points of polylines, and their style.
-    marks, tags, bar
-        Picks, names, and a scale bar along the photo's rows, valid in the middle.
+    drawing
+        The overlay, in pixels of the photo: ``lines``, ``picks``, names, and a scale bar along the
+        photo's rows, valid in the middle.
     name, told
         Subject of the picture, and remark on it.
     photo, origin
@@ -86,12 +80,7 @@ class PhotoPicture(NamedTuple):
     """
 
     region: Region
-    data: str
-    unit: float
-    lines: tuple[tuple[str, LineStyle], ...]
-    marks: tuple[Mark, ...]
-    tags: tuple[PlacedText, ...]
-    bar: Bar | None
+    drawing: Drawing
     name: str
     told: str
     photo: str
@@ -148,7 +137,7 @@ class _SharedContent(NamedTuple):
         Checksums by frame that is shown.
     """
 
-    lines: dict[Region, list[tuple[Floats, LineStyle]]]
+    lines: dict[Region, list[tuple[Floats, Look]]]
     bars: dict[Region, Bar]
     alone: Sequence[str]
     picks: dict[int, Ints]
@@ -231,17 +220,22 @@ def _photo_picture(
 ) -> PhotoPicture:
     region = picture.region
     picks = _picks_in(result, drawn, region)
-    marks = _marks(result, region, picks, unit)
-    bar = place_bar(drawn.bars.get(region), region, marks, unit)
     name, told = _words(result, drawn, region, picks)
+    corner = np.array([region.left_px, region.top_px]) - 0.5
+    size = np.array([region.width_px, region.height_px])
+    label = f"{name} in a photo"
+    drawing = Drawing(label, *size.tolist(), corner=corner, unit=unit, kind="photo")
+    drawing.image(corner, size, picture_mark(row))
+    lines = [(thin_polyline(run, DRAWN_OFF * unit), look) for run, look in drawn.lines[region]]
+    drawing.lines("shadows", [line for line, _ in lines], Look(SHADOW, 3.4, opacity=0.6))
+    drawing.lines_by_look("lines", lines)
+    _draw_picks(drawing, result, region, picks)
+    if region in drawn.bars:
+        place_bar(drawing, drawn.bars[region], region, result.picks.pixel_px[picks])
+    _name_picks(drawing, result, region, picks)
     return PhotoPicture(
         region=region,
-        data=picture_mark(row),
-        unit=unit,
-        lines=tuple(_lines(drawn.lines[region], unit)),
-        marks=marks,
-        tags=_tags(result, region, picks, unit, bar),
-        bar=bar,
+        drawing=drawing,
         name=name,
         told=told,
         photo=result.frames.frame_id[region.frame],
@@ -297,16 +291,20 @@ def _picks_in(result: Result, drawn: _SharedContent, region: Region) -> list[int
     return [int(row) for row in rows[inside.all(axis=1)]]
 
 
-def _marks(result: Result, region: Region, rows: Sequence[int], unit: float) -> tuple[Mark, ...]:
-    """Make the marks of all picks."""
-    picks, marks = result.picks, []
-    half_widths = round(_outline(region) * unit, 2), round(1.6 * unit, 2)
+def _draw_picks(drawing: Drawing, result: Result, region: Region, rows: Sequence[int]) -> None:
+    """Draw the signs of all picks, and where they leave room a cross in the middle of each."""
+    picks, outline = result.picks, _outline(region)
+    alike: dict[tuple[str, str], list[int]] = {}
     for i in rows:
-        x, y = (round(float(part), 2) for part in picks.pixel_px[i])
-        kind = "removed" if picks.status[i] == "removed" else picks.source[i]
+        kind: str = "removed" if picks.status[i] == "removed" else picks.source[i]
         colour = hex_colour(BAD if _is_wrong(result, i) else OBSERVED)
-        marks.append(draw_mark((x, y), kind, colour, half_widths))
-    return tuple(marks)
+        alike.setdefault((kind, colour), []).append(i)
+    for (kind, colour), own in alike.items():
+        looks = Look(SHADOW, 3.0), Look(colour, 1.4)
+        drawing.signs("picks", picks.pixel_px[own], outline, *looks, sign=SIGNS[kind])
+        if region.subject != "point":
+            middle = Look(colour, 0.8)
+            drawing.signs("middles", picks.pixel_px[own], 1.6, middle, sign="cross")
 
 
 def _outline(region: Region) -> float:
@@ -318,24 +316,18 @@ def _is_wrong(result: Result, pick: int) -> bool:
     return result.picks.status[pick] in ("suspect", "removed")
 
 
-def _tags(
-    result: Result, region: Region, rows: Sequence[int], unit: float, bar: Bar | None
-) -> tuple[PlacedText, ...]:
+def _name_picks(drawing: Drawing, result: Result, region: Region, rows: Sequence[int]) -> None:
     """Place the names of the picks of the picture's subject, and of wrong ones."""
     picks, own = result.picks, _subject_labels(result, region)
-    low = np.array([region.left_px, region.top_px]) - 0.5
-    high = low + np.array([region.width_px, region.height_px])
-    half = HALF_MIDDLE * unit
-    taken = [box(picks.pixel_px[i], half, half) for i in rows]
-    if bar is not None:
-        middle = bar.left + bar.width / 2, high[1] - 16.0 * unit
-        taken.append(box(middle, bar.width / 2, 16.0 * unit))
-    wanted = [
-        TextRequest(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
-        for i in rows
-        if picks.label[i] in own or _is_wrong(result, i)
-    ]
-    return place_texts(wanted, (low, high), taken, unit)[0]
+    half = HALF_MIDDLE * drawing.unit
+    drawing.reserve([box(picks.pixel_px[i], half, half) for i in rows])
+    drawing.place(
+        [
+            TextRequest(picks.label[i], "name", picks.pixel_px[i : i + 1], gap=_outline(region))
+            for i in rows
+            if picks.label[i] in own or _is_wrong(result, i)
+        ]
+    )
 
 
 def _subject_labels(result: Result, region: Region) -> frozenset[str]:
@@ -347,49 +339,37 @@ def _subject_labels(result: Result, region: Region) -> frozenset[str]:
     return frozenset(result.measurements.points[region.row])
 
 
-def _lines_in(
-    result: Result, regions: Sequence[Region]
-) -> dict[Region, list[tuple[Floats, LineStyle]]]:
+def _lines_in(result: Result, regions: Sequence[Region]) -> dict[Region, list[tuple[Floats, Look]]]:
     """Project measurements, and in the overview known lengths, at their adjusted positions."""
     measured = measured_strips(result)
-    drawn: dict[Region, list[tuple[Floats, LineStyle]]] = {region: [] for region in regions}
+    drawn: dict[Region, list[tuple[Floats, Look]]] = {region: [] for region in regions}
     for frame in sorted({region.frame for region in regions}):
-        strips: list[tuple[Region, Floats, LineStyle]] = []
+        strips: list[tuple[Region, Floats, Look]] = []
         for region in (one for one in regions if one.frame == frame):
             strips += [(region, *one) for one in _strips(result, measured, region)]
         if not strips:
             continue
         lines = [sample_polyline(strip) for _, strip, _ in strips]
-        # project all lines of a photo at once: there may be hundreds
-        pixel = project_from(result, row_poses(result, frame), np.concatenate(lines))
-        ends = np.cumsum([len(line) for line in lines])[:-1]
-        for (region, _, look), line in zip(strips, np.split(pixel, ends), strict=True):
+        pixels = project_polylines(result, frame, lines)
+        for (region, _, look), line in zip(strips, pixels, strict=True):
             drawn[region] += [(run, look) for run in visible_runs(line)]
     return drawn
 
 
 def _strips(
     result: Result, measured: dict[int, list[Floats]], region: Region
-) -> list[tuple[Floats, LineStyle]]:
+) -> list[tuple[Floats, Look]]:
     """Return the (n, 3) lines of a region and their styles: known lengths as on the plan."""
     if region.subject == "point":
         return []
     if region.subject == "measurement":
         return [(strip, ON_MEASURED) for strip in measured.get(region.row, [])]
     status = result.lines.status
-    known = [
-        (strip, LineStyle(hex_colour(LINE_COLOURS[status[i]]), dashed=status[i] != "used"))
-        for i, strip in reference_strips(result).items()
-    ]
+    known = []
+    for i, strip in reference_strips(result).items():
+        dashes = "" if status[i] == "used" else DASHES
+        known.append((strip, Look(hex_colour(LINE_COLOURS[status[i]]), 1.6, dashes=dashes)))
     return known + [(strip, ON_MEASURED) for some in measured.values() for strip in some]
-
-
-def _lines(
-    runs: Sequence[tuple[Floats, LineStyle]], unit: float
-) -> Iterator[tuple[str, LineStyle]]:
-    for run, look in runs:
-        kept = thin_polyline(run, DRAWN_OFF * unit)
-        yield " ".join(f"{x:.1f},{y:.1f}" for x, y in kept.tolist()), look
 
 
 GROUND = "ground"

@@ -16,7 +16,7 @@ from uavgram.stages.products.map_layers import (
 )
 from uavgram.views.formatting import measurement_text, number, order_worst_first
 from uavgram.views.site_plan.sheet import PAPER, QUIET, THIN_PT, Sheet, half_text
-from uavgram.views.survey.sheet import INK
+from uavgram.views.style import INK
 from uavgram.views.units import round_bar, table_unit, units_of, value_text
 
 MEASURED_PT, KNOWN_PT, NAME_PT, GRID_PT = 7.0, 6.0, 6.0, 5.0

@@ -14,8 +14,8 @@ from uavgram.views.sentence_units import convert_sentence, list_names_like_lengt
 from uavgram.views.site_plan.drawing import DASHES, DIAMOND_MM, DOUBT_MARK, LINE_PT, is_doubtful
 from uavgram.views.site_plan.sheet import INK as BLACK
 from uavgram.views.site_plan.sheet import PAPER, QUIET, THIN_PT, Sheet, plain, width_mm
+from uavgram.views.style import INK
 from uavgram.views.survey.key_facts import accuracy_words
-from uavgram.views.survey.sheet import INK
 from uavgram.views.survey.verdict import summarise_result
 from uavgram.views.units import round_bar, table_unit, units_of
 

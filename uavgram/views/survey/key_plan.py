@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import takewhile
 
 import numpy as np
 
-from uavgram.model.arrays import Bools, Floats
+from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import footprints, shown_poses
-from uavgram.views.survey.sheet import WIDTH, GridLine, Sheet, grid_lines, lay_sheet
-from uavgram.views.survey.text_placement import (
-    PlacedText,
-    TextRequest,
-    around_drawing,
-    box,
-    place_texts,
-    svg_points,
-)
-from uavgram.views.units import round_bar, units_of
+from uavgram.views.style import INK
+from uavgram.views.survey.drawing import Drawing, Look
+from uavgram.views.survey.sheet import WIDTH, draw_frame, lay_sheet
+from uavgram.views.survey.text_placement import TextRequest, box
+from uavgram.views.units import units_of
 
 MAX_HEIGHT = 340.0
 MAX_FOOTPRINTS = 40
@@ -36,58 +30,31 @@ ARROW = 30.0
 MIN_ARROW = 5.0
 """Least length of an arrow; a camera that looks down more steeply has none."""
 HEAD = 4.5
+CAMERA = 3.5
+"""Half size of the sign of a camera."""
+USED, UNUSED = "#0b4f8a", "#9aa3ad"
+FOOTPRINT = Look("#4096ff", 0.6, fill="#4096ff", opacity=0.6, fill_opacity=0.05)
 HALF_CAMERA, HALF_DOT = 4.5, 2.0
 """Half sizes of the areas around marks without texts."""
 
 
 @dataclass(frozen=True)
-class Camera:
-    """Camera: its place, its arrow as SVG points and head, and whether it was adjusted.
-
-    `arrow` and `head` are empty if it looks down.
-    """
-
-    x: float
-    y: float
-    arrow: str
-    head: str
-    adjusted: bool
-
-
-@dataclass(frozen=True)
 class KeyPlan:
-    """Content of the drawing for the template.
+    """Drawing, and what its legend needs.
 
     Attributes
     ----------
-    width, height
-        Size of the drawing.
-    footprints
-        SVG points of the footprint of each adjusted photo.
-    cameras, dots
-        Photos, and points on the ground.
-    texts
-        Names of photos and of points, without overlaps.
+    drawing
+        The drawing.
     prefix
         Common prefix of the names of all photos, which is omitted from the texts.
-    unnamed
-        Number of photos and points without a name for lack of room.
-    grid, bar, bar_text, north_known
-        As in the top view.
+    has_unused
+        Whether cameras of unused photos are shown.
     """
 
-    width: float
-    height: float
-    footprints: tuple[str, ...]
-    cameras: tuple[Camera, ...]
-    dots: tuple[tuple[float, float], ...]
-    texts: tuple[PlacedText, ...]
+    drawing: Drawing
     prefix: str
-    unnamed: int
-    grid: tuple[GridLine, ...]
-    bar: float
-    bar_text: str
-    north_known: bool
+    has_unused: bool
 
 
 def key_plan(result: Result) -> KeyPlan | None:
@@ -100,29 +67,33 @@ def key_plan(result: Result) -> KeyPlan | None:
     rings = {frame: ring for frame, ring in rings.items() if result.has_refined[frame]}
     centers, points = poses.center_world_m, result.points.position_world_m
     sheet = lay_sheet(*_extent(np.concatenate([centers[:, :2], points[:, :2]]), rings), MAX_HEIGHT)
-    cameras = tuple(_cameras(sheet, centers, poses.world_from_camera[:, :, 2], adjusted))
     names = tuple(result.frames.frame_id[row].rpartition(".")[0] for row in rows)
     prefix = _common_prefix(names)
-    units = units_of(result)
-    bar_m, bar_text = round_bar(WIDTH / sheet.scale / 6, units)
-    grid = tuple(grid_lines(sheet, units))
-    taken = around_drawing(sheet, grid, bar_m * sheet.scale)
-    short = tuple(name[len(prefix) :] for name in names)
-    texts, unnamed = _texts(result, sheet, short, cameras, taken)
-    return KeyPlan(
-        width=WIDTH,
-        height=sheet.height,
-        footprints=tuple(svg_points(sheet(ring)) for ring in rings.values()),
-        cameras=cameras,
-        dots=tuple((float(x), float(y)) for x, y in sheet(points)),
-        texts=texts,
-        prefix=prefix,
-        unnamed=unnamed,
-        grid=grid,
-        bar=bar_m * sheet.scale,
-        bar_text=bar_text,
-        north_known=result.world.gauge == "world",
+    drawing = Drawing("Key plan of cameras and points, to scale", WIDTH, sheet.height)
+    draw_frame(
+        drawing, sheet, WIDTH / sheet.scale / 6, units_of(result),
+        is_north_known=result.world.gauge == "world",
+    )  # fmt: skip
+    for ring in rings.values():  # one by one: the ground of several photos is darker
+        drawing.lines("footprints", [sheet(ring)], FOOTPRINT, closed=True)
+    dots, cameras = sheet(points), sheet(centers)
+    drawing.signs("points", dots, 1.8, Look(fill=INK["point"]))
+    for is_used, colour in ((True, USED), (False, UNUSED)):
+        own = adjusted == is_used
+        _draw_cameras(drawing, cameras[own], poses.world_from_camera[own, :, 2], colour)
+    drawing.reserve([box(at, HALF_CAMERA, HALF_CAMERA) for at in cameras])
+    drawing.reserve([box(at, HALF_DOT, HALF_DOT) for at in dots])
+    drawing.place(
+        [
+            TextRequest(text, kind, at[None])
+            for kind, texts, places in (
+                ("photo", [name[len(prefix) :] for name in names], cameras),
+                ("label", result.points.label, dots),
+            )
+            for text, at in zip(texts, places, strict=True)
+        ]
     )
+    return KeyPlan(drawing, prefix, not adjusted.all())
 
 
 def _extent(places: Floats, rings: dict[int, Floats]) -> tuple[Floats, Floats]:
@@ -137,42 +108,20 @@ def _extent(places: Floats, rings: dict[int, Floats]) -> tuple[Floats, Floats]:
     return low - room, high + room
 
 
-def _cameras(sheet: Sheet, centers: Floats, forward: Floats, adjusted: Bools) -> Iterator[Camera]:
-    """Draw the cameras; arrows are the level part of the unit vector along the optical axis."""
-    for (x, y), axis, is_adjusted in zip(sheet(centers), forward, adjusted, strict=True):
-        along = ARROW * axis[:2] * [1.0, -1.0]
-        length, arrow, head = float(np.linalg.norm(along)), "", ""
-        if length > MIN_ARROW:
-            tip = np.array([x, y]) + along
-            unit = along / length
-            across = np.array([-unit[1], unit[0]])
-            arrow = svg_points(np.stack([np.array([x, y]), tip]))
-            head = svg_points(
-                np.stack([tip + HEAD * unit, tip + HEAD * across / 2, tip - HEAD * across / 2])
-            )
-        yield Camera(float(x), float(y), arrow, head, bool(is_adjusted))
-
-
-def _texts(
-    result: Result,
-    sheet: Sheet,
-    names: tuple[str, ...],
-    cameras: tuple[Camera, ...],
-    taken: list[Floats],
-) -> tuple[tuple[PlacedText, ...], int]:
-    """Place the names of photos and of points; return also the number without room."""
-    dots = sheet(result.points.position_world_m)
-    wanted = [
-        TextRequest(name, "photo", np.array([[one.x, one.y]]))
-        for name, one in zip(names, cameras, strict=True)
-    ]
-    wanted += [
-        TextRequest(label, "label", dot[None])
-        for label, dot in zip(result.points.label, dots, strict=True)
-    ]
-    marks = [box((one.x, one.y), HALF_CAMERA, HALF_CAMERA) for one in cameras]
-    marks += [box(dot, HALF_DOT, HALF_DOT) for dot in dots]
-    return place_texts(wanted, sheet.corners, [*taken, *marks])
+def _draw_cameras(drawing: Drawing, places: Floats, forward: Floats, colour: str) -> None:
+    """Draw cameras with arrows: the level part of the unit vector along the optical axis."""
+    along = ARROW * forward[:, :2] * [1.0, -1.0]
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    has_arrow = length[:, 0] > MIN_ARROW
+    tips, unit = (places + along)[has_arrow], (along / np.maximum(length, 1e-9))[has_arrow]
+    across = unit[:, ::-1] * [-1.0, 1.0]
+    arrows = np.stack([places[has_arrow], tips], axis=1)
+    heads = np.stack(
+        [tips + HEAD * unit, tips + HEAD * across / 2, tips - HEAD * across / 2], axis=1
+    )
+    drawing.lines("arrows", arrows, Look(colour, 1.4))
+    drawing.lines("heads", heads, Look(fill=colour), closed=True)
+    drawing.signs("cameras", places, CAMERA, Look(fill=colour), sign="square")
 
 
 def _common_prefix(names: tuple[str, ...]) -> str:

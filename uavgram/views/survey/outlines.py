@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.ground.row_projection import RowPoses, project_rows
+from uavgram.geometry.ground.row_projection import RowPoses, project_rows, row_poses
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import PoseTable
@@ -165,6 +167,23 @@ def project_from(
     lens = result.shared.intrinsics.value if adjusted_lens else result.camera.parameters
     pixel = project_rows(result.camera, lens, poses, points_m)
     return np.where(is_in_photo(result, pixel)[..., None], pixel, np.nan)
+
+
+def project_polylines(result: Result, frame: int, strips: Sequence[Floats]) -> list[Floats]:
+    """Project (n, 3) samples of polylines to (n, 2) pixels of a photo, all at once; NaN outside.
+
+    Parameters
+    ----------
+    result
+        Result with the camera.
+    frame
+        Row of an adjusted photo.
+    strips
+        The polylines; there may be hundreds.
+    """
+    together = np.concatenate([np.zeros((0, 3)), *strips])
+    pixel = project_from(result, row_poses(result, frame), together)
+    return np.split(pixel, np.cumsum([len(strip) for strip in strips])[:-1])[: len(strips)]
 
 
 def sample_polyline(strip: Floats, samples: int = LINE_SAMPLES) -> Floats:

@@ -10,8 +10,10 @@ from uavgram.model.arrays import Floats, Ints
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import COLUMNS
 from uavgram.views.formatting import decimals_for, number
+from uavgram.views.style import INK
+from uavgram.views.survey.drawing import Drawing, Look
 from uavgram.views.survey.outlines import nice_factor, round_length
-from uavgram.views.survey.text_placement import PlacedText, TextRequest, box, place_texts
+from uavgram.views.survey.text_placement import TextRequest, box
 from uavgram.views.units import DisplayUnit, round_bar, table_unit, units_of
 
 WIDTH, LEFT, RIGHT, TOP, BOTTOM = 720.0, 70.0, 30.0, 34.0, 30.0
@@ -24,72 +26,43 @@ GRID_LINES = 4
 WIDE = 1.959964
 """Half of a 95 % interval, in sigmas."""
 
-Place = tuple[float, float]
+DOT, BAR, LINE = 2.4, 2.4, 1.6
+RULER, GROUND = Look("#777777", 0.7), Look("#8a6d3b", 1.2, dashes="6 3")
+LEVEL = Look("#d7dbe0", 0.7)
 
 
 @dataclass(frozen=True)
 class ProfileDrawing:
-    """Content of the drawing of one profile for the template.
+    """Drawing of one profile, and what else is shown of it.
 
     Attributes
     ----------
     name
         Name of the profile.
-    width, height
-        Size of the drawing.
-    dots, ground
-        Places of the points in their order, and of the smooth ground below them along the line.
-    bars
-        (x, top, bottom) of the 95 % interval of each height.
-    rulers
-        (x, top, bottom) from the ground to each point off it.
-    labels, names
-        Labels of all points, and those texts of them that have room.
-    grid
-        y of level lines, and their heights over the first point as texts.
+    drawing
+        The drawing: ``points``, ``line``, ``ground`` below it, ``bars`` of the 95 % interval of
+        each height, ``rulers`` from the ground to points off it, and level ``grid`` lines.
+    labels
+        Labels of all points.
+    levels
+        Heights of the level lines over the first point as texts.
     exaggeration
         Exaggeration of heights against stations.
-    bar_text, bar
-        Length of the scale bar in words, and in the drawing.
     rows
         Rows of the table: label, then a cell for each of `COLUMNS`.
     """
 
     name: str
-    width: float
-    height: float
-    dots: tuple[Place, ...]
-    ground: tuple[Place, ...]
-    bars: tuple[tuple[float, float, float], ...]
-    rulers: tuple[tuple[float, float, float], ...]
+    drawing: Drawing
     labels: tuple[str, ...]
-    names: tuple[PlacedText, ...]
-    grid: tuple[tuple[float, str], ...]
+    levels: tuple[str, ...]
     exaggeration: int
-    bar_text: str
-    bar: float
     rows: tuple[tuple[str, ...], ...]
 
 
 def profile_drawings(result: Result) -> tuple[ProfileDrawing, ...]:
     """Draw all profiles of a result."""
     return tuple(_draw(result, name, rows) for name, rows in result.profiles.each())
-
-
-@dataclass(frozen=True)
-class _Sheet:
-    """Mapping of metres along and up to the drawing."""
-
-    first_m: float
-    high_m: float
-    scale: float
-    steep: float
-
-    def x(self, along_m: Floats) -> Floats:
-        return np.asarray(LEFT + (along_m - self.first_m) * self.scale)
-
-    def y(self, up_m: Floats) -> Floats:
-        return np.asarray(TOP + (self.high_m - up_m) * self.steep)
 
 
 def _draw(result: Result, name: str, rows: Ints) -> ProfileDrawing:
@@ -102,73 +75,58 @@ def _draw(result: Result, name: str, rows: Ints) -> ProfileDrawing:
     # scale along from the width; exaggeration of heights from the 1-2-5 series
     scale = (WIDTH - LEFT - RIGHT) / run
     factor = nice_factor(rise * scale, MAX_HEIGHT)
-    sheet = _Sheet(float(station.min()), float(high), scale, scale * factor)
-    x, y, below = sheet.x(station), sheet.y(up), sheet.y(ground)
-    in_order = np.argsort(station, kind="stable")
-    bars = (x, sheet.y(up + reach), sheet.y(up - reach))
-    off = up != ground
+    first = station.min()
+
+    def places(along_m: Floats, up_m: Floats) -> Floats:
+        x = LEFT + (along_m - first) * scale
+        return np.stack([x, TOP + (high - up_m) * scale * factor], axis=-1)
+
     units = units_of(result)
-    bar_m, bar_text = round_bar(run / 4.0, units)
-    height = TOP + max(rise * sheet.steep, MIN_HEIGHT) + BOTTOM
-    labels = tuple(profiles.label[i] for i in rows)
-    return ProfileDrawing(
-        name=name,
-        width=WIDTH,
-        height=height,
-        dots=_places(x, y),
-        ground=_places(x[in_order], below[in_order]),
-        bars=_uprights(*bars),
-        rulers=_uprights(x[off], y[off], below[off]),
-        labels=labels,
-        names=_names(labels, bars, y, height),
-        grid=_grid(sheet, low, high, table_unit(units)),
-        exaggeration=factor,
-        bar_text=bar_text,
-        bar=bar_m * scale,
-        rows=tuple((profiles.label[i], *_cells(result, int(i))) for i in rows),
+    drawing = Drawing(
+        f"Profile {name}: heights along its line",
+        WIDTH,
+        TOP + max(rise * scale * factor, MIN_HEIGHT) + BOTTOM,
     )
+    levels_m, levels = _levels(low, high, table_unit(units))
+    for level_m, text in zip(levels_m, levels, strict=True):
+        _, y = places(first, level_m)
+        drawing.lines("grid", [np.array([[LEFT - 8, y], [WIDTH - 20, y]])], LEVEL)
+        drawing.write((LEFT / 2 - 1, y + 4), text, "name")
+    in_order, off = np.argsort(station, kind="stable"), up != ground
+    dots, below = places(station, up), places(station, ground)
+    bars = np.stack([places(station, up + reach), places(station, up - reach)], axis=1)
+    drawing.lines("ground", [below[in_order]], GROUND)
+    drawing.lines("rulers", np.stack([dots[off], below[off]], axis=1), RULER)
+    drawing.lines("line", [dots], Look(INK["measured"], LINE))
+    drawing.lines("bars", bars, Look(INK["ellipse"], BAR))
+    drawing.signs("points", dots, DOT, Look(fill=INK["point"]))
+    bar_m, bar_text = round_bar(run / 4.0, units)
+    drawing.scale_bar(LEFT, drawing.height - 16, bar_m * scale, bar_text)
+    drawing.reserve([box(dot, HALF_DOT, HALF_DOT) for dot in dots])
+    heights = np.abs(np.diff(bars[..., 1], axis=1))[:, 0] / 2
+    drawing.reserve(
+        [box(at, HALF_BAR, half) for at, half in zip(bars.mean(axis=1), heights, strict=True)]
+    )
+    labels = tuple(profiles.label[i] for i in rows)
+    # labels around the tops of their bars
+    drawing.place(
+        [
+            TextRequest(label, "name", bar[:1], is_needed=False, rank=rank)
+            for rank, (label, bar) in enumerate(zip(labels, bars, strict=True))
+        ]
+    )
+    cells = tuple((profiles.label[i], *_cells(result, int(i))) for i in rows)
+    return ProfileDrawing(name, drawing, labels, levels, factor, cells)
 
 
-def _names(
-    labels: tuple[str, ...], bars: tuple[Floats, Floats, Floats], y: Floats, height: float
-) -> tuple[PlacedText, ...]:
-    """Place labels around the tops of their bars, as far as there is room above the scale bar."""
-    x, top, bottom = bars
-    wanted = [
-        TextRequest(label, "name", np.array([spot]), is_needed=False, rank=rank)
-        for rank, (label, spot) in enumerate(
-            zip(labels, np.column_stack([x, top]).tolist(), strict=True)
-        )
-    ]
-    middle = (top + bottom) / 2
-    taken = [box((a, b), HALF_DOT, HALF_DOT) for a, b in zip(x, y, strict=True)]
-    taken += [
-        box((a, b), HALF_BAR, float(c))
-        for a, b, c in zip(x, middle, np.abs(bottom - top) / 2, strict=True)
-    ]
-    return place_texts(wanted, (np.array([LEFT, 0.0]), np.array([WIDTH, height])), taken)[0]
-
-
-def _grid(
-    sheet: _Sheet, low: float, high: float, one: DisplayUnit
-) -> tuple[tuple[float, str], ...]:
-    """Return level lines at round heights in the unit that is shown."""
+def _levels(low: float, high: float, one: DisplayUnit) -> tuple[Floats, tuple[str, ...]]:
+    """Return round heights [m] in the unit that is shown, and their texts."""
     low, high = low * one.factor, high * one.factor
     step = round_length(max(high - low, 1e-6) / GRID_LINES * 2.0)
     levels = step * np.arange(np.ceil(low / step), np.floor(high / step) + 1)
     places = max(0, int(np.ceil(-np.log10(step))))
-    return tuple(
-        (float(sheet.y(level / one.factor)), f"{number(float(level), places)} {one.symbol}")
-        for level in levels
-    )
-
-
-def _places(x: Floats, y: Floats) -> tuple[Place, ...]:
-    return tuple(zip(x.tolist(), y.tolist(), strict=True))
-
-
-def _uprights(x: Floats, top: Floats, bottom: Floats) -> tuple[tuple[float, float, float], ...]:
-    return tuple(zip(x.tolist(), top.tolist(), bottom.tolist(), strict=True))
+    texts = tuple(f"{number(level, places)} {one.symbol}" for level in levels.tolist())
+    return levels / one.factor, texts
 
 
 def _cells(result: Result, row: int) -> tuple[str, ...]:

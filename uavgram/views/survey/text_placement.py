@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from uavgram.model.arrays import Floats
 from uavgram.stages.products.text_places import Label, place_labels
-from uavgram.views.survey.sheet import COMPASS, INK, LETTER, SCALE_BAR, WIDTH, GridLine, Sheet
+from uavgram.views.style import INK
 
 
 class Letters(NamedTuple):
@@ -112,7 +112,7 @@ def place_texts(
     bounds: tuple[Floats, Floats],
     taken: Sequence[Floats] | Floats,
     unit: float = 1.0,
-    letters: dict[str, Letters] = LETTERS,
+    letters: Mapping[str, Letters] = LETTERS,
     reach: float = REACH,
 ) -> tuple[tuple[PlacedText, ...], int]:
     """Place texts in a drawing; those for which no place is found are omitted.
@@ -198,21 +198,3 @@ def box(middle: Floats | tuple[float, float], half_width: float, half_height: fl
         Half its size.
     """
     return np.array([*middle, half_width, half_height, 0.0])
-
-
-def around_drawing(sheet: Sheet, grid: Sequence[GridLine], bar: float) -> list[Floats]:
-    """Return the (5,) boxes of the scale bar, the north arrow and the names of the grid.
-
-    Parameters
-    ----------
-    sheet, grid
-        The drawing, and the lines of its grid.
-    bar
-        Length of the scale bar in the drawing.
-    """
-    half = COMPASS / 2
-    return [
-        box((24.0 + bar / 2, sheet.height - SCALE_BAR / 2 + 5.0), bar / 2 + 10.0, SCALE_BAR / 2),
-        box((WIDTH - half, half), half, half),
-        *(box((one.x, one.y - 3.0), LETTER * len(one.text) / 2, 6.0) for one in grid if one.text),
-    ]

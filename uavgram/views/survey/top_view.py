@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.result.pictures import GroundPicture
 from uavgram.model.result.result import Result
 from uavgram.stages.products.map_layers import (
     ellipse_outlines,
@@ -18,26 +19,13 @@ from uavgram.stages.products.map_layers import (
 )
 from uavgram.views.formatting import number, order_worst_first
 from uavgram.views.sentence_units import convert_sentence
-from uavgram.views.style import hex_colour
+from uavgram.views.style import INK, hex_colour
+from uavgram.views.survey.drawing import PAPER, Drawing, Look
 from uavgram.views.survey.off_ground import Departures, collect_departures
 from uavgram.views.survey.outlines import longest_part, nice_factor
-from uavgram.views.survey.sheet import (
-    INK,
-    MAX_HEIGHT,
-    WIDTH,
-    GridLine,
-    Sheet,
-    grid_lines,
-    lay_sheet,
-)
-from uavgram.views.survey.text_placement import (
-    PlacedText,
-    TextRequest,
-    around_drawing,
-    box,
-    place_texts,
-)
-from uavgram.views.units import INCH_M, round_bar, units_of, value_text
+from uavgram.views.survey.sheet import MAX_HEIGHT, WIDTH, Sheet, draw_frame, lay_sheet
+from uavgram.views.survey.text_placement import TextRequest, box
+from uavgram.views.units import INCH_M, units_of, value_text
 
 ELLIPSE_SHARE, FILL_SHARE = 0.03, 0.05
 MAX_ROOM = 0.3
@@ -50,81 +38,36 @@ WELL_KNOWN_M = 0.01
 # With more lines than this they are thin, and only some of the measured ones are named.
 MANY_LINES, MAX_MEASURED = 20, 12
 BOLD, FINE, THIN = 2.0, 1.0, 0.5
-
-
-@dataclass(frozen=True)
-class Stroke:
-    """Polyline: SVG points, colour, whether it is dashed, and its width."""
-
-    points: str
-    colour: str
-    dashed: bool
-    width: float = BOLD
+DASHES = "7 4"
 
 
 @dataclass(frozen=True)
 class TopView:
-    """Content of the drawing for the template.
+    """Drawing, and what its legend needs.
 
     Attributes
     ----------
-    width, height
-        Size of the drawing.
+    drawing
+        The drawing.
     sheet
         Mapping from the world to it.
-    grid
-        Lines at round distances from the origin.
-    lines, ellipses
-        Strokes in drawing order.
-    dots
-        (x, y) of the points.
-    off_plane
-        (x, y) and colour of those whose ground is off its plane; empty for a plane.
-    off_ground
-        SVG points of a diamond around each point off the ground.
     full_m
         Departure from the plane from which on colours are full; 0 if there is none.
-    texts
-        Names, lengths and heights, without overlaps.
-    unnamed
-        Number of names without room.
+    has_off_ground
+        Whether points are marked that are off the ground.
     ellipse_factor, fill_ellipses
         Exaggeration of the ellipses within the survey; whether they are small enough to be filled.
-    bar_text, bar
-        Length of the scale bar in words, and in the drawing.
     small_unit
         Unit of the numbers under points off their plane, in words.
-    north_known
-        False with gauge ``plane``, where north is arbitrary.
     """
 
-    width: float
-    height: float
+    drawing: Drawing
     sheet: Sheet
-    grid: tuple[GridLine, ...]
-    lines: tuple[Stroke, ...]
-    ellipses: tuple[Stroke, ...]
-    dots: tuple[tuple[float, float], ...]
-    off_plane: tuple[tuple[float, float, str], ...]
-    off_ground: tuple[str, ...]
     full_m: float
-    texts: tuple[PlacedText, ...]
-    unnamed: int
+    has_off_ground: bool
     ellipse_factor: int
     fill_ellipses: bool
-    bar_text: str
-    bar: float
     small_unit: str
-    north_known: bool
-
-    @property
-    def looks(self) -> tuple[Stroke, ...]:
-        """Lines joined by style, their pieces separated by an M of SVG paths."""
-        alike: dict[tuple[str, bool, float], list[str]] = {}
-        for stroke in self.lines:
-            look = stroke.colour, stroke.dashed, stroke.width
-            alike.setdefault(look, []).append(stroke.points)
-        return tuple(Stroke(" M".join(points), *look) for look, points in alike.items())
 
 
 class Layout(NamedTuple):
@@ -189,109 +132,107 @@ def fit_layout(
 
 
 def top_view(
-    result: Result, most_height: float = MAX_HEIGHT, shown: Bools | None = None
+    result: Result,
+    most_height: float = MAX_HEIGHT,
+    shown: Bools | None = None,
+    ground: GroundPicture | None = None,
+    address: str = "",
 ) -> TopView | None:
     """Lay out the drawing; return None if there is no point to draw.
+
+    Ellipses are drawn only without a picture of the ground: they would hide it.
 
     Parameters
     ----------
     result, most_height, shown
         See `fit_layout`; with `shown`, only these points have names and dots, and there are no
         heights.
+    ground, address
+        Picture of the ground below the drawing, and its address.
     """
     layout = fit_layout(result, most_height, shown)
     if layout is None:
         return None
     sheet, extent_m, factor, usual = layout
-    position = result.points.position_world_m
-    units = units_of(result)
-    bar_m, bar_text = round_bar(extent_m / 5, units)
+    units, is_bare = units_of(result), ground is None
+    fill_ellipses = factor * usual <= FILL_SHARE * extent_m
     uneven = collect_departures(result) if shown is None else None
-    grid, rows = tuple(grid_lines(sheet, units)), slice(None) if shown is None else shown
-    dots = sheet(position[rows])
-    taken = [box(dot, HALF_DOT, HALF_DOT) for dot in dots]
-    taken += around_drawing(sheet, grid, bar_m * sheet.scale)
-    texts, unnamed = place_texts(list(_texts(result, sheet, uneven, shown)), sheet.corners, taken)
+    rows = slice(None) if shown is None else shown
+    dots = sheet(result.points.position_world_m[rows])
+    is_off = result.points.is_off_ground[rows]
+    drawing = Drawing("Top view of points and lines, to scale", WIDTH, sheet.height)
+    if ground is not None:
+        corner = sheet(np.array([ground.west_m, ground.north_m]))
+        drawing.image(corner, np.array([ground.width_m, ground.height_m]) * sheet.scale, address)
+    draw_frame(
+        drawing, sheet, extent_m / 5, units,
+        is_north_known=result.world.gauge == "world", on_picture=not is_bare,
+    )  # fmt: skip
+    if is_bare:
+        ink = INK["ellipse"]
+        look = Look(ink, 1.0, fill=ink, fill_opacity=0.15) if fill_ellipses else Look(ink, 0.6)
+        drawing.lines("ellipses", _ellipses(result, sheet, factor), look)
+    lines = _lines(result, sheet)
+    if not is_bare:
+        casings = (Look(PAPER, look.width + 1.6, opacity=0.75) for _, look in lines)
+        drawing.lines_by_look(
+            "casings", ((line, c) for (line, _), c in zip(lines, casings, strict=True))
+        )
+    drawing.lines_by_look("lines", lines)
+    edge = Look(INK["point"]) if is_bare else Look(PAPER, 0.8)
+    drawing.signs("points", dots, 2.2, edge._replace(fill=INK["point"]))
+    if uneven:
+        spots = sheet(result.points.position_world_m[uneven.rows])
+        for spot, colour in zip(spots, uneven.colours, strict=True):
+            look = Look(INK["point"], 0.7, fill=hex_colour(colour))
+            drawing.signs("off_plane", spot[None], 4.5, look)
+    drawing.signs("off_ground", dots[is_off], DIAMOND, Look(INK["point"], 1.1), sign="diamond")
+    drawing.reserve([box(dot, HALF_DOT, HALF_DOT) for dot in dots])
+    drawing.place(list(_texts(result, sheet, uneven, shown)))
     return TopView(
-        width=WIDTH,
-        height=sheet.height,
+        drawing=drawing,
         sheet=sheet,
-        grid=grid,
-        lines=tuple(_lines(result, sheet)),
-        ellipses=tuple(_ellipses(result, sheet, factor)),
-        dots=tuple((float(x), float(y)) for x, y in dots),
-        off_plane=tuple(_off_plane(result, sheet, uneven)) if uneven else (),
-        off_ground=tuple(_diamonds(dots[result.points.is_off_ground[rows]])),
         full_m=uneven.full_m if uneven else 0.0,
-        texts=texts,
-        unnamed=unnamed,
+        has_off_ground=bool(is_off.any()),
         ellipse_factor=factor,
-        fill_ellipses=factor * usual <= FILL_SHARE * extent_m,
-        bar_text=bar_text,
-        bar=bar_m * sheet.scale,
+        fill_ellipses=fill_ellipses,
         small_unit="centimetres" if units.length == "m" else "inches",
-        north_known=result.world.gauge == "world",
     )
 
 
-def _points(drawn: Floats) -> str:
-    return " ".join(f"{x:.1f},{y:.1f}" for x, y in drawn.tolist())
-
-
-def _lines(result: Result, sheet: Sheet) -> list[Stroke]:
+def _lines(result: Result, sheet: Sheet) -> list[tuple[Floats, Look]]:
+    """Draw measurements, known lengths, and lines of known position as they were stated."""
     strips = [strip for some in measured_strips(result).values() for strip in some]
-    width = BOLD if len(strips) <= MANY_LINES else THIN
-    measured = [
-        Stroke(_points(sheet(strip)), INK["measured"], dashed=False, width=width)
-        for strip in strips
-    ]
+    look = Look(INK["measured"], BOLD if len(strips) <= MANY_LINES else THIN)
+    measured = [(sheet(strip), look) for strip in strips]
     reference = reference_strips(result)
     width = BOLD if len(reference) <= MANY_LINES else FINE
     known = [
-        Stroke(
-            _points(sheet(strip)),
-            INK[result.lines.status[i]],
-            dashed=result.lines.status[i] != "used",
-            width=BOLD if result.lines.status[i] in ("suspect", "removed") else width,
-        )
+        (sheet(strip), _known_look(result.lines.status[i], INK[result.lines.status[i]], width))
         for i, strip in reference.items()
     ]
-    return measured + known + _lines_of_position(result, sheet)
-
-
-def _lines_of_position(result: Result, sheet: Sheet) -> list[Stroke]:
-    """Draw lines of known position as they were stated; those that do not fit in red."""
-    bad = ("suspect", "removed")
-    return [
-        Stroke(
-            _points(sheet(strip)),
-            INK[status] if status in bad else INK["position"],
-            dashed=status != "used",
-            width=BOLD if status in bad else FINE,
-        )
+    stated = [
+        (sheet(strip), _known_look(status, INK["position"], FINE))
         for strip, status in zip(position_strips(result), result.control_lines.status, strict=True)
     ]
+    return measured + known + stated
 
 
-def _ellipses(result: Result, sheet: Sheet, factor: int) -> list[Stroke]:
+def _known_look(status: str, colour: str, width: float) -> Look:
+    """Return the style of a known line: dashed if it is not used, bold and red if it is wrong."""
+    is_bad = status in ("suspect", "removed")
+    return Look(
+        INK[status] if is_bad else colour,
+        BOLD if is_bad else width,
+        dashes="" if status == "used" else DASHES,
+    )
+
+
+def _ellipses(result: Result, sheet: Sheet, factor: int) -> list[Floats]:
     within = result.points.relative
     center = result.points.position_world_m[:, :2]
     outlines = ellipse_outlines(center, within.ellipse_95_m, within.ellipse_azimuth_rad, factor)
-    return [Stroke(_points(sheet(outline)), INK["ellipse"], dashed=False) for outline in outlines]
-
-
-def _off_plane(
-    result: Result, sheet: Sheet, uneven: Departures
-) -> Iterator[tuple[float, float, str]]:
-    spots = sheet(result.points.position_world_m[uneven.rows])
-    for (x, y), colour in zip(spots, uneven.colours, strict=True):
-        yield float(x), float(y), hex_colour(colour)
-
-
-def _diamonds(spots: Floats) -> Iterator[str]:
-    corners = DIAMOND * np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]])
-    for spot in spots:
-        yield _points(spot + corners)
+    return [sheet(outline) for outline in outlines]
 
 
 def _over_ground(result: Result, spots: Floats) -> Iterator[TextRequest]:

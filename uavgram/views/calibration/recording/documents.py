@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import rerun as rr
 
 from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
 from uavgram.views.calibration.drawing_rules import SQRT2, pixels_text, rows_by_photo
@@ -24,7 +23,7 @@ def log_calibration_documents(recorder: Recorder, account: CalibrationAccount) -
         (SUMMARY, summary_page(account)),
         (CAMERA_PAGE, camera_page(result)),
     ):
-        recorder.static(path, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN))
+        recorder.page(path, text)
     sheets = [photo_sheet(result, k) for k in range(len(result.photos.file))]
     recorder.sheets(SHEET, sheets)
 

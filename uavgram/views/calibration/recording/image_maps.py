@@ -12,8 +12,7 @@ from uavgram.views.calibration.drawing_rules import (
     pixels_text,
     uncertainty_shares,
 )
-from uavgram.views.recording.photo_marks import CENTRE_PX
-from uavgram.views.recording.stream import Recorder
+from uavgram.views.recording.stream import CENTRE_PX, Recorder
 from uavgram.views.style import BAD, OBSERVED, QUIET, REFINED, scale_colours
 
 COVERAGE, RESIDUALS, UNCERTAINTY = "maps/coverage", "maps/residuals", "maps/uncertainty"
@@ -36,12 +35,7 @@ def _coverage(recorder: Recorder, result: CalibrationResult) -> None:
     colour = _FEW + strength[..., None] * (_MANY - _FEW)
     colour[count == 0] = _EMPTY
     _cells(recorder, COVERAGE, result, colour)
-    recorder.static(
-        f"{COVERAGE}/corners",
-        rr.Points2D(
-            result.corners.pixel_px + CENTRE_PX, colors=OBSERVED, radii=rr.Radius.ui_points(1.2)
-        ),
-    )
+    recorder.dots(f"{COVERAGE}/corners", result.corners.pixel_px + CENTRE_PX, OBSERVED, 1.2)
     _numbers(recorder, COVERAGE, result, [str(n) for n in count.ravel().tolist()])
 
 
@@ -50,16 +44,13 @@ def _residuals(recorder: Recorder, result: CalibrationResult) -> None:
     factor = mean_residual_factor(result)
     used = np.array([status != "removed" for status in corners.status])
     start = corners.pixel_px[used]
-    _strips(recorder, "corners", start, start + factor * corners.residual_px[used], QUIET, 0.35)
+    _strips(recorder, "corners", start, start + factor * corners.residual_px[used], QUIET, 0.7)
     start, shift = maps.cell_px.reshape(-1, 2), maps.residual_px.reshape(-1, 2)
     known = np.isfinite(shift[:, 0])
     odd = known & (maps.residual_probability.ravel() < UNLIKELY)
     for name, mask, colour in (("mean", known & ~odd, REFINED), ("mean_improbable", odd, BAD)):
-        _strips(recorder, name, start[mask], (start + factor * shift)[mask], colour, 1.3)
-        recorder.static(
-            f"{RESIDUALS}/{name}_start",
-            rr.Points2D(start[mask] + CENTRE_PX, colors=colour, radii=rr.Radius.ui_points(2.2)),
-        )
+        _strips(recorder, name, start[mask], (start + factor * shift)[mask], colour, 2.6)
+        recorder.dots(f"{RESIDUALS}/{name}_start", start[mask] + CENTRE_PX, colour, 2.2)
 
 
 def _strips(
@@ -71,10 +62,7 @@ def _strips(
     width: float,
 ) -> None:
     strips = np.stack([start, end], axis=1) + CENTRE_PX
-    radius = rr.Radius.ui_points(width)
-    recorder.static(
-        f"{RESIDUALS}/{name}", rr.LineStrips2D(list(strips), colors=colour, radii=radius)
-    )
+    recorder.lines(f"{RESIDUALS}/{name}", strips, colour, width)
 
 
 def _uncertainty(recorder: Recorder, result: CalibrationResult) -> None:
@@ -100,13 +88,4 @@ def _cells(recorder: Recorder, path: str, result: CalibrationResult, colour: Flo
 
 
 def _numbers(recorder: Recorder, path: str, result: CalibrationResult, texts: list[str]) -> None:
-    recorder.static(
-        f"{path}/numbers",
-        rr.Points2D(
-            result.maps.cell_px.reshape(-1, 2) + CENTRE_PX,
-            labels=texts,
-            colors=OBSERVED,
-            radii=rr.Radius.ui_points(0.0),
-            show_labels=True,
-        ),
-    )
+    recorder.texts(f"{path}/numbers", result.maps.cell_px.reshape(-1, 2) + CENTRE_PX, texts)

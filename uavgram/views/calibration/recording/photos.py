@@ -12,12 +12,6 @@ from uavgram.model.arrays import Bools
 from uavgram.model.camera.calibration_result import CalibrationResult
 from uavgram.views.calibration.drawing_rules import SQRT2, residual_factor, rows_by_photo
 from uavgram.views.calibration.recording.space import CAMERA, DEPTH_OF_CURRENT, SceneExtent
-from uavgram.views.recording.photo_marks import (
-    CENTRE_PX,
-    log_camera_poses,
-    log_dots,
-    log_polylines,
-)
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.style import BAD, GOOD, MEASURED, OBSERVED, QUIET, REFINED, SEED, Rgb
 
@@ -63,18 +57,9 @@ def log_board_photos(
         Reduced photos by name.
     """
     poses, camera = result.photos.poses, result.calibration
-    log_camera_poses(recorder, CAMERA, poses.center_world_m, poses.world_from_camera)
-    fx, fy, cx, cy = camera.parameters[:4]
-    recorder.static(
-        PHOTO,
-        rr.Pinhole(
-            image_from_camera=[[fx, 0, cx + CENTRE_PX], [0, fy, cy + CENTRE_PX], [0, 0, 1]],
-            resolution=[camera.width_px, camera.height_px],
-            camera_xyz=rr.ViewCoordinates.RDF,
-            image_plane_distance=DEPTH_OF_CURRENT * room.frustum_m,
-            color=OBSERVED,
-        ),
-    )
+    recorder.poses(CAMERA, poses.center_world_m, poses.world_from_camera)
+    depth, size_px = DEPTH_OF_CURRENT * room.frustum_m, (camera.width_px, camera.height_px)
+    recorder.camera(PHOTO, camera.parameters, size_px, depth)
     _pictures(recorder, result, previews)
     _overlay(recorder, result)
 
@@ -104,7 +89,7 @@ def _overlay(recorder: Recorder, result: CalibrationResult) -> None:
         ("residual_exaggerated_odd", odd, BAD),
     ):
         strips = [list(arrows[r[mask[r]]]) for r in rows]
-        log_polylines(recorder, f"{PHOTO}/{name}", strips, colour, 2.0)
+        recorder.lines_of_frames(f"{PHOTO}/{name}", strips, colour, 2.0)
     first = corners.corner == 0
     for name, mask, colour, size in (
         ("corners", ~odd, MEASURED, 3.0),
@@ -112,4 +97,4 @@ def _overlay(recorder: Recorder, result: CalibrationResult) -> None:
         ("first", first, OBSERVED, 5.0),
     ):
         places = [corners.pixel_px[r[mask[r]]] for r in rows]
-        log_dots(recorder, f"{PHOTO}/{name}", places, colour, size)
+        recorder.dots_of_frames(f"{PHOTO}/{name}", places, colour, size)

@@ -89,10 +89,7 @@ def log_space(recorder: Recorder, result: CalibrationResult, room: SceneExtent) 
     _board(recorder, result)
     poses = result.photos.poses
     colours = [STATUS_COLOURS[status] for status in result.photos.status]
-    recorder.static(
-        f"{AROUND}/cameras",
-        rr.LineStrips3D(list(room.frusta_m), colors=colours, radii=rr.Radius.ui_points(0.9)),
-    )
+    recorder.lines(f"{AROUND}/cameras", room.frusta_m, colours, 1.8)
     variance = np.diagonal(poses.covariance, axis1=1, axis2=2)[:, :3]
     recorder.static(
         f"{AROUND}/camera_3_sigma",
@@ -103,24 +100,10 @@ def log_space(recorder: Recorder, result: CalibrationResult, room: SceneExtent) 
             fill_mode="solid",
         ),
     )
-    recorder.static(
-        f"{BEFORE}/boards",
-        rr.LineStrips3D(list(room.boards_m), colors=colours, radii=rr.Radius.ui_points(1.1)),
-    )
-    recorder.static(
-        f"{BEFORE}/camera",
-        rr.LineStrips3D(
-            [room.frustum_m * _frustum(result)], colors=OBSERVED, radii=rr.Radius.ui_points(1.5)
-        ),
-    )
-    recorder.static(
-        f"{BEFORE}/this_board",
-        rr.LineStrips3D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(2.5)),
-    )
-    recorder.each(
-        f"{BEFORE}/this_board",
-        lambda some: rr.LineStrips3D.columns(strips=list(room.boards_m[some])),
-    )
+    recorder.lines(f"{BEFORE}/boards", room.boards_m, colours, 2.2)
+    recorder.lines(f"{BEFORE}/camera", [room.frustum_m * _frustum(result)], OBSERVED, 3.0)
+    boards = [[board] for board in room.boards_m]
+    recorder.lines_of_frames(f"{BEFORE}/this_board", boards, OBSERVED, 5.0)
 
 
 def _board(recorder: Recorder, result: CalibrationResult) -> None:
@@ -131,23 +114,11 @@ def _board(recorder: Recorder, result: CalibrationResult) -> None:
     black = (row + column) % 2 == 0
     low = np.stack([column - 1.0, row - 1.0], axis=1) * board.square_m
     offset = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * board.square_m
-    place = (low[:, None] + offset).reshape(-1, 2)
-    vertex = np.column_stack([place, np.zeros(len(place))])
-    first = 4 * np.arange(columns * rows)[:, None, None]
-    triangles = (first + np.array([[0, 1, 2], [0, 2, 3]])).reshape(-1, 3)
+    place = low[:, None] + offset
+    corners = np.concatenate([place, np.zeros((*place.shape[:2], 1))], axis=-1)
     colours = np.where(black[:, None], NEAR_BLACK, SOFT_WHITE).astype(np.uint8)
-    recorder.static(
-        f"{AROUND}/board",
-        rr.Mesh3D(
-            vertex_positions=vertex,
-            triangle_indices=triangles,
-            vertex_colors=np.repeat(colours, 4, axis=0),
-        ),
-    )
-    recorder.static(
-        f"{AROUND}/board_rim",
-        rr.LineStrips3D([_rim(result)], colors=QUIET, radii=rr.Radius.ui_points(1.0)),
-    )
+    recorder.squares(f"{AROUND}/board", corners, colours)
+    recorder.lines(f"{AROUND}/board_rim", [_rim(result)], QUIET, 2.0)
 
 
 def _rim(result: CalibrationResult) -> Floats:

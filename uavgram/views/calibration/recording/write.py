@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import rerun.blueprint as rrb
 
-from uavgram.errors import OutputError
 from uavgram.imaging.photos.preview import Preview
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration_result import CalibrationAccount, CalibrationResult
@@ -41,7 +40,7 @@ from uavgram.views.calibration.recording.space import (
     log_space,
     measure_extent,
 )
-from uavgram.views.recording.blueprint import BACKGROUND, layout, plot, space_view
+from uavgram.views.recording.blueprint import layout, page_views, picture_view, plot, space_view
 from uavgram.views.recording.scene import HALF_HEIGHT, HALF_WIDTH
 from uavgram.views.recording.stream import open_recording
 
@@ -70,12 +69,7 @@ def calibration_blueprint(account: CalibrationAccount, room: SceneExtent) -> rrb
         _photo(result),
         rrb.StateTimelineView(origin=STATUS, name=_states(account)),
         rrb.Horizontal(*_plots(result)),
-        rrb.Tabs(
-            rrb.TextDocumentView(origin=SUMMARY, name="Summary"),
-            rrb.TextDocumentView(origin=SHEET, name="Photo"),
-            rrb.TextDocumentView(origin=CAMERA_PAGE, name="Correlations, models"),
-            active_tab=0,
-        ),
+        page_views((SUMMARY, "Summary"), (SHEET, "Photo"), (CAMERA_PAGE, "Correlations, models")),
         row_shares=[4.6, 0.95, 1.9, 4.4],
     )
     return layout(rrb.Horizontal(left, right, column_shares=[1.35, 1]))
@@ -117,26 +111,17 @@ def _eye(points_m: Floats, way: Floats, up: Floats) -> tuple[Floats, Floats]:
     return target + distance * back, target
 
 
-def _whole(result: CalibrationResult) -> rrb.VisualBounds2D:
-    """Return the bounds of the image with a margin, so that its edges are seen."""
+def _map(result: CalibrationResult, origin: str, name: str) -> rrb.Spatial2DView:
+    """Show the image with a margin, so that its edges are seen."""
     width, height = result.calibration.width_px, result.calibration.height_px
     edge = MARGIN * width
-    return rrb.VisualBounds2D(x_range=[-edge, width + edge], y_range=[-edge, height + edge])
-
-
-def _map(result: CalibrationResult, origin: str, name: str) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        origin=f"/{origin}", name=name, background=BACKGROUND, visual_bounds=_whole(result)
-    )
+    return picture_view(f"/{origin}", name, (-edge, width + edge), (-edge, height + edge))
 
 
 def _photo(result: CalibrationResult) -> rrb.Spatial2DView:
-    return rrb.Spatial2DView(
-        origin=f"/{PHOTO}",
-        name=f"Photo: corners green, their misses ×{residual_factor(result)} orange, odd ones red",
-        background=BACKGROUND,
-        visual_bounds=_whole(result),
-    )
+    factor = residual_factor(result)
+    name = f"Photo: corners green, their misses ×{factor} orange, odd ones red"
+    return _map(result, PHOTO, name)
 
 
 def _plots(result: CalibrationResult) -> list[rrb.TimeSeriesView]:
@@ -173,14 +158,10 @@ def write_calibration_recording(
     options = sorted(made.options.items())
     identity = (made.program, made.version, made.inputs, made.board, options)
     times = np.full(len(result.photos.file), np.nan)  # numbered photos: no times
-    try:
-        path.touch()  # Rerun's own error for a missing folder is no OSError
-        with open_recording(path, identity, result.calibration.name, times) as recorder:
-            log_space(recorder, result, room)
-            log_board_photos(recorder, result, room, previews)
-            log_image_maps(recorder, result)
-            log_photo_plots(recorder, result)
-            log_calibration_documents(recorder, account)
-            recorder.stream.send_blueprint(calibration_blueprint(account, room))
-    except OSError as error:
-        raise OutputError(f"{path}: the recording cannot be written: {error}") from error
+    with open_recording(path, identity, result.calibration.name, times) as recorder:
+        log_space(recorder, result, room)
+        log_board_photos(recorder, result, room, previews)
+        log_image_maps(recorder, result)
+        log_photo_plots(recorder, result)
+        log_calibration_documents(recorder, account)
+        recorder.stream.send_blueprint(calibration_blueprint(account, room))

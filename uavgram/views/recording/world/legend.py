@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import rerun as rr
 from PIL import Image, ImageDraw, ImageFont
 
+from uavgram.imaging.photos.preview import Pixels
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import Source
 from uavgram.views.formatting import size_text
@@ -43,6 +43,7 @@ LEGEND_BACKGROUND: Rgb = (13, 16, 17)
 TEXT: Rgb = (225, 228, 232)
 FONT_PX = 30
 BAND_PX = 44
+BAR_PX = 300
 ROWS_PX = (60, 110)
 GAP_PX = 40
 HEIGHT_WORDS = {
@@ -67,8 +68,7 @@ def log_legend(recorder: Recorder, result: Result, scene: Scene, *, brightened: 
     brightened
         Whether the ground is brighter than in the photos.
     """
-    image = np.asarray(draw_legend(result, scene, brightened=brightened))
-    recorder.static(LEGEND, rr.Image(image, color_model="RGB").compress(jpeg_quality=92))
+    recorder.picture(LEGEND, draw_legend(result, scene, brightened=brightened))
 
 
 def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Image.Image:
@@ -83,42 +83,109 @@ def draw_legend(result: Result, scene: Scene, *, brightened: bool = False) -> Im
     brightened
         Whether the ground is brighter than in the photos.
     """
-    image = Image.new("RGB", (2 * WIDTH_PX, HEIGHT_PX), LEGEND_BACKGROUND)
-    pen = ImageDraw.Draw(image)
-    font = ImageFont.load_default(FONT_PX)
-    rows = [20.0, 20.0]
+    legend = LegendPicture(HEIGHT_PX, ROWS_PX)
+    legend.band(summarise_result(result), LEVEL_COLOURS[result.verdict.level])
     for row, text, colour in _entries(result, scene):
-        y = ROWS_PX[row] + FONT_PX / 2 + 3
-        x = rows[row]
-        pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
-        pen.text((x + 70, ROWS_PX[row]), text, fill=TEXT, font=font)
-        rows[row] = x + 70 + pen.textlength(text, font=font) + FONT_PX
-    right = int(max(rows)) + 10
+        legend.swatch(row, text, colour)
+    legend.align()
     if scene.worst_point is not None:
-        right = _scale(pen, font, result, scene, right)
+        _, low, high = sigma_shares(result)
+        words = "points by the half axis of their 95 % ellipses:"
+        if has_outlines(result):
+            size = describe_exaggeration(scene.ellipse_factor)
+            words = f"95 % ellipses, drawn {size}; half axis:"
+        legend.write(0, words)
+        first, last = (convert_sentence(size_text(one), units_of(result)) for one in (low, high))
+        legend.scale(1, first, last, scale_colours(np.linspace(0, 1, BAR_PX)))
+        legend.align()
     remarks = ["± is one sigma"]
     if brightened:
         remarks.append("ground brightened")
     if scene.off_ground is not None:
         remarks.append(f"ellipsoids off the ground {describe_exaggeration(scene.ellipsoid_factor)}")
-    ends = [right, right]
     for k, text in enumerate(remarks):
-        pen.text((ends[k % 2], ROWS_PX[k % 2]), text, fill=TEXT, font=font)
-        ends[k % 2] += int(pen.textlength(text, font=font)) + GAP_PX
-    width = max(WIDTH_PX, max(ends) - GAP_PX // 2)
-    _band(pen, font, result, width)
-    return image.crop((0, 0, width, HEIGHT_PX))
+        legend.write(k % 2, text)
+    return legend.cut()
 
 
-def _band(
-    pen: ImageDraw.ImageDraw,
-    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
-    result: Result,
-    width: int,
-) -> None:
-    """Draw the verdict above everything else: its words on its colour."""
-    pen.rectangle((0, 0, width, BAND_PX), fill=LEVEL_COLOURS[result.verdict.level])
-    pen.text((20, 4), summarise_result(result), fill=(0, 0, 0), font=font)
+class LegendPicture:
+    """Legend under construction: rows of texts, from left to right.
+
+    Parameters
+    ----------
+    height_px
+        Height of the picture.
+    rows_px
+        Upper edges of the rows.
+    """
+
+    def __init__(self, height_px: int, rows_px: tuple[int, ...]) -> None:
+        self._image = Image.new("RGB", (2 * WIDTH_PX, height_px), LEGEND_BACKGROUND)
+        self._pen = ImageDraw.Draw(self._image)
+        self._font = ImageFont.load_default(FONT_PX)
+        self._tops, self._ends = rows_px, [20.0] * len(rows_px)
+
+    def band(self, text: str, colour: Rgb) -> None:
+        """Write a text on a band of a colour above everything else."""
+        self._pen.rectangle((0, 0, 2 * WIDTH_PX, BAND_PX), fill=colour)
+        self._pen.text((20, 4), text, fill=(0, 0, 0), font=self._font)
+
+    def swatch(self, row: int, text: str, colour: Rgb) -> None:
+        """Write the meaning of a colour.
+
+        Parameters
+        ----------
+        row
+            Index of the row.
+        text, colour
+            Meaning and colour.
+        """
+        x, y = self._ends[row], self._tops[row] + FONT_PX / 2 + 3
+        self._pen.line([(x, y), (x + 56, y)], fill=colour, width=9)
+        self._ends[row] += 70
+        self.write(row, text, FONT_PX)
+
+    def write(self, row: int, text: str, gap_px: float = GAP_PX) -> None:
+        """Write a text.
+
+        Parameters
+        ----------
+        row
+            Index of the row.
+        text, gap_px
+            The text, and the gap after it.
+        """
+        self._pen.text((self._ends[row], self._tops[row]), text, fill=TEXT, font=self._font)
+        self._ends[row] += self._pen.textlength(text, font=self._font) + gap_px
+
+    def scale(self, row: int, low: str, high: str, colours: Pixels) -> None:
+        """Draw a scale between the words for its ends.
+
+        Parameters
+        ----------
+        row
+            Index of the row.
+        low, high
+            Words for its ends.
+        colours
+            (n, 3) colours.
+        """
+        self.write(row, low, 16)
+        y = self._tops[row] + 6
+        for colour in colours.tolist():
+            self._pen.line([(self._ends[row], y), (self._ends[row], y + 26)], fill=tuple(colour))
+            self._ends[row] += 1
+        self._ends[row] += 16
+        self.write(row, high)
+
+    def align(self) -> None:
+        """Let all rows continue at the same place."""
+        self._ends = [max(self._ends)] * len(self._ends)
+
+    def cut(self) -> Image.Image:
+        """Return the picture, as wide as usual, or as its rows need."""
+        width = max(WIDTH_PX, int(max(self._ends)) - GAP_PX // 2)
+        return self._image.crop((0, 0, width, self._image.height))
 
 
 def _entries(result: Result, scene: Scene) -> list[tuple[int, str, Rgb]]:
@@ -185,30 +252,3 @@ def _automatic_pick_entries(result: Result) -> list[tuple[int, str, Rgb]]:
 def describe_exaggeration(factor: int) -> str:
     """Describe the exaggeration of ellipses, in letters that the legend's font has."""
     return "at true size" if factor == 1 else f"{factor} times too large"
-
-
-def _scale(
-    pen: ImageDraw.ImageDraw,
-    font: ImageFont.FreeTypeFont | ImageFont.ImageFont,
-    result: Result,
-    scene: Scene,
-    left: int,
-) -> int:
-    """Draw the colour scale from `left` on; return its right end."""
-    _, low, high = sigma_shares(result)
-    colours = scale_colours(np.linspace(0, 1, 300))
-    words = "points by the half axis of their 95 % ellipses:"
-    if has_outlines(result):
-        words = f"95 % ellipses, drawn {describe_exaggeration(scene.ellipse_factor)}; half axis:"
-    pen.text((left, ROWS_PX[0]), words, fill=TEXT, font=font)
-    end = left + int(pen.textlength(words, font=font))
-    y = ROWS_PX[1] + 6
-    units = units_of(result)
-    first = convert_sentence(size_text(low), units)
-    pen.text((left, ROWS_PX[1]), first, fill=TEXT, font=font)
-    x = left + int(pen.textlength(first, font=font)) + 16
-    for k, colour in enumerate(colours):
-        pen.line([(x + k, y), (x + k, y + 26)], fill=tuple(int(c) for c in colour))
-    last = convert_sentence(size_text(high), units)
-    pen.text((x + 316, ROWS_PX[1]), last, fill=TEXT, font=font)
-    return max(end, x + 316 + int(pen.textlength(last, font=font))) + GAP_PX

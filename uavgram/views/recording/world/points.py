@@ -2,27 +2,19 @@
 
 from __future__ import annotations
 
-from typing import get_args
-
 import numpy as np
-import rerun as rr
 
 from uavgram.geometry.motion.rotation import xyzw_from_matrix
 from uavgram.imaging.photos.preview import Pixels
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import HeightSource, TieCloud
 from uavgram.stages.products.map_layers import ellipse_outlines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.view_texts import (
-    log_in_space,
-    make_polylines,
-    make_texts,
-    place_in_space,
-)
+from uavgram.views.recording.view_texts import log_in_space, place_in_space
 from uavgram.views.recording.world.labels import height_labels
-from uavgram.views.style import HEIGHT_COLOURS, OBSERVED, TIE_FAINT, scale_colours
+from uavgram.views.style import HEIGHT_COLOURS, OBSERVED, TIE_FAINT, Rgb, scale_colours
 from uavgram.views.survey.off_ground import Departures, OffGround, height_of
 from uavgram.views.units import round_bar, units_of
 
@@ -75,23 +67,16 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
     colours = scale_colours(sigma_shares(result)[0])
     few = len(points.label) <= MAX_POINT_LABELS
     log_heights(recorder, result, scene, colours)
-    recorder.static(
+    recorder.dots(
         "survey/points/picked",
-        rr.Points3D(
-            position,
-            radii=rr.Radius.ui_points(2.0 if few else 1.0),
-            colors=OBSERVED if has_outlines(result) else colours,
-            labels=points.label,
-            show_labels=False,
-        ),
+        position,
+        OBSERVED if has_outlines(result) else colours,
+        2.0 if few else 1.0,
+        points.label,
     )
-    grounded = np.flatnonzero(~points.is_off_ground)
-    for start in range(0, len(grounded), MAX_ELLIPSOIDS):
-        part = grounded[start : start + MAX_ELLIPSOIDS]
-        recorder.static(
-            f"survey/points/ellipse_95_true_size/{start // MAX_ELLIPSOIDS}",
-            _flat_ellipses(result, part, colours),
-        )
+    _log_flat_ellipses(
+        recorder, "survey/points/ellipse_95_true_size", result, ~points.is_off_ground
+    )
     if has_outlines(result):
         outlines = ellipse_outlines(
             position[:, :2], within.ellipse_95_m, within.ellipse_azimuth_rad, scene.ellipse_factor
@@ -99,10 +84,8 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
         height = np.broadcast_to(
             position[:, None, 2:] + 0.001 * scene.size_m, (*outlines.shape[:2], 1)
         )
-        recorder.static(
-            "survey/points/ellipse_95_exaggerated",
-            make_polylines(np.concatenate([outlines, height], axis=-1), colours, 1.3),
-        )
+        rings = np.concatenate([outlines, height], axis=-1)
+        recorder.lines("survey/points/ellipse_95_exaggerated", rings, colours, 1.3)
     if few:
         names = place_in_space(scene.top_eye, position, points.label, dots_m=position)
         log_in_space(recorder, "survey/point_names", names)
@@ -110,10 +93,7 @@ def log_points(recorder: Recorder, result: Result, scene: Scene) -> None:
 
 def log_tie_points(recorder: Recorder, ties: TieCloud) -> None:
     """Log a faint cloud of tie points: an entity of its own, which can be switched off."""
-    recorder.static(
-        "survey/tie_points",
-        rr.Points3D(ties.position_world_m, radii=rr.Radius.ui_points(0.7), colors=TIE_FAINT),
-    )
+    recorder.dots("survey/tie_points", ties.position_world_m, TIE_FAINT, 0.7)
 
 
 def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Departures) -> None:
@@ -137,7 +117,7 @@ def log_departures(recorder: Recorder, result: Result, scene: Scene, uneven: Dep
     height = scene.departure_factor * np.abs(uneven.value_m)
     top = position + height[:, None] * [0.0, 0.0, 1.0]
     bars = np.stack([position, top], axis=1)
-    recorder.static("survey/points/off_plane", make_polylines(bars, uneven.colours, BAR_WIDTH))
+    recorder.lines("survey/points/off_plane", bars, uneven.colours, BAR_WIDTH)
 
 
 def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
@@ -160,33 +140,24 @@ def log_close_up(recorder: Recorder, result: Result, scene: Scene) -> None:
     length, words = round_bar(2 * major, units_of(result))
     middle = result.points.position_world_m[scene.worst_point] - [0.0, BAR_BELOW * major, 0.0]
     ends = middle + np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * length
-    recorder.static(
-        f"{CLOSE_UP}/scale_bar",
-        rr.LineStrips3D(
-            [ends],
-            colors=OBSERVED,
-            radii=rr.Radius.ui_points(2.0),
-            labels=[words],
-            show_labels=True,
-        ),
-    )
+    recorder.lines(f"{CLOSE_UP}/scale_bar", [ends], OBSERVED, 4.0, [words], is_labelled=True)
     spot = result.points.position_world_m[[scene.worst_point]]
-    recorder.static(f"{CLOSE_UP}/name", make_texts(spot, (result.points.label[scene.worst_point],)))
-    if result.points.is_off_ground[scene.worst_point]:
-        colours = scale_colours(sigma_shares(result)[0])
-        worst = np.array([scene.worst_point])
-        recorder.static(f"{CLOSE_UP}/ellipse_95", _flat_ellipses(result, worst, colours))
+    recorder.texts(f"{CLOSE_UP}/name", spot, [result.points.label[scene.worst_point]])
+    worst = np.arange(len(result.points.label)) == scene.worst_point
+    own = worst & result.points.is_off_ground
+    _log_flat_ellipses(recorder, f"{CLOSE_UP}/ellipse_95", result, own)
 
 
-def _flat_ellipses(result: Result, rows: Ints, colours: Pixels) -> rr.Ellipsoids3D:
-    """Make the ellipses of some points within the survey, at true size."""
-    within = result.points.relative
-    return rr.Ellipsoids3D(
-        centers=result.points.position_world_m[rows],
-        half_sizes=np.column_stack([within.ellipse_95_m[rows], np.full(len(rows), FLAT_M)]),
-        quaternions=_yaw_quaternions(within.ellipse_azimuth_rad[rows]),
-        colors=colours[rows],
-        fill_mode="solid",
+def _log_flat_ellipses(recorder: Recorder, path: str, result: Result, which: Bools) -> None:
+    """Log the ellipses of some points within the survey, at true size."""
+    within, colours = result.points.relative, scale_colours(sigma_shares(result)[0])
+    rows = np.flatnonzero(which)
+    recorder.ellipsoids(
+        path,
+        result.points.position_world_m[rows],
+        np.column_stack([within.ellipse_95_m[rows], np.full(len(rows), FLAT_M)]),
+        _yaw_quaternions(within.ellipse_azimuth_rad[rows]),
+        colours[rows],
     )
 
 
@@ -198,8 +169,6 @@ def _yaw_quaternions(azimuth_rad: Floats) -> Floats:
     return np.stack([zero, zero, np.sin(half), np.cos(half)], axis=-1)
 
 
-# Rerun draws at most 60 000 ellipsoids of one entity.
-MAX_ELLIPSOIDS = 50_000
 RULERS = "survey/points/heights"
 ELLIPSOIDS = "survey/points/ellipsoid_95"
 SIDE_TEXTS = "from_the_side/heights"
@@ -224,30 +193,23 @@ def log_heights(recorder: Recorder, result: Result, scene: Scene, colours: Pixel
     standing = scene.off_ground
     if standing is None or scene.side_eye is None:
         return
-    for source in get_args(HeightSource):
-        _rulers(recorder, result, standing, source)
+    for source, colour in HEIGHT_COLOURS.items():
+        _rulers(recorder, result, standing, source, colour)
     _ellipsoids(recorder, result, standing, "true_size", 1, colours)
     if scene.ellipsoid_factor > 1:
         _ellipsoids(recorder, result, standing, "exaggerated", scene.ellipsoid_factor, colours)
     log_in_space(recorder, SIDE_TEXTS, height_labels(result, scene, scene.side_eye))
 
 
-def _rulers(recorder: Recorder, result: Result, standing: OffGround, source: HeightSource) -> None:
+def _rulers(
+    recorder: Recorder, result: Result, standing: OffGround, source: HeightSource, colour: Rgb
+) -> None:
     """Log the ruler from the ground to each point; its label under the pointer is the height."""
     which = standing.of(source)
-    if not len(which):
-        return
     points, rows = result.points, standing.rows[which]
-    recorder.static(
-        f"{RULERS}/{source}",
-        rr.LineStrips3D(
-            np.stack([standing.foot_m[which], points.position_world_m[rows]], axis=1),
-            colors=HEIGHT_COLOURS[source],
-            radii=rr.Radius.ui_points(RULER_WIDTH / 2),
-            labels=[f"{points.label[row]} {height_of(points, row)}" for row in rows.tolist()],
-            show_labels=False,
-        ),
-    )
+    rulers = np.stack([standing.foot_m[which], points.position_world_m[rows]], axis=1)
+    words = [f"{points.label[row]} {height_of(points, row)}" for row in rows.tolist()]
+    recorder.lines(f"{RULERS}/{source}", rulers, colour, RULER_WIDTH, words)
 
 
 def _ellipsoids(
@@ -259,16 +221,12 @@ def _ellipsoids(
     colours: Pixels,
 ) -> None:
     known = np.flatnonzero(standing.half_axes_m[:, 0] > 0)
-    for start in range(0, len(known), MAX_ELLIPSOIDS):
-        part = known[start : start + MAX_ELLIPSOIDS]
-        rows = standing.rows[part]
-        recorder.static(
-            f"{ELLIPSOIDS}_{size}/{start // MAX_ELLIPSOIDS}",
-            rr.Ellipsoids3D(
-                centers=result.points.position_world_m[rows],
-                half_sizes=factor * standing.half_axes_m[part],
-                quaternions=xyzw_from_matrix(standing.directions[part]),
-                colors=colours[rows],
-                fill_mode="TransparentFillMajorWireframe",
-            ),
-        )
+    rows = standing.rows[known]
+    recorder.ellipsoids(
+        f"{ELLIPSOIDS}_{size}",
+        result.points.position_world_m[rows],
+        factor * standing.half_axes_m[known],
+        xyzw_from_matrix(standing.directions[known]),
+        colours[rows],
+        is_solid=False,
+    )

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import rerun as rr
 
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.views.recording.stream import Recorder
 from uavgram.views.recording.view_texts import place_texts, places_below
 from uavgram.views.style import FREE, GROUND, MEASURED, OBSERVED, QUIET, SPREAD, Rgb
-from uavgram.views.survey.profiles import LEFT, WIDTH, Place, ProfileDrawing, profile_drawings
+from uavgram.views.survey.drawing import Drawing
+from uavgram.views.survey.profiles import LEFT, WIDTH, ProfileDrawing, profile_drawings
 
 PROFILES = "profiles"
 # The view opens on as many as fit into this height; the others are below.
@@ -22,12 +22,19 @@ HALF_LETTER, LINE, HALF_DOT = 4.5, 24.0, 3.0
 TITLE_UP, BAR_UP, NUMBER_AT = 6.0, 8.0, 26.0
 GAP = 36.0
 
-Word = tuple[Place, str]
+LINES: tuple[tuple[str, Rgb, float], ...] = (
+    ("grid", QUIET, 0.5),
+    ("ground", GROUND, 2.0),
+    ("line", MEASURED, 2.0),
+    ("rulers", FREE, 1.0),
+    ("bars", SPREAD, 3.0),
+)
+"""Lines of a drawing, with their colours and widths on the screen."""
 
 
 def opening_height(result: Result) -> float:
     """Return the height of the drawings on which the view opens."""
-    heights = np.cumsum([one.height + GAP for one in profile_drawings(result)])
+    heights = np.cumsum([one.drawing.height + GAP for one in profile_drawings(result)])
     return float(heights[heights <= max(MAX_SHOWN, heights[0])][-1])
 
 
@@ -36,81 +43,58 @@ def log_profiles(recorder: Recorder, result: Result) -> None:
     drawings = profile_drawings(result)
     if not drawings:
         return
-    tops = np.cumsum([0.0, *(one.height + GAP for one in drawings[:-1])])
+    tops = np.cumsum([0.0, *(one.drawing.height + GAP for one in drawings[:-1])])
     both = list(zip(drawings, tops.tolist(), strict=True))
 
-    def log_lines(name: str, lines: list[Floats], colour: Rgb, width: float) -> None:
-        radii = rr.Radius.ui_points(width / 2)
-        recorder.static(f"{PROFILES}/{name}", rr.LineStrips2D(lines, colors=colour, radii=radii))
-
-    def log_uprights(name: str, colour: Rgb, width: float) -> None:
-        uprights = [(bar, top) for one, top in both for bar in getattr(one, name)]
-        lines = [_stack(((x, a), (x, b)), top) for (x, a, b), top in uprights]
-        log_lines(name, lines, colour, width)
-
-    log_lines("grid", [_stack(line, top) for one, top in both for line in _grid(one)], QUIET, 0.5)
-    log_lines("ground", [_stack(one.ground, top) for one, top in both], GROUND, 2.0)
-    log_lines("line", [_stack(one.dots, top) for one, top in both], MEASURED, 2.0)
-    log_uprights("rulers", FREE, 1.0)
-    log_uprights("bars", SPREAD, 3.0)
-    dots = np.concatenate([_stack(one.dots, top) for one, top in both])
-    recorder.static(
-        f"{PROFILES}/points", rr.Points2D(dots, radii=rr.Radius.ui_points(3.0), colors=OBSERVED)
-    )
+    for name, colour, width in LINES:
+        lines = [_lower(line, top) for one, top in both for line in one.drawing.named(name)]
+        if name == "grid":
+            lines += [_scale_bar(one.drawing, top) for one, top in both]
+        recorder.lines(f"{PROFILES}/{name}", lines, colour, width)
+    dots = [_lower(dot[0], top) for one, top in both for dot in one.drawing.named("points")]
+    recorder.dots(f"{PROFILES}/points", dots, OBSERVED, 3.0)
     words = [(at, text, line) for one, top in both for at, text, line in _words(one, top)]
-    log_lines("texts/lines", [line for _, _, line in words if np.isfinite(line[0, 0])], QUIET, 1.0)
-    recorder.static(
-        f"{PROFILES}/texts",
-        rr.Points2D(
-            [at for at, _, _ in words],
-            radii=rr.Radius.ui_points(0.0),
-            colors=OBSERVED,
-            labels=[text for _, text, _ in words],
-            show_labels=True,
-        ),
-    )
+    leaders = [line for _, _, line in words if np.isfinite(line[0, 0])]
+    recorder.lines(f"{PROFILES}/texts/lines", leaders, QUIET, 1.0)
+    recorder.texts(f"{PROFILES}/texts", [at for at, _, _ in words], [text for _, text, _ in words])
 
 
-def _stack(places: Floats | tuple[Place, ...], top: float) -> Floats:
-    """Shift the (n, 2) places of one drawing to below the drawings before it."""
-    lowered: Floats = np.asarray(places) + np.array([0.0, top])
-    return lowered
+def _lower(places: Floats, top: float) -> Floats:
+    """Shift the (..., 2) places of one drawing to below the drawings before it."""
+    return np.asarray(places + np.array([0.0, top]))
 
 
-def _grid(drawing: ProfileDrawing) -> list[Floats]:
-    """Return level lines, and a scale bar for stations."""
-    below = drawing.height - BAR_UP
-    bar = np.array([[LEFT, below], [LEFT + drawing.bar, below]])
-    return [*(np.array([[LEFT, y], [WIDTH, y]]) for y, _ in drawing.grid), bar]
+def _scale_bar(drawing: Drawing, top: float) -> Floats:
+    below = top + drawing.height - BAR_UP
+    return np.array([[LEFT, below], [LEFT + drawing.bar, below]])
 
 
-def _words(drawing: ProfileDrawing, top: float) -> Iterator[tuple[Floats, str, Floats]]:
+def _words(one: ProfileDrawing, top: float) -> Iterator[tuple[Floats, str, Floats]]:
     """Yield title, length of the bar, heights of the level lines, and the names that have room.
 
     Each has the place (2,) below which it is written, and the (2, 2) line to it, NaN if none.
     """
-    factor = drawing.exaggeration
+    drawing, factor = one.drawing, one.exaggeration
     scale = "to one scale" if factor == 1 else f"heights {factor} times too large"
-    fixed: list[Word] = [
-        ((WIDTH / 2, -TITLE_UP), f"{drawing.name}: 95 % intervals, {scale}"),
+    levels = [line[0, 1] for line in drawing.named("grid")]
+    fixed = [
+        ((WIDTH / 2, -TITLE_UP), f"{one.name}: 95 % intervals, {scale}"),
         ((LEFT + drawing.bar / 2, drawing.height + BAR_UP), drawing.bar_text),
-        *(((NUMBER_AT, y), text) for y, text in drawing.grid),
+        *(((NUMBER_AT, y), text) for y, text in zip(levels, one.levels, strict=True)),
     ]
-    tops = [
-        ((x, bar_top), label)
-        for (x, bar_top, _), label in zip(drawing.bars, drawing.labels, strict=True)
-    ]
+    tops = [(bar[0], text) for bar, text in zip(drawing.named("bars"), one.labels, strict=True)]
     words = [*fixed, *tops]
+    dots = np.concatenate(drawing.named("points"))
     placed = place_texts(
         np.array([at for at, _ in words]),
         [text for _, text in words],
         np.array([HALF_LETTER, LINE / 2]),
         (np.array([0.0, -GAP]), np.array([WIDTH, drawing.height + GAP])),
-        np.array([[x, y, HALF_DOT, HALF_DOT, 0.0] for x, y in drawing.dots]),
+        np.column_stack([dots, np.tile([HALF_DOT, HALF_DOT, 0.0], (len(dots), 1))]),
         ranks=[-1] * len(fixed) + list(range(len(tops))),
     )
     hung = places_below(placed)
     for k, (_, text) in enumerate(words):
         if np.isfinite(hung[k, 0]):
             ends = np.stack([placed.leaders[k, 0], hung[k]])
-            yield _stack(hung[k], top), text, _stack(ends, top)
+            yield _lower(hung[k], top), text, _lower(ends, top)

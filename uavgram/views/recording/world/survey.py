@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import rerun as rr
 
-from uavgram.geometry.ground.row_projection import row_poses
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.result.result import Result
@@ -18,10 +17,9 @@ from uavgram.stages.products.map_layers import (
     position_strips,
     reference_strips,
 )
-from uavgram.views.recording.photo_marks import log_batches, log_polylines
 from uavgram.views.recording.scene import Scene
 from uavgram.views.recording.stream import Recorder
-from uavgram.views.recording.view_texts import log_in_space, make_polylines
+from uavgram.views.recording.view_texts import log_in_space
 from uavgram.views.recording.world.labels import MANY_LINES, line_width, survey_labels
 from uavgram.views.recording.world.points import log_departures, log_points
 from uavgram.views.style import (
@@ -38,69 +36,28 @@ from uavgram.views.style import (
 )
 from uavgram.views.survey.key_facts import frame_states
 from uavgram.views.survey.outlines import (
-    flight_order,
     frusta,
-    project_from,
     sample_polyline,
     track,
-    visible_runs,
 )
 
 ALL = "survey/footprints"
 CURRENT = "survey/footprint_of_this_photo"
-NEIGHBOURS = "footprints_before_and_after"
-# Each piece of a border is short: its bend in another photo needs few samples.
-SAMPLES = 7
 
 
-def log_footprints(recorder: Recorder, result: Result, photo: str) -> None:
-    """Log all borders on the ground, that of each frame, and those of its neighbours in it.
-
-    Parameters
-    ----------
-    recorder
-        The open recording.
-    result
-        Result of the run.
-    photo
-        Path of the photo's entity.
-    """
+def log_footprints(recorder: Recorder, result: Result) -> None:
+    """Log all borders on the ground, and that of each frame."""
     rings = {frame: close_border(ring) for frame, ring in footprints(result).items()}
     if not rings:
         return
-    width = rr.Radius.ui_points(0.4)
-    recorder.static(ALL, rr.LineStrips3D(list(rings.values()), colors=QUIET, radii=width))
-    recorder.static(
-        CURRENT, rr.LineStrips3D.from_fields(colors=OBSERVED, radii=rr.Radius.ui_points(0.8))
-    )
-    frames = range(len(result.frames.frame_id))
-    strips = [[rings[frame]] if frame in rings else [] for frame in frames]
-    log_batches(
-        recorder,
-        CURRENT,
-        [len(some) for some in strips],
-        lambda rows: rr.LineStrips3D.columns(strips=[s for i in rows for s in strips[i]]),
-    )
-    log_polylines(recorder, f"{photo}/{NEIGHBOURS}", _in_photos(result, rings), QUIET, 1.0)
+    recorder.lines(ALL, list(rings.values()), QUIET, 0.8)
+    strips = [[rings[k]] if k in rings else [] for k in range(len(result.frames.frame_id))]
+    recorder.lines_of_frames(CURRENT, strips, OBSERVED, 1.6)
 
 
 def close_border(ring: Floats) -> Floats:
     """Close a border: (v + 1, 3), with its first corner repeated."""
     return np.concatenate([ring, ring[:1]])
-
-
-def _in_photos(result: Result, rings: dict[int, Floats]) -> list[list[Floats]]:
-    """Return the borders of the photos before and after each frame, in the frame's pixels."""
-    flown = [int(frame) for frame in flight_order(result) if int(frame) in rings]
-    lines: list[list[Floats]] = [[] for _ in result.frames.frame_id]
-    borders = {frame: sample_polyline(ring, SAMPLES) for frame, ring in rings.items()}
-    for k, frame in enumerate(flown):
-        if not result.has_refined[frame]:
-            continue
-        for other in (*flown[max(k - 1, 0) : k], *flown[k + 1 : k + 2]):
-            pixel = project_from(result, row_poses(result, frame), borders[other])
-            lines[frame] += visible_runs(pixel)
-    return lines
 
 
 # Corners of the mesh that carries the mosaic, in pixels of the mosaic.
@@ -148,9 +105,9 @@ def _flight(
     if not len(centers):
         return
     if len(centers) > 1:
-        recorder.static(f"{path}/track", make_polylines([centers], colour, 2.0))
+        recorder.lines(f"{path}/track", [centers], colour, 2.0)
     cameras = frusta(result, poses, scene.frustum_m)
-    recorder.static(f"{path}/cameras", make_polylines(cameras, colour, 0.9))
+    recorder.lines(f"{path}/cameras", cameras, colour, 0.9)
 
 
 def _odd_frames(recorder: Recorder, result: Result, scene: Scene) -> None:
@@ -158,9 +115,8 @@ def _odd_frames(recorder: Recorder, result: Result, scene: Scene) -> None:
     states = np.array(frame_states(result), dtype=str)
     for state, poses in (("check", result.frames.refined), ("rejected", result.frames.seed)):
         cameras = frusta(result, _only(poses, states == state), scene.frustum_m)
-        if len(cameras):
-            path = f"survey/frames_{ODD_FRAMES[state]}"
-            recorder.static(path, make_polylines(cameras, FRAME_COLOURS[state], 2.5))
+        path = f"survey/frames_{ODD_FRAMES[state]}"
+        recorder.lines(path, cameras, FRAME_COLOURS[state], 2.5)
 
 
 def _only(poses: PoseTable, rows: Bools) -> PoseTable:
@@ -178,17 +134,14 @@ def _measured(recorder: Recorder, result: Result, named: frozenset[int]) -> None
         own = [strip for row in strips if status[row] == doubt for strip in strips[row]]
         if doubt == "contradicted":
             own = [dash for strip in own for dash in _dashes(strip)]
-        if own:
-            colour, width = MEASURED_COLOURS[doubt], line_width(total)
-            recorder.static(f"survey/measured/{doubt}", make_polylines(own, colour, width))
+        colour, width = MEASURED_COLOURS[doubt], line_width(total)
+        recorder.lines(f"survey/measured/{doubt}", own, colour, width)
     strips = {row: s for row, s in strips.items() if status[row] in ("ok", "not-checked")}
     bold = [strip for row in named for strip in strips.get(row, [])]
     quiet = [strip for row, some in strips.items() if row not in named for strip in some]
-    if bold:
-        recorder.static("survey/measured/least_certain", make_polylines(bold, MEASURED, 3.5))
-    if quiet:
-        colour = MEASURED if total <= MANY_LINES else MEASURED_QUIET
-        recorder.static("survey/measured/others", make_polylines(quiet, colour, line_width(total)))
+    recorder.lines("survey/measured/least_certain", bold, MEASURED, 3.5)
+    colour = MEASURED if total <= MANY_LINES else MEASURED_QUIET
+    recorder.lines("survey/measured/others", quiet, colour, line_width(total))
 
 
 def _reference_lines(recorder: Recorder, result: Result) -> None:
@@ -197,16 +150,14 @@ def _reference_lines(recorder: Recorder, result: Result) -> None:
         by_status.setdefault(result.lines.status[row], []).append(strip)
     for status, strips in by_status.items():
         dashed = [dash for strip in strips for dash in _dashes(strip)]
-        recorder.static(
-            f"survey/known_lengths/{status}",
-            make_polylines(dashed if status == "checked" else strips, LINE_COLOURS[status], 5.0),
-        )
+        drawn = dashed if status == "checked" else strips
+        recorder.lines(f"survey/known_lengths/{status}", drawn, LINE_COLOURS[status], 5.0)
     by_status.clear()
     for strip, status in zip(position_strips(result), result.control_lines.status, strict=True):
         by_status.setdefault(status, []).append(strip)
     for status, strips in by_status.items():
         path = f"survey/lines_of_known_position/{status}"
-        recorder.static(path, make_polylines(strips, LINE_COLOURS[status], 2.0))
+        recorder.lines(path, strips, LINE_COLOURS[status], 2.0)
 
 
 def _dashes(strip: Floats, count: int = 15) -> list[Floats]:
