@@ -119,7 +119,7 @@ class ProjectHost:
 
     @property
     def is_busy(self) -> bool:
-        """Whether work is under way that closing the tabs does not end."""
+        """Return whether work is under way that closing the tabs does not end."""
         return self._changing.locked() or (self.pick is not None and self.pick.project.is_busy)
 
     def way_to(self, wanted: Path | None, only_open: bool) -> str | None:  # noqa: FBT001

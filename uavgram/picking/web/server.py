@@ -79,7 +79,7 @@ class PickServer:
 
     @property
     def is_shown(self) -> bool:
-        """Whether a tab shows it."""
+        """Return whether a tab shows it."""
         return bool(self._pages)
 
     def unsaved(self) -> str:
