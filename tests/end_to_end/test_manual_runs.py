@@ -121,5 +121,7 @@ def test_the_tutorial_leads_from_nothing_to_a_report(installed: Path, tmp_path: 
     results = json.loads((tmp_path / "crossing" / "out" / "results.json").read_text("utf-8"))
     assert "skid left" in report
     assert (tmp_path / "crossing" / "out" / "plan.pdf").is_file()
-    # The length that was made wrong is right again.
+    # The run with the wrong length is not green and names it; the last run is right again.
+    wrong = re.findall(r"^Verdict: (?:red|amber).*$", shown, re.MULTILINE)
+    assert "L1 does not fit and was left out" in wrong[-1], wrong
     assert results["verdict"]["level"] == "green"

@@ -154,17 +154,15 @@ class ProjectLock:
 
 
 def is_locked(path: Path) -> bool:
-    """Return whether a process holds a lock file."""
+    """Return whether a process holds a lock file, or may hold it where locks are not available."""
     try:
         handle = open_own(path, os.O_RDONLY)
     except (OSError, OutputError):
         return False
     try:
         lock(handle)
-    except BlockingIOError:
+    except OSError:  # held, or locks are not available: the file may be another process's
         return True
-    except OSError:  # locks are not available
-        return False
     finally:
         os.close(handle)
     return False

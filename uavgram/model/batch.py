@@ -165,12 +165,12 @@ class PooledRatio:
 
     @property
     def is_small(self) -> bool:
-        """Whether the sigmas are too small: the errors exceed them."""
+        """Return whether the sigmas are too small: the errors exceed them."""
         return self.low > 1.0
 
     @property
     def is_large(self) -> bool:
-        """Whether the sigmas are too large."""
+        """Return whether the sigmas are too large."""
         return self.high < 1.0
 
 

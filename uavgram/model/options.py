@@ -300,7 +300,7 @@ class TargetOptions(_Options):
 
     @property
     def is_board(self) -> bool:
-        """Whether it is a ChArUco board."""
+        """Return whether it is a ChArUco board."""
         return self.family.split(":")[0] == BOARD_PLATE
 
 

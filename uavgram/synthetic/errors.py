@@ -50,7 +50,7 @@ class ErrorSpec:
     pick_px, tape_m, check_m, control_m
         Of each picked coordinate, each taped length, each axis of a check or control point.
     identification_m
-        Deviation of the picked point from the label's true one: drawn anew for each pick, east and
+        Deviation of the picked point from the label's true one: drawn again for each pick, east and
         north.
     tape_scale
         Of the tape, common to all lengths and relative to them.

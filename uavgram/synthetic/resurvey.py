@@ -1,4 +1,4 @@
-"""Repetitions of a real survey: its adjusted state is the truth, and observations are drawn anew.
+"""Repetitions of a real survey: its adjusted state is the truth, and observations are drawn again.
 
 Conditions (right angles, points in line) and lines of known position hold in the truth as well as
 they held in the survey: they have no readings that could differ.
@@ -74,7 +74,7 @@ class ProjectWorld:
         return self.spec.name, self.spec.seed
 
     def _drawn(self, rngs: Iterable[np.random.Generator]) -> DrawnSurvey:
-        """Draw each kind of observation anew, from its own random stream."""
+        """Draw each kind of observation again, from its own random stream."""
         inputs, control = self.inputs, self.inputs.control
         placed = KnownWorldPoints(
             label=control.label, world_m=control.coordinates, sigma_m=control.sigma_m
@@ -210,7 +210,7 @@ def _add_lengths(
         name=tuple(line.name for line in spec.lines),
         start=tuple(line.start for line in spec.lines),
         end=tuple(line.end for line in spec.lines),
-        length_m=np.ones(len(spec.lines)),  # read anew in each repetition
+        length_m=np.ones(len(spec.lines)),  # read again in each repetition
         sigma_m=np.full(len(spec.lines), spec.tape_m),
         adjust=np.array([line.use == "adjust" for line in spec.lines], dtype=np.bool_),
     )

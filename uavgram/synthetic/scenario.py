@@ -54,7 +54,7 @@ class GroundSpec:
         Standard deviation and correlation length of the ground's departure from all that; with a
         length of 0 each point has its own.
     height_sigma_m, slope_sigma_deg
-        The plane is drawn anew in each repetition: height and each slope about those of `Site`.
+        The plane is drawn again in each repetition: height and each slope about those of `Site`.
     """
 
     shape: Shape = "plane"
@@ -81,7 +81,7 @@ class GroundSpec:
 
     @property
     def is_plane(self) -> bool:
-        """Whether the ground is a plane, as the program assumes."""
+        """Return whether the ground is a plane, as the program assumes."""
         sizes = (self.crown_percent, self.slope_break_percent, self.kerb_m, self.relief_m)
         return not any(sizes)
 
@@ -199,12 +199,12 @@ class FlightPlan:
 
     @property
     def is_hovering(self) -> bool:
-        """Whether photos are taken while hovering, one every few seconds."""
+        """Return whether photos are taken while hovering, one every few seconds."""
         return self.pattern in {"orbit", "single", "poses"}
 
     @property
     def tells_clock(self) -> bool:
-        """Whether exposures are numerous and irregular enough to find the clock offset."""
+        """Return whether exposures are numerous and irregular enough to find the clock offset."""
         return self.photo_count >= MIN_EXPOSURES and not self.is_hovering
 
     @property

@@ -115,22 +115,22 @@ class Source:
 
     @cached_property
     def is_uneven(self) -> bool:
-        """Whether the ground is uneven."""
+        """Return whether the ground is uneven."""
         return collect_departures(self.result) is not None
 
     @property
     def is_on_earth(self) -> bool:
-        """Whether the world is tied to the earth."""
+        """Return whether the world is tied to the earth."""
         return self.result.world.gauge == "world"
 
     @property
     def has_heights(self) -> bool:
-        """Whether any point is off the ground."""
+        """Return whether any point is off the ground."""
         return bool(self.result.points.is_off_ground.any())
 
     @property
     def has_three_sigmas(self) -> bool:
-        """Whether heights of points have sigmas of their own."""
+        """Return whether heights of points have sigmas of their own."""
         return self.has_heights or self.is_uneven
 
     def measured(self, row: int) -> MeasurementText:

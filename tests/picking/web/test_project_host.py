@@ -13,6 +13,7 @@ from picking_server import Served, served
 
 from uavgram.errors import OutputError
 from uavgram.picking.session.folder_chooser import MAX_REQUEST_BYTES, FolderChooser
+from uavgram.picking.session.project import OpenProject
 
 
 @pytest.fixture
@@ -210,6 +211,21 @@ def test_a_project_that_a_tab_shows_is_closed_only_where_that_is_asked_for(
     asked = browser.post("/door/begin", params={"closes": "yes"}, json=wanted(known["second"]))
     assert asked.json() == {}
     assert (home / "second" / "project.yaml").exists()
+
+
+def test_a_project_at_work_that_no_tab_shows_is_closed_only_where_that_is_asked_for(
+    browser: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    known = numbers(browser)
+    for name in ("first", "second"):
+        browser.get("/door/look", params={"folder": known[name]})
+    assert browser.post("/door/begin", json=wanted(known["first"])).json() == {}
+    monkeypatch.setattr(OpenProject, "is_busy", property(lambda _: True))
+    refused = browser.post("/door/begin", json=wanted(known["second"]))
+
+    assert (refused.status_code, refused.json()["open"]) == (409, "first")
+    asked = browser.post("/door/begin", params={"closes": "yes"}, json=wanted(known["second"]))
+    assert asked.json() == {}
 
 
 def test_a_home_is_no_flight_for_the_photos_in_its_folders(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import re
 import signal
@@ -173,6 +174,19 @@ def test_what_a_killed_server_left_behind_leads_nowhere_and_is_removed(tmp_path:
         fresh = request_address(project)
         assert fresh is not None
         assert fresh.text.startswith(server.origin)
+
+
+def test_a_page_is_found_where_the_system_cannot_lock_files(
+    server: Server, project: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: int) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("uavgram.io.locks.lock", refuse)
+    fresh = request_address(project)
+
+    assert fresh is not None
+    assert door_of(server).exists()
 
 
 def test_a_server_of_another_machine_with_the_same_home_is_not_asked(

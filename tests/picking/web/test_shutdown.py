@@ -16,11 +16,13 @@ from uavgram.picking.web import serving
 from uavgram.picking.web.tabs import Tabs
 
 
-def test_a_closed_tab_counts_from_its_end_and_no_tab_at_all_never() -> None:
+def test_a_closed_tab_counts_from_its_end_and_no_tab_at_all_from_the_beginning() -> None:
     now = 0.0
     tabs = Tabs(clock=lambda: now)
     now = 1000.0
-    assert tabs.gone_s() == 0  # none has come yet
+    assert tabs.gone_s() == 1000  # none has come yet
+    tabs.expect()  # another address was given
+    assert tabs.gone_s() == 0
     with tabs.one():
         now = 2000.0
         with tabs.one():
@@ -75,13 +77,21 @@ def test_a_while_after_the_last_tab_the_project_is_free(
 
 
 def test_a_tab_at_the_choice_of_a_folder_is_a_tab(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(serving, "ENDS_AFTER_S", 0.2)
     reached = Reached(None)
     entry = entry_by(ask(reached.address, follow_redirects=False))
     address = entry.to(reached.origin.replace("http", "ws") + "/door/tab")
     headers = {"Cookie": entry.cookie}
     with connect(address, origin=Origin(reached.origin), additional_headers=headers, proxy=None):
+        monkeypatch.setattr(serving, "ENDS_AFTER_S", 0.2)
         reached.thread.join(1.0)
         assert reached.thread.is_alive()
     reached.thread.join(LONGEST_WAIT_S)
+    assert not reached.thread.is_alive()
+
+
+def test_a_page_that_no_browser_ever_opened_ends_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(serving, "ENDS_AFTER_S", 0.2)
+    reached = Reached(None)
+    reached.thread.join(LONGEST_WAIT_S)
+
     assert not reached.thread.is_alive()

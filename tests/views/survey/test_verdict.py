@@ -46,6 +46,13 @@ def test_a_survey_without_a_flaw_is_green_in_one_sentence() -> None:
     assert words.counts.startswith("20 of 20 photos used, 4 of 5 known lengths used")
 
 
+def test_two_measurements_are_both_in_order() -> None:
+    made = survey.build(clean=True)
+    two = verdict_words(replace(made, measurements=first_rows(made.measurements, 2)))
+
+    assert two.sentence == "Verdict: green, in order: both measurements fit and are checked."
+
+
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
     assert verdict_sentence(survey.build()) == (
         "Verdict: amber, check this first: 0 of 10 measurements are in order. Line 'R3 hedge' "

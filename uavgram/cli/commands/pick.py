@@ -31,7 +31,7 @@ def pick(
     `uavgram` alone do the same. Everything is saved at once. Ctrl+C ends it, and so do ten minutes
     without an open tab.
 
-    While it runs, the same command again opens a lost tab anew, and another project in its place.
+    While it runs, the same command again opens a lost tab again, and another project in its place.
 
     Parameters
     ----------

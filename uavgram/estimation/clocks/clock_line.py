@@ -53,7 +53,7 @@ class ClockLine:
 
     @property
     def drifts(self) -> bool:
-        """Whether the drift exceeds three of its sigmas."""
+        """Return whether the drift exceeds three of its sigmas."""
         return abs(self.drift) > _SIGNIFICANT_SIGMAS * self.drift_sigma
 
     def at(self, time_s: float) -> float:

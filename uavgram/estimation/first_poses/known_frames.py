@@ -208,7 +208,7 @@ class FrameThings(NamedTuple):
 
     @property
     def scaled(self) -> bool:
-        """Whether a length or a known distance determines the scale."""
+        """Return whether a length or a known distance determines the scale."""
         return any(one.kind in SCALED_KINDS for one in self.things)
 
     def words(self) -> str:

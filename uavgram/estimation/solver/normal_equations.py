@@ -343,7 +343,7 @@ class Factor:
 
     @property
     def sparse(self) -> bool:
-        """Whether the system was large enough for the sparse factorisation."""
+        """Return whether the system was large enough for the sparse factorisation."""
         return isinstance(self._factor, SparseFactor)
 
     def log_determinant(self) -> float:

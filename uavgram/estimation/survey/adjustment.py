@@ -291,7 +291,7 @@ class LeftOutCause(Enum):
 
     @property
     def is_of_frame(self) -> bool:
-        """Whether it concerns the pick's whole frame, and not the pick alone."""
+        """Return whether it concerns the pick's whole frame, and not the pick alone."""
         return self in (
             LeftOutCause.NOT_JOINED,
             LeftOutCause.UNDETERMINED,

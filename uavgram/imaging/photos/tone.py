@@ -68,7 +68,7 @@ class Tone:
 
     @property
     def is_identity(self) -> bool:
-        """Whether the photo is shown unchanged."""
+        """Return whether the photo is shown unchanged."""
         return self == IDENTITY_TONE
 
 

@@ -94,7 +94,7 @@ class PhotoLattice:
 
     @property
     def smooth(self) -> bool:
-        """Whether values between the nodes can be interpolated."""
+        """Return whether values between the nodes can be interpolated."""
         return bool(np.isfinite(self.pixel).all() and np.isfinite(self.off_nadir).all())
 
     def within(self, border_px: float) -> bool:

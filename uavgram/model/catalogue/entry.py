@@ -41,7 +41,7 @@ class Order(IntEnum):
 
     @property
     def is_found_cause(self) -> bool:
-        """Whether a warning of this kind explains errors, and comes before them."""
+        """Return whether a warning of this kind explains errors, and comes before them."""
         return self <= Order.CAUSE_OF_ONE
 
 

@@ -129,12 +129,12 @@ class LogFault:
 
     @property
     def is_jump(self) -> bool:
-        """Whether the log is right before and after it, but for the difference of the two."""
+        """Return whether the log is right on either side of it, but for the difference."""
         return self.kind in ("position-jump", "attitude-jump")
 
     @property
     def is_of_attitude(self) -> bool:
-        """Whether it makes directions uncertain, instead of positions."""
+        """Return whether it makes directions uncertain, instead of positions."""
         return self.kind.startswith(("attitude", "gimbal"))
 
     @property

@@ -70,7 +70,7 @@ class CalibrationJob:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a calibration is running; false once its end was sent."""
+        """Return whether a calibration is running; false once its end was sent."""
         return self.last_message.get("state") == "running"
 
     def folders(self) -> list[Json]:

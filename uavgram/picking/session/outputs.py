@@ -92,7 +92,7 @@ class Outputs:
 
     @property
     def has_recording(self) -> bool:
-        """Whether there is a recording."""
+        """Return whether there is a recording."""
         return self._has(RECORDING)
 
     def _has(self, name: str) -> bool:

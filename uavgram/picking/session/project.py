@@ -71,7 +71,7 @@ class OpenProject:
 
     @property
     def is_busy(self) -> bool:
-        """Whether outputs are being written, or a camera calibrated."""
+        """Return whether outputs are being written, or a camera calibrated."""
         return self._busy.locked() or self.calibration.is_busy
 
     async def close(self, *, waits: bool) -> None:

@@ -33,7 +33,9 @@ log = logging.getLogger(__name__)
 RunProject = Callable[[Path], object]
 
 TOO_LONG, CANNOT = 413, 409
-OPEN_ALREADY = "{} is open already, perhaps in another tab: one project is open at a time."
+OPEN_ALREADY = (
+    "{} is open already, perhaps in another tab or at work: one project is open at a time."
+)
 ELSEWHERE = "This project is open in another page of uavgram."
 
 
@@ -119,7 +121,7 @@ class ProjectHost:
 
     @property
     def is_busy(self) -> bool:
-        """Whether work is under way that closing the tabs does not end."""
+        """Return whether work is under way that closing the tabs does not end."""
         return self._changing.locked() or (self.pick is not None and self.pick.project.is_busy)
 
     def way_to(self, wanted: Path | None, only_open: bool) -> str | None:  # noqa: FBT001
@@ -159,8 +161,8 @@ class ProjectHost:
     async def _begin(self, request: Request) -> Response:
         """Set up a project and open it.
 
-        Another open project that a tab shows is saved and closed only if the request asks for that:
-        otherwise a tab would change the content of others.
+        Another open project that a tab shows, or that is at work, is saved and closed only if the
+        request asks for that: otherwise a tab would change the content of others or end work.
         """
         body = b""
         async for part in request.stream():
@@ -174,7 +176,7 @@ class ProjectHost:
                 meant = await to_thread.run_sync(self.door.meant, body)
                 if self.pick is not None and self.pick.path != meant:
                     name = self.pick.path.parent.name
-                    if self.pick.is_shown and not closes:
+                    if self.pick.is_in_use and not closes:
                         return JSONResponse(
                             {"why": OPEN_ALREADY.format(name), "open": name}, CANNOT
                         )

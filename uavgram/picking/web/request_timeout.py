@@ -56,7 +56,7 @@ class TimeoutProtocol(H11Protocol):
 
     @property
     def is_silent(self) -> bool:
-        """Whether no complete request has come yet."""
+        """Return whether no complete request has come yet."""
         return self._overdue is not None
 
     @property

@@ -78,9 +78,9 @@ class PickServer:
         self._watching = asyncio.create_task(self._watch())
 
     @property
-    def is_shown(self) -> bool:
-        """Whether a tab shows it."""
-        return bool(self._pages)
+    def is_in_use(self) -> bool:
+        """Return whether a tab shows it, or work on it is under way."""
+        return bool(self._pages) or self.project.is_busy
 
     def unsaved(self) -> str:
         """Save; return the reason if that failed, else an empty text."""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 
 
 class Tabs:
-    """Number of open tabs, and the time since the last one was closed.
+    """Number of open tabs, and the time without one: since the last was closed, or the beginning.
 
     Parameters
     ----------
@@ -18,7 +18,7 @@ class Tabs:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._open = clock, 0
-        self._closed_at_s: float | None = None
+        self._none_since_s = clock()
 
     @contextlib.contextmanager
     def one(self) -> Iterator[None]:
@@ -28,15 +28,12 @@ class Tabs:
             yield
         finally:
             self._open -= 1
-            self._closed_at_s = self._clock()
+            self._none_since_s = self._clock()
 
     def expect(self) -> None:
-        """Restart the time since the last tab, as a new address was given."""
-        if self._closed_at_s is not None:
-            self._closed_at_s = self._clock()
+        """Restart the time without a tab, as a new address was given."""
+        self._none_since_s = self._clock()
 
     def gone_s(self) -> float:
-        """Return the time since the last tab was closed [s]; 0 while one is open, or none came."""
-        if self._open or self._closed_at_s is None:
-            return 0.0
-        return self._clock() - self._closed_at_s
+        """Return the time without a tab [s]; 0 while one is open."""
+        return 0.0 if self._open else self._clock() - self._none_since_s

@@ -61,7 +61,7 @@ def find_next_lines(project: Path) -> NextLines:
     Parameters
     ----------
     project
-        The project file; it is run anew, no file is written.
+        The project file; it is run again, no file is written.
 
     Raises
     ------

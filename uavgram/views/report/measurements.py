@@ -92,7 +92,7 @@ def _causes(noise: Noise) -> list[str]:
 
 
 class SecondOrderNote(NamedTuple):
-    """Whether first-order propagation is good enough.
+    """Return whether first-order propagation is good enough.
 
     Attributes
     ----------

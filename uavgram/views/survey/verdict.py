@@ -114,7 +114,8 @@ def _known(result: Result) -> str:
             f"{', and is checked' if result.verdict.level == 'green' else ''}."
         )
     if result.verdict.level == "green":
-        return f"all {len(rows.name)} measurements fit and are checked."
+        every = "both" if len(rows.name) == 2 else f"all {len(rows.name)}"
+        return f"{every} measurements fit and are checked."
     in_order = sum(status == "ok" for status in rows.status)
     return f"{in_order} of {len(rows.name)} measurements are in order."
 

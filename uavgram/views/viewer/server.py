@@ -95,7 +95,7 @@ class RecordingServer:
 
     @property
     def is_up(self) -> bool:
-        """Whether it still runs."""
+        """Return whether it still runs."""
         return self._process.poll() is None
 
     def _wait_for_start(self, *ports: int) -> None:

@@ -64,7 +64,7 @@ class ThirdCoordinate:
 
     @property
     def is_unknown(self) -> bool:
-        """Whether any point has a departure."""
+        """Return whether any point has a departure."""
         return len(self.idle) < len(self.sigma_m)
 
     @property

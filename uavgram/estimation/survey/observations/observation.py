@@ -182,7 +182,7 @@ class Observation:
 
     @classmethod
     def draw(cls, stated: Observations, truth: SimulatedTruth) -> Observations:
-        """Draw these kinds anew, about the truth and with their stated errors.
+        """Draw these kinds again, about the truth and with their stated errors.
 
         Parameters
         ----------
