@@ -98,6 +98,12 @@ def _changed(i: int, j: int, value: float) -> str:
         (HEAD + PARAMETERS.replace("2900,", "-2900,") + SIGMA, 5, "fx must be greater than 0"),
         (HEAD + PARAMETERS.replace("2900.5", "3.6") + SIGMA, 5, "fy must be in pixels (got 3.6"),
         (HEAD + PARAMETERS.replace("1500", "6500") + SIGMA, 5, "cy must be in pixels, inside"),
+        (
+            HEAD + PARAMETERS.replace("2000", "1490").replace("1500", "2010") + SIGMA,
+            5,
+            "cx and cy seem to be exchanged (got 1490 and 2010, the middle of the image is at "
+            "1999.5 and 1499.5): write 2010, 1490",
+        ),
         (HEAD.replace("4000", "-4000") + PARAMETERS + SIGMA, 3, "width_px: must be greater than 0"),
         (HEAD.replace("4000", "4000.5") + PARAMETERS + SIGMA, 3, "must be a whole number"),
         (HEAD.replace("brown", "pinhole") + PARAMETERS + SIGMA, 2, "must be brown or fisheye"),

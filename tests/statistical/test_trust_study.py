@@ -238,3 +238,14 @@ def test_of_two_photos_one_of_another_place_spoils_nothing(log: str | None) -> N
     assert first["cause"] in ("photo-elsewhere", "frame-left-out")
     assert set(first["frames"]) >= set(survey.wrong["frames"])
     assert max(map(abs, zs(row))) < 3.5
+
+
+@pytest.mark.parametrize("world", ["single", "single_no_log"])
+def test_wrong_picks_of_a_single_photo_accuse_no_length(world: str) -> None:
+    """They turn the photo, so that many lengths seem less exact, and no misfit is a gross error."""
+    case = {"world": world, "fault": "swapped_once", "seed": 97001}
+    survey = drawn(world, "swapped_once", 97001)
+
+    first = judged(survey, case)["reasons"][0]
+    assert first["cause"] == "pick-left-out"
+    assert set(first["labels"]) <= set(survey.wrong["labels"])

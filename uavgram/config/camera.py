@@ -172,7 +172,27 @@ def _parameter_faults(camera: _CameraFile) -> list[tuple[str, str]]:
         if not -size <= centre_px <= 2 * size:  # it may be outside a crop
             text = f"{name} must be in pixels, inside the image (got {centre_px}, size {size})"
             faults.append(("parameters", text))
+    if _is_exchanged(camera):
+        middle = f"{(camera.width_px - 1) / 2:g} and {(camera.height_px - 1) / 2:g}"
+        text = (
+            f"cx and cy seem to be exchanged (got {cx:g} and {cy:g}, the middle of the image is at "
+            f"{middle}): write {cy:g}, {cx:g}"
+        )
+        faults.append(("parameters", text))
     return faults
+
+
+def _is_exchanged(camera: _CameraFile) -> bool:
+    """Return whether the principal point is near the middle only with its axes exchanged."""
+    size = np.array([camera.width_px, camera.height_px])
+    centre = np.array(camera.parameters[2:4])
+    stated, exchanged = (np.abs(one / size - 0.5).max() for one in (centre, centre[::-1]))
+    return bool(exchanged < NEAR_MIDDLE and stated > FAR_FROM_MIDDLE)
+
+
+NEAR_MIDDLE, FAR_FROM_MIDDLE = 0.04, 0.08
+"""Distances of the principal point from the middle of the image, as shares of its sides: usual for
+a whole photo, and unusual."""
 
 
 def _covariance(camera: _CameraFile, document: Document) -> Floats:

@@ -90,6 +90,45 @@ def report_not_located(names: ObservationNames, suspicion: Suspicion, detail: st
     )
 
 
+def report_one_of(
+    suspects: Sequence[str],
+    left_out: Sequence[str],
+    action: str,
+    *,
+    frames: Sequence[str] = (),
+    labels: Sequence[str] = (),
+    lengths: Sequence[str] = (),
+    removals: Iterable[Remedy | None] = (),
+) -> Message:
+    """Report readings of which one is wrong; without it, all the rest fits.
+
+    Parameters
+    ----------
+    suspects, left_out
+        Words for all of them, and for those that take no part.
+    action
+        Sentences on what to do.
+    frames, labels, lengths
+        Names of the observations.
+    removals
+        Corrections that remove one of them.
+    """
+    were = "was" if len(left_out) == 1 else "were"
+    text = (
+        f"One of these is wrong: {listed(suspects, link='or')}. All the rest fits without any one "
+        f"of them, and nothing shows which. Of these, {listed(left_out)} {were} left out. {action}."
+    )
+    return Message(
+        "warning",
+        "blunder-not-located",
+        text,
+        frames=tuple(frames),
+        labels=tuple(labels),
+        lengths=tuple(lengths),
+        instead=tuple(one for one in read_first(removals) if one is not None),
+    )
+
+
 def make_remedy(survey: Survey, mend: SurveyCorrection) -> Remedy | None:
     """Describe a correction by name; None where it changes no stated value.
 

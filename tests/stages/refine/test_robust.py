@@ -256,20 +256,63 @@ def swapped_in_one_photo(scene: Scene) -> tuple[Survey, frozenset[int]]:
     return replace(survey, pixel_px=pixel), frozenset(two.tolist())
 
 
+@BOTH
 def test_labels_swapped_in_a_photo_that_misleads_all_first_values_leave_alone(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, base: str
 ) -> None:
-    scene = make_scene(3, **LOG)
+    """The photo returns by those of its picks that agree on a pose."""
+    scene = make_scene(3, **BASES[base])
     survey, wrong = swapped_in_one_photo(scene)
-    for misled in ("_from_softened", "_without_lengths"):
-        monkeypatch.setattr(robust, misled, lambda _: iter(()))
-    monkeypatch.setattr(robust, "MOST_PICKS", 0)
+    monkeypatch.setattr(robust, "_from_softened", lambda _: iter(()))
+    monkeypatch.setattr(robust, "_without_references", lambda *_: iter(()))
     found = adjust_robustly(all_of(survey))
 
     assert frozenset(found.refined.pick_reason) == wrong
     assert not found.refined.line_removed.any()
     assert not found.labels
     assert largest_error(found.refined.adjustment, scene) < FARTHEST
+
+
+def mirrored(survey: Survey, frame: int) -> tuple[Survey, frozenset[int]]:
+    """Exchange left and right in a photo, and return its picks."""
+    own = np.flatnonzero(survey.pick_frame == frame)
+    pixel = np.array(survey.pixel_px)
+    pixel[own, 0] = survey.calibration.width_px - 1.0 - pixel[own, 0]
+    return replace(survey, pixel_px=pixel), frozenset(own.tolist())
+
+
+@pytest.mark.parametrize("frames", [3, 5])
+@BOTH
+def test_a_mirrored_photo_is_left_out_and_bends_nothing(base: str, frames: int) -> None:
+    scene = make_scene(4, **{**BASES[base], "frames": frames})
+    survey, wrong = mirrored(scene.survey, 1)
+    found = adjust_robustly(all_of(survey))
+
+    assert frozenset(found.refined.pick_reason) == wrong
+    assert not found.refined.line_removed.any()
+    assert largest_error(found.refined.adjustment, scene) < FARTHEST
+
+
+@BOTH
+def test_of_two_photos_that_fit_alone_neither_is_accused(base: str) -> None:
+    survey, _ = mirrored(make_scene(4, **{**BASES[base], "frames": 2}).survey, 1)
+    found = adjust_robustly(all_of(survey))
+
+    left = list(found.refined.pick_reason)
+    assert len(np.unique(survey.pick_frame[left])) == 1
+    assert set(found.refined.pick_reason.values()) == {robust.EITHER}
+    assert not found.refined.line_removed.any()
+
+
+def test_a_scene_without_a_scale_explains_nothing() -> None:
+    """Without lengths a scene of no size would fit every height of its points."""
+    scene = make_scene(3, **NO_LOG)
+    exchanged = {0: 1, 1: 0}
+    label = [exchanged.get(k, k) for k in scene.survey.pick_label.tolist()]
+    found = adjust_robustly(all_of(replace(scene.survey, pick_label=np.array(label))))
+
+    assert not found.refined.line_removed.all()
+    assert found.refined.adjustment.state.center[:, 2].min() > 1.0
 
 
 def test_what_takes_no_part_is_no_cheaper_because_it_agrees(

@@ -20,7 +20,7 @@ from uavgram.model.result.tables import LineChecks, LineResults, LineStatus
 from uavgram.model.survey.observations import KnownLines
 from uavgram.stages.judge.picks import find_rows
 from uavgram.stages.judge.tested_survey import TestedSurvey, is_mount_open
-from uavgram.stages.remedies import read_first
+from uavgram.stages.remedies import read_first, report_one_of
 
 PICK_OR_CORRECT = "Pick that, or correct the label."
 
@@ -250,24 +250,14 @@ def _one_of(refined: Refined, lines: KnownLines, out: list[int]) -> Message:
         )
     if is_open:
         again = f"State the camera's direction in `mount`. {again}"
-    left = listed(repr(lines.name[i]) for i in out)
-    left = f"The length {left} was" if len(out) == 1 else f"The lengths {left} were"
-    text = (
-        f"One of these is wrong: {listed(which, link='or')}. All the rest fits without any one of "
-        f"them, and nothing shows which. {left} left out. {again}."
-    )
-    ends = chain(*((lines.start[i], lines.end[i]) for i in rows))
-    return Message(
-        "warning",
-        "blunder-not-located",
-        text,
+    ends = dict.fromkeys(chain(*((lines.start[i], lines.end[i]) for i in rows)))
+    return report_one_of(
+        which,
+        [f"the length {lines.name[i]!r}" for i in out],
+        again,
         lengths=each,
-        labels=clicks or tuple(dict.fromkeys(ends)),
-        instead=tuple(
-            one
-            for one in read_first([propose_length_removal([name]) for name in each])
-            if one is not None
-        ),
+        labels=clicks or tuple(ends),
+        removals=[propose_length_removal([name]) for name in each],
     )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
@@ -145,7 +146,33 @@ class Participants:
         return replace(self, line_removed=removed)
 
 
-def find_best_minima(taking: Participants, most: int | None = None) -> Refined:
+class Patience(NamedTuple):
+    """Largest numbers of iterations; None: as many as such a survey may need.
+
+    Attributes
+    ----------
+    single
+        Iterations from the only first values.
+    several
+        Iterations from each of several: a rival that is interrupted goes unreported.
+    """
+
+    single: int | None = None
+    several: int | None = None
+
+
+TRIAL_ITERATIONS = 20
+"""Iterations of an adjustment that only has to show whether the left-out observation was the fault:
+if it was, few are needed."""
+
+FULL = Patience()
+TRIAL = Patience(single=TRIAL_ITERATIONS)
+QUICK_TRIAL = Patience(TRIAL_ITERATIONS, TRIAL_ITERATIONS)
+"""All iterations, few where there is one start, and few from each start, where rivals do not
+matter."""
+
+
+def find_best_minima(taking: Participants, most: Patience = FULL) -> Refined:
     """Adjust all picks that can be placed; return the best minimum and its rivals.
 
     Parameters
@@ -153,7 +180,7 @@ def find_best_minima(taking: Participants, most: int | None = None) -> Refined:
     taking
         Participating observations.
     most
-        Iterations; None: as many as such a survey may need.
+        Largest numbers of iterations.
 
     Notes
     -----
@@ -180,12 +207,7 @@ def find_best_minima(taking: Participants, most: int | None = None) -> Refined:
     return refined
 
 
-TRIAL_ITERATIONS = 20
-"""Iterations of an adjustment that only has to show whether the left-out observation was the fault:
-if it was, few are needed."""
-
-
-def adjust_on_trial(taking: Participants, most: int | None = TRIAL_ITERATIONS) -> Refined | None:
+def adjust_on_trial(taking: Participants, most: Patience = TRIAL) -> Refined | None:
     """Adjust in few iterations, to see the effect of a change; None without a result."""
     try:
         return find_best_minima(taking, most)
@@ -207,7 +229,7 @@ def _minima_from_other_poses(
     taking: Participants,
     refined: Refined,
     doubtful: frozenset[str],
-    most: int | None,
+    most: Patience,
     tried: list[tuple[Survey, FirstValues]],
 ) -> Refined | None:
     """Adjust from other poses of the frames in doubt; None where none of them is new.
@@ -223,7 +245,7 @@ def _minima_from_other_poses(
     doubtful
         Names of frames.
     most
-        Iterations.
+        Largest numbers of iterations.
     tried
         Surveys and first values of earlier rounds; those of this round are added.
     """
@@ -255,7 +277,7 @@ def _is_again(survey: Survey, values: FirstValues, of: Survey, earlier: FirstVal
 def find_minima_from(
     taking: Participants,
     begin: Callable[[Survey], list[FirstValues]],
-    most: int | None = None,
+    most: Patience = FULL,
 ) -> Refined:
     """Find the best minimum, and its rivals, from certain first values.
 
@@ -267,7 +289,7 @@ def find_minima_from(
         Function that returns first values of a survey; called again whenever picks had to be left
         out.
     most
-        Iterations; None: as many as such a survey may need.
+        Largest numbers of iterations.
 
     Raises
     ------
@@ -343,11 +365,11 @@ def _picks_to_leave_out(
 
 
 def _find_minima(
-    survey: Survey, starts: list[FirstValues], line_used: Bools, most: int | None
+    survey: Survey, starts: list[FirstValues], line_used: Bools, patience: Patience
 ) -> list[Adjustment]:
     """Find the best minimum, and every other one that explains the observations nearly as well."""
-    # An interrupted rival would go unreported: several starts get all iterations.
-    if most is None or len(starts) > 1:
+    most = patience.several if len(starts) > 1 else patience.single
+    if most is None:
         most = max_iterations(survey.calibration)
     found, loose = [], []
     undetermined: GeometryError | None = None

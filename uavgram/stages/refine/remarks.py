@@ -32,7 +32,7 @@ from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, figures, listed
 from uavgram.model.survey.corrections import Cause
 from uavgram.model.survey.survey import Survey
-from uavgram.stages.remedies import report_not_located
+from uavgram.stages.remedies import report_not_located, report_one_of
 
 MIN_HEIGHT_M, MAX_HEIGHT_M = 0.3, 1000.0
 """Heights of a drone's camera above the ground [m], beyond which lengths or log are in question."""
@@ -164,7 +164,14 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
     """Report left-out picks of the remaining frames, and each frame without any pick once."""
     frames: dict[str, Counter[str]] = {}
     stayed = set(refined.adjustment.survey.frame_id)
+    gross = [k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS]
+    is_alone = len(gross) == 1 and not refined.line_removed.any()
+    has_rivals = is_alone and bool(refined.rival_clicks or refined.rival_lines)
+    if has_rivals and survey.frame_id[survey.pick_frame[gross[0]]] in stayed:
+        yield _one_of(survey, refined, gross[0])
     for index, reason in sorted(refined.pick_reason.items()):
+        if has_rivals and index in gross:
+            continue
         label = survey.label[survey.pick_label[index]]
         name, why = survey.frame_id[survey.pick_frame[index]], reason.text
         if name not in stayed:
@@ -200,6 +207,27 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
                 LOOK_AT_PICKS,
             ),
         )
+
+
+def _one_of(survey: Survey, refined: Refined, pick: int) -> Message:
+    """Report a left-out pick, instead of which another reading could be wrong."""
+    label = survey.label[survey.pick_label[pick]]
+    frame = survey.frame_id[survey.pick_frame[pick]]
+    left = f"the click on {label!r} in {frame!r}"
+    clicks = [one for one in refined.rival_clicks if one != label]
+    lengths = sorted(refined.rival_lines)
+    suspects = [left, *(f"the click on {one!r}" for one in clicks)]
+    suspects += [f"the length {one!r}" for one in lengths]
+    tape = f", and tape {listed(map(repr, lengths))} again" if lengths else ""
+    return report_one_of(
+        suspects,
+        [left],
+        f"Click on {listed(map(repr, [label, *clicks]))} again, or in another photo{tape}",
+        frames=[frame],
+        labels=[label, *clicks],
+        lengths=lengths,
+        removals=[propose_pick_removal([(frame, label)])],
+    )
 
 
 def _removal_message(removal: Removal, before: Refined) -> Message:

@@ -2,7 +2,7 @@
 
 1. `adjust_robustly` keeps an ordinary adjustment that fits (`_is_in_order`).
 2. Otherwise robust adjustments (`annealing.py`) begin from several first values: with enlarged
-   sigmas, then without single lengths, photos, known things or picks (`_most_agreed`).
+   sigmas, then without single lengths, known things or photos (`_most_agreed`).
 3. The candidate of least cost decides which observations are gross errors.
 4. The remaining observations are adjusted as usual (`_adjusted_without`), and the removed ones are
    reported.
@@ -19,6 +19,7 @@ import numpy as np
 from scipy.special import chdtri
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.first_poses.consensus import MIN_PICKS, find_consensus
 from uavgram.estimation.first_poses.network import FirstValues
 from uavgram.estimation.reliability.redundancy import MAX_GROSS_SHARE
 from uavgram.estimation.reliability.stated_values import explain_length
@@ -28,6 +29,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOut, LeftOutCau
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.kinds import READINGS, get_kind
 from uavgram.estimation.survey.selection import remove_known, select_control, select_picks
+from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
@@ -48,7 +50,8 @@ from uavgram.stages.refine.annealing import (
 )
 from uavgram.stages.refine.left_out import report_control_left_out, report_heights_left_out
 from uavgram.stages.refine.minima import (
-    TRIAL_ITERATIONS,
+    FULL,
+    QUICK_TRIAL,
     Participants,
     adjust_on_trial,
     find_best_minima,
@@ -69,6 +72,14 @@ them the search is skipped."""
 
 MOST_IN_PAIRS = 7
 """Largest number of lengths that are left out in pairs, without a log."""
+
+MOST_GROSS_OF_A_PHOTO = 4
+"""Number of gross errors that a photo counts as where it is left out: three picks determine its
+pose, and a fourth one checks it."""
+
+MOST_GROSS_OF_A_PHOTO = 4
+"""Number of gross errors that a photo counts as where it is left out: three picks determine its
+pose, and a fourth one checks it."""
 
 MOST_PICKS = 40
 """Largest number of picks that are left out of the first values in turn, as the last attempt to
@@ -199,12 +210,14 @@ def adjust_robustly(taking: Participants, plain: Refined | None = None) -> Robus
         failed = why
     if plain is None or not _is_in_order(taking, plain):
         agreed = _most_agreed(taking)
-        # A photo of another place spoils the tests of the others: repeat them without it.
-        while agreed and agreed[0].misplaced:
-            best = agreed[0]
-            rest = best.taking.without_frames(best.misplaced, MISPLACED)
-            agreed = _most_agreed(rest) if _are_most_left(taking, rest) else []
-        robust = _without_outliers(agreed)
+        # Without a photo of another place, the rest may have gross errors of other kinds.
+        rest = taking
+        while agreed and agreed[0].taking.keep.sum() < rest.keep.sum():
+            rest = agreed[0].taking
+            if not agreed[0].explains():
+                agreed = _most_agreed(rest)
+        # Photos that contradict the rest, but without which it does not fit, are no exception.
+        robust = _without_outliers(taking, [one for one in agreed if not one.misplaced])
         if robust is not None:
             return replace(robust, refined=_with_misplaced(taking.survey, robust.refined))
     if plain is None:
@@ -290,37 +303,41 @@ class Candidate:
         lost = np.setdiff1d(survey.pick_frame[self.contradicting], placed)
         return (*frames, *(survey.frame_id[k] for k in lost.tolist()))
 
-    def cost(self, picks: int) -> float:
-        """Return the cost, with each of `picks` picks without a place as a gross error."""
-        return self.annealed.cost + GROSS_SIGMAS**2 * (picks - len(self.first.pick_index))
+    @property
+    def used(self) -> Ints:
+        """Picks that take part, by their row in the whole survey."""
+        return np.delete(self.first.pick_index, self.annealed.gross("pixels"))
+
+    def cost(self, whole: Participants) -> float:
+        """Return the cost, with each participating pick without a place as a gross error.
+
+        Of a whole photo without a place only so many picks count as gross errors as determine its
+        pose and check it, and the others as errors of the stated size.
+        """
+        frame, frames = whole.survey.pick_frame, len(whole.survey.frame_id)
+        placed = np.bincount(frame[self.first.pick_index], minlength=frames)
+        lost = np.bincount(frame[whole.keep], minlength=frames) - placed
+        gross = np.where(placed > 0, lost, np.minimum(lost, MOST_GROSS_OF_A_PHOTO))
+        usual = 2.0 * (lost - gross)  # expected sum of squares of two numbers each
+        return self.annealed.cost + float(np.sum(GROSS_SIGMAS**2 * gross + usual))
 
     def fits(self) -> bool:
         """Test whether the observations without the gross errors agree (chi-square test)."""
-        squares, degrees = self._fit()
-        return bool(squares < chdtri(degrees, MISFIT))
-
-    def surplus(self) -> float:
-        """Return the cost beyond that of errors of the stated size: the degrees of freedom."""
-        return self.annealed.cost - self._fit()[1]
-
-    def _fit(self) -> tuple[float, int]:
-        """Return sum of squares and degrees of freedom without the gross errors."""
         found, blocks = self.annealed, self.annealed.minimum.blocks
         gross = {name: len(found.gross(name)) for name in found.misfit}
         left = sum(blocks[name].residual.shape[1] * count for name, count in gross.items())
         numbers = sum(block.residual.size for block in blocks.values())
         degrees = max(numbers - left - found.problem.layout.size, 1)
         # Sum of squares of the rest: each gross error contributes GROSS_SIGMAS^2 to the cost.
-        return found.cost - GROSS_SIGMAS**2 * sum(gross.values()), degrees
+        squares = found.cost - GROSS_SIGMAS**2 * sum(gross.values())
+        return bool(squares < chdtri(degrees, MISFIT))
 
     def is_agreed(self) -> bool:
         """Return whether nearly all take part and no other length could be the wrong one."""
-        misfit = self.annealed.misfit
-        if not self.annealed.minimum.converged:
-            return False
-        gross = sum(len(self.annealed.gross(name)) for name in misfit if name != "roughness")
-        gross += len(self.contradicting) + len(self.first.undetermined)
-        if gross > max(1, FEW_GROSS * sum(map(len, misfit.values()))):
+        is_converged = self.annealed.minimum.converged and not self.misplaced
+        gross = self._count_gross_errors()
+        number = sum(map(len, self.annealed.misfit.values()))
+        if not is_converged or gross > max(1, FEW_GROSS * number):
             return False
         if gross and not self.checks_lengths():
             return False  # an unchecked length could be wrong instead
@@ -329,7 +346,32 @@ class Candidate:
             return False  # in another pose another length may be wrong
         if any(_has_rival(self.annealed, row) for row in lengths):
             return False
+        if self._has_raised_point_in_error():
+            return False  # a wrong pick may raise its point, and spoil a length there
         return not self._strains_a_prior()
+
+    def _has_raised_point_in_error(self) -> bool:
+        """Return whether a length or a pick of a point off the ground is a gross error, too."""
+        found, problem = self.annealed, self.annealed.problem
+        raised = problem.third.rough[found.gross("roughness")]
+        line = problem.line_index[found.gross("lengths")]
+        survey = problem.survey
+        labels = (
+            survey.line_start[line],
+            survey.line_end[line],
+            survey.pick_label[found.gross("pixels")],
+        )
+        return bool(np.isin(np.concatenate(labels), raised).any())
+
+    def leaves_no_other(self) -> bool:
+        """Return whether no other explanation is left: all take part, or nearly all agree."""
+        return not self._count_gross_errors() or self.is_agreed()
+
+    def _count_gross_errors(self) -> int:
+        """Count gross errors and picks without a place; points off the ground are none."""
+        misfit = self.annealed.misfit
+        gross = sum(len(self.annealed.gross(name)) for name in misfit if name != "roughness")
+        return gross + len(self.contradicting) + len(self.first.undetermined)
 
     def explains(self) -> bool:
         """Return whether few gross errors explain everything."""
@@ -337,10 +379,30 @@ class Candidate:
 
     def is_in_disorder(self) -> bool:
         """Return whether so much is wrong, in relation to the picks, that a whole photo may be."""
-        wrong = sum(len(self.annealed.gross(name)) for name in READINGS)
-        wrong += len(self.contradicting)
         converged = self.annealed.minimum.converged
+        wrong = self._wrong_picks + self._wrong_references
         return not converged or wrong > DISORDER_SHARE * self.taking.keep.sum()
+
+    def doubts_a_photo(self) -> bool:
+        """Return whether much is wrong, and more picks than lengths, known things and control."""
+        return self.is_in_disorder() and self._wrong_picks > self._wrong_references
+
+    @property
+    def _wrong_picks(self) -> int:
+        return len(self.annealed.gross("pixels")) + len(self.contradicting)
+
+    @property
+    def _wrong_references(self) -> int:
+        return sum(len(self.annealed.gross(name)) for name in READINGS if name != "pixels")
+
+    def has_scale(self) -> bool:
+        """Return whether a log, control, a known thing or a length takes part."""
+        survey, misfit = self.annealed.problem.survey, self.annealed.misfit
+        scales = ("lengths", "known", "control")
+        taking_part = (
+            len(misfit.get(name, ())) - len(self.annealed.gross(name)) for name in scales
+        )
+        return survey.telemetry is not None or any(taking_part)
 
     def checks_lengths(self) -> bool:
         """Return whether other observations check every length."""
@@ -364,91 +426,175 @@ class Candidate:
 def _most_agreed(taking: Participants) -> list[Candidate]:
     """Adjust robustly from all first values; return the candidates, that of least cost first.
 
-    First values that leave out more observations are tried where the earlier ones lead to no
+    First values without some of the observations are tried where the earlier ones lead to no
     agreement.
     """
     found = _by_cost(taking, _from_softened(taking))
-    # A photo that contradicts all others spoils every other test: try the rest without it.
-    for name in found[0].misplaced if found else ():
-        rest = taking.without_frames([name], MISPLACED)
-        others = _by_cost(taking, _from_softened(rest)) if _are_most_left(taking, rest) else []
-        if others and others[0].is_agreed() and others[0].checks_lengths():
-            return others[:1]
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
     found = _by_cost(taking, chain(found, *map(_with_one_instead, found)))
     if found and found[0].is_agreed():
         return found[:1]
-    # First values may depend on a gross error: leave out one known thing, length or photo.
-    whole = _unsoftened(taking)
-    kinds = (_without_a_known_thing, _without_lengths, _without_a_frame)
-    for part in chain(*(kind(whole) for kind in kinds)):
-        for candidate in _from_reduced(part, whole, taking, _most_of_a_rival(taking, found)):
+    # First values may depend on gross errors: leave out some observations.
+    searches = [_without_references, _without_photos]
+    if not found or found[0].doubts_a_photo():
+        searches.reverse()
+    for search in (_without_suspects, *searches, _without_two_lengths):
+        best = found[:1]
+        for candidate in search(taking, found):
             found = _by_cost(taking, [*found, candidate])
             if found[0] is candidate and candidate.is_agreed():
                 return found[:1]
-    if found and found[0].fits() and not found[0].is_in_disorder():
-        return found
-    return _with_last_attempts(taking, whole, found)
+        # Without references, others may be wrong instead: search on.
+        if search is not _without_references and found[:1] != best and found[0].explains():
+            break
+    return found
 
 
-def _with_last_attempts(
-    taking: Participants, whole: Participants, found: Sequence[Candidate]
-) -> list[Candidate]:
-    """Leave out a photo, or a pick, where no first values made the rest fit.
+def _without_references(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Adjust robustly from first values without a known thing, control, or one or more lengths.
 
     Parameters
     ----------
-    taking, whole
-        Participating observations, with the stated sigmas and with a little roughness.
+    taking
+        Participating observations.
     found
-        Candidates so far.
+        Candidates so far, that of least cost first.
     """
-    if loose := list(_first_that_fits(_with_a_loose_frame(whole), whole, taking)):
-        return _by_cost(taking, [*found, *loose])
-    alone = _without_one_photo(taking)
-    # A single wrong pick may spoil its photo.
-    lost = taking.keep & ~alone[0].taking.keep if alone else taking.keep
-    found = [*found, *_first_that_fits(_without_a_pick(whole, lost), whole, taking)]
-    picks = int(taking.keep.sum())
-    if alone and all(alone[0].cost(picks) <= one.cost(picks) for one in found):
-        return alone
-    return _by_cost(taking, found)
+    whole, most = _unsoftened(taking), _most_of_a_rival(taking, found)
+    for part in chain(_without_a_known_thing(whole), _without_a_length(whole)):
+        yield from _from_reduced(part, whole, taking, most)
 
 
-def _first_that_fits(
-    parts: Iterable[Participants], whole: Participants, taking: Participants
-) -> Iterator[Candidate]:
-    """Adjust robustly from parts of the observations, until all the rest fits once."""
-    each = (one for part in parts for one in _from_reduced(part, whole, taking))
-    return islice((one for one in each if one.fits()), 1)
+def _without_two_lengths(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Adjust robustly from first values without each pair of lengths, where no log gives others.
+
+    Several photos that agree need no such search.
+
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    found
+        Candidates so far, that of least cost first.
+    """
+    if found and found[0].explains() and len(np.unique(taking.survey.pick_frame)) > 1:
+        return
+    whole, most = _unsoftened(taking), _most_of_a_rival(taking, found)
+    lines = np.flatnonzero(~taking.line_removed).tolist()
+    if taking.survey.telemetry is None and 4 < len(lines) <= MOST_IN_PAIRS:
+        for pair in combinations(lines, 2):
+            yield from _from_reduced(whole.without_lines(pair), whole, taking, most)
 
 
-def _without_one_photo(taking: Participants) -> list[Candidate]:
-    """Adjust robustly without each photo in turn; return the candidate of the rest that fits best.
+def _without_suspects(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Adjust robustly without all photos that contradict the rest, until no other one does.
+
+    A photo of another place, mirrored, or with its labels in disorder spoils the tests of all
+    others, so that the adjustment begins anew without it.
+
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    found
+        Candidates so far, that of least cost first.
+    """
+    names = found[0].misplaced if found else ()
+    while names:
+        rest = taking.without_frames(names, MISPLACED)
+        if not _are_most_left(taking, rest):
+            return
+        best = _by_cost(rest, chain(_from_rest(rest), _from_softened(rest)))[:1]
+        yield from best
+        names = (*names, *best[0].misplaced) if best and best[0].misplaced else ()
+
+
+def _without_photos(taking: Participants, found: Sequence[Candidate]) -> Iterator[Candidate]:
+    """Adjust robustly without one photo, or without its wrong picks, until the rest fits.
 
     Where either of two photos fits alone, nothing shows which of them is wrong.
+
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    found
+        Candidates so far, that of least cost first.
     """
-    frames = np.unique(taking.survey.pick_frame[taking.keep]).tolist()
-    if not 1 < len(frames) <= MOST_STARTS:
-        return []
-    fitting: list[Candidate] = []
-    for frame in frames:
-        rest = taking.without_frame(frame, MISPLACED)
-        starts = chain(
-            _from_reduced(_unsoftened(rest), _unsoftened(rest), rest), _from_softened(rest)
-        )
-        fitting.extend(one for one in _by_cost(rest, starts)[:1] if one.explains())
-    fitting.sort(key=Candidate.surplus)
-    if not fitting:
-        return []
-    best = fitting[0]
-    if len(frames) > 2 or len(fitting) < 2 or fitting[1].surplus() > best.surplus() + RIVAL:
-        return [best]
-    left = np.flatnonzero(taking.keep & ~best.taking.keep).tolist()
-    reason = {**best.taking.reason, **dict.fromkeys(left, EITHER)}
-    return [replace(best, taking=replace(best.taking, reason=reason))]
+    photos = _photos_by_gross_picks(taking, found)
+    if not 1 < len(photos) <= MOST_STARTS or (found and found[0].explains()):
+        return
+    parts = (taking.without_frames([name], MISPLACED) for name in photos)
+    each = (one for rest in parts for one in _from_rest(rest))
+    fitting = (one for one in each if one.explains() and one.leaves_no_other())
+    best = _better_of_two(taking, fitting) if len(photos) == 2 else list(islice(fitting, 1))
+    for candidate in best:
+        yield from _without_wrong_picks(taking, candidate)
+    yield from best
+
+
+def _from_rest(rest: Participants) -> Iterator[Candidate]:
+    """Adjust robustly from the ordinary minima of the remaining observations."""
+    whole = _unsoftened(rest)
+    return _from_reduced(whole, whole, rest)
+
+
+def _photos_by_gross_picks(taking: Participants, found: Sequence[Candidate]) -> list[str]:
+    """Return names of photos with picks, those with the largest share of gross errors first."""
+    frame, names = taking.survey.pick_frame, taking.survey.frame_id
+    number = np.bincount(frame[taking.keep], minlength=len(names))
+    used = found[0].used if found else np.flatnonzero(taking.keep)
+    wrong = 1.0 - np.bincount(frame[used], minlength=len(names)) / np.maximum(number, 1)
+    return [names[k] for k in np.argsort(-wrong, kind="stable") if number[k]]
+
+
+def _better_of_two(taking: Participants, alone: Iterable[Candidate]) -> list[Candidate]:
+    """Return the better of the candidates without either of two photos.
+
+    Where the two are as good, the picks of the photo are left out with the reason `EITHER`.
+    """
+    fitting = _by_cost(taking, alone)
+    if len(fitting) < 2 or fitting[1].cost(taking) > fitting[0].cost(taking) + RIVAL:
+        return fitting[:1]
+    best = fitting[0].taking
+    left = np.flatnonzero(taking.keep & ~best.keep).tolist()
+    reason = {**best.reason, **dict.fromkeys(left, EITHER)}
+    return [replace(fitting[0], taking=replace(best, reason=reason))]
+
+
+def _without_wrong_picks(taking: Participants, without: Candidate) -> Iterator[Candidate]:
+    """Adjust robustly with the picks of left-out photos that agree on a pose, among wrong ones.
+
+    Labels that are swapped, or one wrong pick, rotate and move their photo, and all of its picks
+    contradict the others.
+
+    Parameters
+    ----------
+    taking
+        Participating observations.
+    without
+        Candidate without some photos, whose points place them again.
+    """
+    survey, reduced = taking.survey, without.annealed.problem.survey
+    point_m, camera = without.annealed.minimum.state.point, survey.calibration
+    row = np.array([reduced.row_of_label.get(name, -1) for name in survey.label])
+    known = (row >= 0) & ~survey.off_ground
+    left = taking.keep & ~without.taking.keep & known[survey.pick_label]
+    wrong: list[int] = []
+    for frame in np.unique(survey.pick_frame[left]).tolist():
+        picks = np.flatnonzero(left & (survey.pick_frame == frame))
+        ray = back_project(camera.model, camera.parameters, survey.pixel_px[picks])
+        is_in_lens = np.isfinite(ray).all(axis=1)
+        picks, ray = picks[is_in_lens], ray[is_in_lens]
+        sigma = survey.pick_sigma_px[picks] / camera.parameters[0]
+        agree = find_consensus(point_m[row[survey.pick_label[picks]], :2], ray, sigma)
+        if agree is None or 2 * agree.sum() <= len(picks) or agree.sum() <= MIN_PICKS:
+            return  # so few agree on any pose
+        wrong += picks[~agree].tolist()
+    whole = _unsoftened(taking)
+    yield from _from_reduced(whole.without_picks(dict.fromkeys(wrong, MISPLACED)), whole, taking)
 
 
 def _unsoftened(taking: Participants) -> Participants:
@@ -464,14 +610,19 @@ def _most_of_a_rival(taking: Participants, found: Sequence[Candidate]) -> float:
     """
     if not found:
         return np.inf
-    cost = found[0].cost(int(taking.keep.sum()))
+    cost = found[0].cost(taking)
     return cost + RIVAL - GROSS_SIGMAS**2 if cost + RIVAL < 2.0 * GROSS_SIGMAS**2 else np.inf
 
 
 def _by_cost(taking: Participants, candidates: Iterable[Candidate]) -> list[Candidate]:
-    """Sort candidates by their cost for all participating picks, that of least cost first."""
-    picks = int(taking.keep.sum())
-    return sorted(candidates, key=lambda one: one.cost(picks))
+    """Sort candidates by their cost for all participating picks, that of least cost first.
+
+    Candidates with photos that contradict the rest come last: without these photos the other
+    observations may show something else. Those without a scale are none: a scene of no size has no
+    misfit on the ground.
+    """
+    scaled = (one for one in candidates if one.has_scale())
+    return sorted(scaled, key=lambda one: (len(one.misplaced) > 0, one.cost(taking)))
 
 
 def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
@@ -484,53 +635,17 @@ def _without_a_known_thing(whole: Participants) -> Iterator[Participants]:
         yield replace(whole, survey=select_control(whole.survey, none))
 
 
-def _without_lengths(whole: Participants) -> Iterator[Participants]:
-    """Leave out each length; with a log also all lengths together, without a log also each pair.
+def _without_a_length(whole: Participants) -> Iterator[Participants]:
+    """Leave out each length; with a log also all lengths together.
 
     First values may depend on a wrong length. Where all lengths are in another unit, they and the
     log may force all other observations into agreement with them.
     """
-    lines, has_log = np.flatnonzero(~whole.line_removed), whole.survey.telemetry is not None
-    sets: list[tuple[int, ...]] = [tuple(lines.tolist())] if has_log and len(lines) else []
+    lines = np.flatnonzero(~whole.line_removed).tolist()
+    if whole.survey.telemetry is not None and lines:
+        yield whole.without_lines(lines)
     if 3 < len(lines) <= MOST_STARTS:
-        sets += combinations(lines.tolist(), 1)
-    if not has_log and 4 < len(lines) <= MOST_IN_PAIRS:
-        sets += combinations(lines.tolist(), 2)
-    yield from map(whole.without_lines, sets)
-
-
-def _without_a_frame(whole: Participants) -> Iterator[Participants]:
-    """Leave out each photo, without a log."""
-    for frame in _few_frames(whole) if whole.survey.telemetry is None else []:
-        yield whole.without_frame(frame, MISPLACED)
-
-
-def _with_a_loose_frame(whole: Participants) -> Iterator[Participants]:
-    """Give the picks of each photo nearly no weight, where a log places the photo.
-
-    Labels that are swapped in one photo rotate and move it, and may spoil all first values. The log
-    places the photo well enough to show which of its picks agree with the other photos.
-    """
-    survey = whole.survey
-    for frame in _few_frames(whole) if survey.telemetry is not None else []:
-        weight = np.where(survey.pick_frame == frame, NEARLY_NONE, 1.0)
-        sigma_px = survey.pick_sigma_px / np.sqrt(weight)
-        yield replace(whole, survey=replace(survey, pick_sigma_px=sigma_px))
-
-
-def _few_frames(whole: Participants) -> list[int]:
-    """Return photos with picks; none where they are too few to single one out, or too many."""
-    frames: list[int] = np.unique(whole.survey.pick_frame[whole.keep]).tolist()
-    return frames if 2 < len(frames) <= MOST_STARTS else []
-
-
-def _without_a_pick(whole: Participants, among: Bools) -> Iterator[Participants]:
-    """Leave out each of some picks (P,) of points that have others, where they are few."""
-    survey, keep = whole.survey, whole.keep
-    often = np.bincount(survey.pick_label[keep], minlength=len(survey.label)) > 1
-    picks = np.flatnonzero(keep & among & often[survey.pick_label]).tolist()
-    for pick in picks if len(picks) <= MOST_PICKS and not survey.matches.points else []:
-        yield whole.without_picks({pick: MISPLACED})
+        yield from (whole.without_lines([line]) for line in lines)
 
 
 def _from_softened(taking: Participants) -> Iterator[Candidate]:
@@ -572,7 +687,7 @@ def _from_reduced(
     Parameters
     ----------
     reduced
-        Participating observations without some of them, or with picks that have nearly no weight.
+        Participating observations without some of them.
     whole
         All participating observations; the robust adjustment decides on those that were left out.
     taking
@@ -581,18 +696,18 @@ def _from_reduced(
         Sum of squares of the part beyond which it is skipped; few iterations show whether it is.
     """
     try:
-        first = find_best_minima(reduced, TRIAL_ITERATIONS if most < np.inf else None)
+        first = find_best_minima(reduced, QUICK_TRIAL if most < np.inf else FULL)
     except GeometryError:
         return
     if first.adjustment.minimum.cost > most:
         return
-    loose = np.flatnonzero(reduced.survey.pick_sigma_px > whole.survey.pick_sigma_px)
-    used = np.setdiff1d(first.pick_index, loose)
     for adjustment in (first.adjustment, *first.alternatives[:MOST_ALTERNATIVES]):
         with suppress(SingularError, ValueError):  # undetermined, or impossible with all of it
             placed, problem = _stated_problem(adjustment, first, whole)
             weight = _weights_without(problem, adjustment, first, reduced)
-            weight["pixels"] = np.where(np.isin(placed.pick_index, used), 1.0, NEARLY_NONE)
+            weight["pixels"] = np.where(
+                np.isin(placed.pick_index, first.pick_index), 1.0, NEARLY_NONE
+            )
             minimum = weighted_minimum(problem, convert_state(adjustment, problem), weight)
             yield Candidate(taking, placed, decide(problem, minimum, weight))
 
@@ -775,6 +890,8 @@ def _predict(found: Annealed, rows: Mapping[str, Ints]) -> tuple[Floats, Floats,
         (u, k), (k,) of all k numbers in sigmas, and (n, r) which of them are of each observation,
         by group.
     """
+    if not rows:
+        return np.zeros((found.problem.layout.size, 0)), np.zeros(0), {}
     blocks = {name: found.minimum.blocks[name] for name in rows}
     scale = {name: 1.0 / np.sqrt(found.weight[name][own]) for name, own in rows.items()}
     jacobians = [
@@ -792,15 +909,16 @@ def _predict(found: Annealed, rows: Mapping[str, Ints]) -> tuple[Floats, Floats,
 
 
 def _with_one_instead(candidate: Candidate) -> Iterator[Candidate]:
-    """Try one gross error in place of several, or of one that leaves a misfit.
+    """Try one gross error in place of several, or of a misfit that has none.
 
-    A wrong pick turns its photo, and lengths and other picks of the photo no longer fit. All gross
-    errors take part again, without the single length or pick that the linear model proposes.
+    A wrong pick turns its photo, and lengths and other picks of the photo no longer fit; so many of
+    them that they seem to be less exact than stated. All gross errors take part again, without the
+    single length or pick that the linear model proposes.
     """
     found = candidate.annealed
     gross = {name: found.gross(name) for name in found.misfit if len(found.gross(name))}
     number = sum(map(len, gross.values()))
-    if not 0 < number <= MOST_STARTS or (number == 1 and candidate.fits()):
+    if number > MOST_STARTS or (number <= 1 and candidate.fits()):
         return
     whole, falls = _falls_with_all(found, gross)
     proposed = sorted(
@@ -808,7 +926,7 @@ def _with_one_instead(candidate: Candidate) -> Iterator[Candidate]:
         reverse=True,
     )
     for fall, name, row in proposed[:MOST_PROPOSED]:
-        if fall < PROMISING * whole:
+        if fall < max(PROMISING * whole, GROSS_SIGMAS**2):
             break
         weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
         weight[name][row] = NEARLY_NONE
@@ -866,7 +984,7 @@ def _is_known_mistake(found: Annealed, row: int) -> bool:
     return bool(explain_length(taped, sigma, taped + error_m, error_sigma_m))
 
 
-def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
+def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robust | None:
     """Adjust without the gross errors of the best candidate; None where that has no result.
 
     Among candidates that explain as much, the one that keeps most picks comes first, and one that
@@ -874,34 +992,43 @@ def _without_outliers(agreed: Sequence[Candidate]) -> Robust | None:
     """
     if not agreed:
         return None
-    picks = int(agreed[0].taking.keep.sum())
-    least = agreed[0].cost(picks)
-    near = [one for one in agreed if one.cost(picks) <= least + RIVAL]
-    near.sort(key=lambda one: len(one.annealed.gross("pixels")))
+    least = agreed[0].cost(taking)
+    near = [one for one in agreed if one.cost(taking) <= least + RIVAL]
+    near.sort(key=lambda one: -len(one.used))
     # One candidate for each set of left-out observations.
     different = {one.left_out: one for one in reversed(near)}
     each = [one for one in near if different[one.left_out] is one]
     pairs = [(one, candidate) for candidate in each if (one := _adjusted_without(candidate))]
     pairs.sort(key=lambda pair: not pair[0].refined.adjustment.minimum.converged)
     if not pairs:
-        return _without_outliers([one for one in agreed if one not in near])
+        return _without_outliers(taking, [one for one in agreed if one not in near])
     (robust, candidate), *others = pairs
-    # Record lengths that rival explanations leave out, and their adjustments.
+    # Record lengths and clicks that rival explanations leave out, and their adjustments.
     refined, rivals = robust.refined, set[str]()
+    clicks = _clicks_instead(candidate)
     minima = [*refined.alternatives]
     for rival, _ in others:
-        lines = np.flatnonzero(rival.refined.line_removed & ~refined.line_removed)
+        other = rival.refined
+        lines = np.flatnonzero(other.line_removed & ~refined.line_removed)
         rivals |= {robust.survey.line_name[k] for k in lines if robust.survey.line_name}
-        same = rival.refined.adjustment.survey.label == refined.adjustment.survey.label
+        picks = sorted(_gross_picks(other) - _gross_picks(refined))
+        named = (robust.survey.label[robust.survey.pick_label[k]] for k in picks)
+        clicks |= dict.fromkeys(named, other.adjustment)
+        same = other.adjustment.survey.label == refined.adjustment.survey.label
         if len(lines) and same:
-            minima.append(rival.refined.adjustment)
+            minima.append(other.adjustment)
     refined = replace(
         refined,
         alternatives=tuple(minima),
         rival_lines=frozenset(rivals),
-        rival_clicks=_clicks_instead(candidate),
+        rival_clicks=clicks,
     )
     return replace(robust, refined=refined)
+
+
+def _gross_picks(refined: Refined) -> set[int]:
+    """Return picks that were left out as gross errors."""
+    return {k for k, why in refined.pick_reason.items() if why.cause is LeftOutCause.GROSS}
 
 
 def _adjusted_without(candidate: Candidate) -> Robust | None:
@@ -940,7 +1067,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     placed = left.without_picks(unplaced)
     results = [_adjusted(placed, found)]
     if unplaced:  # without the gross errors, first values may have a place for all picks
-        results.append(adjust_on_trial(left, None))
+        results.append(adjust_on_trial(left, FULL))
     number = int(left.keep.sum())
     refined = min(filter(None, results), key=lambda one: _cost_of_all(one, number), default=None)
     if refined is None:

@@ -23,7 +23,7 @@ from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
-from uavgram.stages.refine.minima import TRIAL_ITERATIONS, Participants, adjust_on_trial
+from uavgram.stages.refine.minima import FULL, TRIAL_ITERATIONS, Participants, adjust_on_trial
 from uavgram.stages.refine.readjustment import convert_state
 from uavgram.stages.refine.staged_sigmas import iterate
 
@@ -127,7 +127,7 @@ def readjust_corrected(
     survey = remove_known(taking.survey, taking.known_removed)
     selection = select_picks(survey, taking.keep)
     if hypothesis.is_of_all:
-        return adjust_on_trial(taking, None)
+        return adjust_on_trial(taking, FULL)
     is_bent = (
         compute_core_fit(present).probability < MIN_FIT_PROBABILITY and hypothesis.begun is None
     )

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 
+from uavgram.estimation.first_poses.consensus import MIN_PICKS, project_plane
 from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.estimation.reliability.hypotheses import (
     HypothesisTest,
@@ -23,7 +24,6 @@ from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
-from uavgram.stages.refine.causes.label_assignment import MIN_PICKS, project_plane
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.causes.turned_photos import (
     find_misplaced_photos,

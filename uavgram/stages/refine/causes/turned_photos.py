@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.estimation.first_poses.consensus import AGREEMENT_SIGMAS, MIN_PICKS, project_plane
 from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.survey.adjustment import LeftOutCause
@@ -18,12 +19,7 @@ from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
 from uavgram.model.survey.corrections import Cause, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import PRICE, Diagnosis, Hypothesis
-from uavgram.stages.refine.causes.label_assignment import (
-    AGREEMENT_SIGMAS,
-    MIN_PICKS,
-    assign_labels,
-    project_plane,
-)
+from uavgram.stages.refine.causes.label_assignment import assign_labels
 from uavgram.stages.refine.causes.stray_picks import labels_of
 from uavgram.stages.refine.robust import EITHER
 
