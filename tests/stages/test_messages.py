@@ -101,9 +101,9 @@ def test_a_cause_that_was_found_comes_first_then_errors_and_consequences_last() 
     assert [m.code for m in messages] == [
         "labels-swapped",
         "not-converged",
+        "frame-left-out",
         "pick-suspect",
         "log-note",
-        "frame-left-out",
         "group-misfit",
         "own-columns",
     ]

@@ -118,7 +118,9 @@ def _listed(several: Sequence[MessagePlural]) -> str:
     """Return ``'a', 'b' (too few picks); 'c' (in the sky); and 4 more``."""
     by_reason: dict[str, list[str]] = {}
     for one in several[:MAX_LISTED]:
-        by_reason.setdefault(one.why, []).append(one.item)
+        items = by_reason.setdefault(one.why, [])
+        if one.item not in items:  # as where one label was picked twice in a photo
+            items.append(one.item)
     separator = "; " if any(", " in one.item for one in several) else ", "
     parts = [
         separator.join(items) + (f" ({why})" if why else "") for why, items in by_reason.items()

@@ -97,7 +97,10 @@ TRUST = (
         "gauge-plane",
         NOTE,
         finding="Without a log or control points, north and the place on the earth are unknown.",
-        consequence="Lengths, areas and angles are right. Coordinates count from the first photo.",
+        consequence=(
+            "Coordinates count from the first photo. Lengths, areas and angles do not depend on "
+            "that."
+        ),
     ),
     Entry(
         "level-on-slope",

@@ -116,6 +116,8 @@ def propose_taped_level(diagnosis: Diagnosis) -> Iterator[Hypothesis]:
     if select_taped_lines(adjustment.survey, line).level.all():
         return
     moved = _level(adjustment)
+    if np.abs(moved.along).max(initial=0.0) < 1.0:
+        return  # on ground so flat, no reading changes by its sigma
     rows = np.arange(len(line))
     lines = frozenset(_lines(diagnosis, rows).tolist())
     yield Hypothesis(

@@ -339,8 +339,8 @@ def _elsewhere_message(frame: str) -> Message:
         "warning",
         "photo-elsewhere",
         f"The photo {frame!r} shows another place, or its labels are in disorder: look at it, and "
-        "pick it again or take it out. Its picks contradict all other photos in every order of "
-        "their labels that was tried, mirrored and turned too.",
+        "pick it again or take it out. Its picks do not fit the rest, nor with other labels, "
+        "mirrored or turned.",
         frames=(frame,),
         several=MessagePlural(
             "{count} photos show another place, or their labels are in disorder",
