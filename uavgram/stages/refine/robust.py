@@ -379,9 +379,13 @@ class Candidate:
 
     def is_in_disorder(self) -> bool:
         """Return whether so much is wrong, in relation to the picks, that a whole photo may be."""
-        converged = self.annealed.minimum.converged
+        if not self.annealed.minimum.converged:
+            return True
+        frame = self.annealed.problem.survey.pick_frame[self.annealed.gross("pixels")]
+        if np.bincount(frame, minlength=1).max() > MOST_GROSS_OF_A_PHOTO:
+            return True  # the photo would count less where it is left out
         wrong = self._wrong_picks + self._wrong_references
-        return not converged or wrong > DISORDER_SHARE * self.taking.keep.sum()
+        return bool(wrong > DISORDER_SHARE * self.taking.keep.sum())
 
     def doubts_a_photo(self) -> bool:
         """Return whether much is wrong, and more picks than lengths, known things and control."""
@@ -446,8 +450,10 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
             found = _by_cost(taking, [*found, candidate])
             if found[0] is candidate and candidate.is_agreed():
                 return found[:1]
-        # Without references, others may be wrong instead: search on.
-        if search is not _without_references and found[:1] != best and found[0].explains():
+        # Without references, or with other gross errors, something else may be wrong: search on.
+        if search is _without_references or found[:1] == best or not found[0].explains():
+            continue
+        if search is _without_photos or found[0].leaves_no_other():
             break
     return found
 
