@@ -258,7 +258,9 @@ def load_message(record: Record) -> Message:
     """Invert `Message.record`, which leaves out empty fields."""
     none = dict.fromkeys((*SUBJECTS, *NUMBERS), ())
     # remedies are stored with the verdict
-    return from_record(Message, none | record, several=None, plain="", mend=None, instead=())
+    return from_record(
+        Message, none | record, several=None, plain="", mend=None, instead=(), mentions=()
+    )
 
 
 def _dump_world(world: World) -> Record:
