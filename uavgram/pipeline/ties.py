@@ -96,7 +96,7 @@ def find_ties(scene: Scene, progress: Progress = silent) -> TieSearch:
     read = progress(prefetch(read_features, scene.path), "looking at photos", len(scene.path))
     features = [found for _, found in read]
     pairs, seen = _pairs(scene, features)
-    work = _PairWork(scene.calibration, features, seen)
+    work = PairComparison(scene.calibration, features, seen)
     compared = prefetch(work.compare, pairs.tolist())
     matched = [found for _, found in progress(compared, "comparing photos", len(pairs))]
     return _join(scene, features, pairs, matched)
@@ -144,14 +144,14 @@ def _seeds(scene: Scene) -> _Seeds | None:
     return _Seeds(everything, row) if (row >= 0).any() else None
 
 
-class _VerifiedMatches(NamedTuple):
+class VerifiedMatches(NamedTuple):
     """Verified matches (M, 2) of two photos, as rows of theirs, and the distance (M,) of each."""
 
     rows: Ints
     across_px: Floats
 
 
-class _PairWork:
+class PairComparison:
     """Comparison of two photos: guided by predictions from seeds, or else by appearance only."""
 
     def __init__(
@@ -162,7 +162,7 @@ class _PairWork:
         self._rays = [back_project(*lens, found.pixel_px) for found in features]
         self._scale = scale_of(calibration)
 
-    def compare(self, pair: tuple[int, int]) -> _VerifiedMatches:
+    def compare(self, pair: tuple[int, int]) -> VerifiedMatches:
         """Return matches of two photos, by their rows."""
         one, other = pair
         guide = self._predict(one, other)
@@ -172,7 +172,7 @@ class _PairWork:
             return (
                 found
                 if len(found.rows) >= 2 * MIN_MATCHES
-                else _VerifiedMatches(found.rows[:0], np.empty(0))
+                else VerifiedMatches(found.rows[:0], np.empty(0))
             )
         if len(found.rows) < 2 * MIN_MATCHES:
             # the seeds may be worse than stated
@@ -186,11 +186,11 @@ class _PairWork:
         predicted = predict(self._seeds.seen, rows[0], rows[1], self._features[one].pixel_px)
         return None if predicted is None else Guide(predicted.pixel_px, predicted.radius_px)
 
-    def _verify(self, one: int, other: int, guide: Guide | None) -> _VerifiedMatches:
+    def _verify(self, one: int, other: int, guide: Guide | None) -> VerifiedMatches:
         rows = match_features(self._features[one], self._features[other], guide)
         rays = self._rays[one][rows[:, 0]], self._rays[other][rows[:, 1]]
         tested = verify_matches(*rays, float(self._calibration.parameters[0]), self._scale)
-        return _VerifiedMatches(rows[tested.good], tested.across_px[tested.good])
+        return VerifiedMatches(rows[tested.good], tested.across_px[tested.good])
 
 
 def scale_of(calibration: Calibration) -> float:
@@ -199,7 +199,7 @@ def scale_of(calibration: Calibration) -> float:
 
 
 def _join(
-    scene: Scene, features: Sequence[Features], pairs: Ints, matched: Sequence[_VerifiedMatches]
+    scene: Scene, features: Sequence[Features], pairs: Ints, matched: Sequence[VerifiedMatches]
 ) -> TieSearch:
     """Join matches to points over all photos, and thin them out."""
     counts = [len(found.pixel_px) for found in features]

@@ -28,7 +28,7 @@ def begun(scene: Scene) -> tuple[FirstValues, Floats]:
         height_m=0.0,
         departure_m=np.zeros(labels),
     )
-    return add_free_points(survey, ray, values), ray
+    return add_free_points(survey, values), ray
 
 
 def test_two_rays_meet_where_opencv_has_them() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import ClassVar, cast
 
@@ -22,14 +23,14 @@ from uavgram.model.survey.observations import Picks
 from uavgram.picking.document.proposals import BY_HAND, Outcomes
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.session import point_search as module
+from uavgram.picking.session.adjustment_workers import collect_observations
 from uavgram.picking.session.point_search import PointSearch, SearchInput
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.match.patch_search import Photos, Task
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.pick.places import PredictedPlaces
-from uavgram.stages.match import CONTRADICTED, RAISED_PX
+from uavgram.pipeline.pick.places import AdjustedPlaces, PredictedPlaces
+from uavgram.stages.match import CONTRADICTED, RAISED_PX, Found, Pair
 
-LAST = cast("LiveAdjustment", SimpleNamespace())
 LONGEST_WAIT_S = 20.0
 TARGETS = ("2.jpg", "3.jpg")
 
@@ -38,7 +39,18 @@ def state(*labels: str, u: float = 10.0) -> State:
     return State(picks=tuple(Pick(image="1.jpg", label=one, u_px=u, v_px=5.0) for one in labels))
 
 
-class Agreeing(PredictedPlaces):
+def adjusted(of: State, *frames: str) -> LiveAdjustment:
+    """An adjustment of a state in which these photos have a pose."""
+    survey = SimpleNamespace(survey=SimpleNamespace(frame_id=("1.jpg", *frames)))
+    return cast(
+        "LiveAdjustment", SimpleNamespace(adjustment=survey, observed=collect_observations(of))
+    )
+
+
+LAST = adjusted(State(), *TARGETS)
+
+
+class Agreeing(AdjustedPlaces):
     """Places of which some are contradicted: of these photo and label."""
 
     wrong: ClassVar[Collection[tuple[str, str]]] = ()
@@ -56,6 +68,12 @@ class World:
         Of the regions.
     refused
         Why nothing is found in a photo.
+    posed
+        Photos in which poses predict the labels.
+    by_features
+        Photos in which features predict the labels, far better; before, nothing is found there.
+    contradicted
+        What an adjustment with finds contradicts, and the finds that it had.
     looked
         Photo and label of what was looked at, in order.
     """
@@ -64,7 +82,11 @@ class World:
         self.radius_px = 20.0
         self.refused: dict[str, RefusalReason] = {}
         self.looked: list[tuple[str, str]] = []
-        self.places: PredictedPlaces | None = None
+        self.places: AdjustedPlaces | None = None
+        self.posed: tuple[str, ...] = TARGETS
+        self.by_features: tuple[str, ...] = ()
+        self.contradicted: dict[Pair, str] = {}
+        self.tried: list[set[Pair]] = []
         self.wrong: list[tuple[str, str]] = []
         self.raised: tuple[str, ...] = ()
         self.adjustment = cast("Adjustment", SimpleNamespace())
@@ -73,12 +95,20 @@ class World:
 
     def expected(
         self, _: LiveSurvey, __: LiveAdjustment, picks: Picks, labels: Collection[str] | None
-    ) -> PredictedPlaces:
+    ) -> AdjustedPlaces:
+        self.places = self.predicted(picks, labels, self.posed)
+        return self.places
+
+    def predicted(
+        self, picks: Picks, labels: Collection[str] | None, images: Collection[str]
+    ) -> AdjustedPlaces:
         rows = [
             (i, image)
             for i, label in enumerate(picks.label)
             for image in TARGETS
-            if picks.source_of(i) != "match" and (labels is None or label in labels)
+            if picks.source_of(i) != "match"
+            and (labels is None or label in labels)
+            and image in images
         ]
         n, pick = len(rows), np.array([i for i, _ in rows], dtype=np.int64)
         image = tuple(image for _, image in rows)
@@ -94,8 +124,26 @@ class World:
         radius, row = np.full(n, self.radius_px), np.arange(n)
         Agreeing.wrong = self.wrong
         raised = np.array([one in self.raised for one in label], np.bool_)
-        self.places = Agreeing(pick, image, label, radius, raised, row, found, self.adjustment)
-        return self.places
+        return Agreeing(pick, image, label, radius, raised, row, found, self.adjustment)
+
+    def predict(
+        self, picks: Picks, is_wanted: Callable[[Pair], bool], _: Callable[[], bool]
+    ) -> Iterator[PredictedPlaces]:
+        wanted = [one for one in self.by_features if is_wanted((one, picks.label[0]))]
+        if wanted:
+            self.refused = {}
+            places = self.predicted(picks, None, wanted)
+            yield replace(places, radius_px=np.full(len(places), 5.0))
+
+    def flight(self) -> object:
+        return None
+
+    def adjust_with_finds(
+        self, last: LiveAdjustment, found: dict[Pair, Found]
+    ) -> tuple[LiveAdjustment, dict[Pair, str]]:
+        self.tried.append(set(found))
+        self.posed = TARGETS
+        return last, self.contradicted
 
     def look(self, photos: Photos, work: Sequence[Task], count: int) -> Matches:
         self.begun.set()
@@ -131,10 +179,11 @@ def start(monkeypatch: pytest.MonkeyPatch) -> Iterator[Start]:
 
     def begin(world: World) -> tuple[PointSearch, Told]:
         monkeypatch.setattr(module, "predict_places", world.expected)
+        monkeypatch.setattr(module, "FeaturePlaces", lambda _: world)
         monkeypatch.setattr(module, "search_places", world.look)
         told: Told = []
         photos = GreyPhotos(dict.fromkeys(("1.jpg", *TARGETS), 16), decoded)
-        survey = cast("LiveSurvey", SimpleNamespace())
+        survey = cast("LiveSurvey", world)
         proposed = ProposalTable(lambda all_, of, left: told.append((all_, set(of), left)))
         one = PointSearch(survey, photos, proposed)
         one.start()
@@ -271,3 +320,43 @@ def test_a_photo_that_is_gone_is_said_and_ends_nothing(
     until(lambda: len(seeker.proposed.outcomes) == 2)
     assert "cannot be read" in seeker.proposed.outcomes["gone.jpg", "A"].why
     assert seeker.proposed.outcomes["3.jpg", "A"].found is not None
+
+
+def test_a_photo_without_a_pose_is_searched_where_features_predict_the_pick(start: Start) -> None:
+    world, picked = World(), state("A")
+    world.posed, world.by_features = ("2.jpg",), TARGETS
+    seeker, _ = start(world)
+    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg")))
+    until(lambda: bool(world.tried))
+
+    assert all(one.found is not None for one in seeker.proposed.outcomes.values())
+    assert world.tried == [{("2.jpg", "A"), ("3.jpg", "A")}]
+    assert len(world.looked) == 2  # features were not asked for the photo with a pose
+
+
+def test_what_an_adjustment_with_the_finds_contradicts_is_not_proposed(start: Start) -> None:
+    world, picked = World(), state("A", "B")
+    world.posed, world.by_features = ("2.jpg",), TARGETS
+    world.contradicted = {("3.jpg", "B"): CONTRADICTED}
+    seeker, told = start(world)
+    seeker.submit(SearchInput(picked, adjusted(picked, "2.jpg")))
+    until(lambda: bool(told) and told[-1][1] == {"B"})
+
+    assert seeker.proposed.outcomes["3.jpg", "A"].found is not None
+    assert seeker.proposed.outcomes["3.jpg", "B"].why == CONTRADICTED
+    assert seeker.proposed.outcomes["3.jpg", "B"].found is None
+
+
+def test_a_vague_pose_does_not_contradict_what_features_predicted_better(start: Start) -> None:
+    world, picked = World(), state("A")
+    world.radius_px, world.refused = 900.0, dict.fromkeys(TARGETS, RefusalReason.TOO_FAR)
+    world.by_features, world.wrong = TARGETS, [("2.jpg", "A")]
+    seeker, _ = start(world)
+    seeker.submit(SearchInput(picked, adjusted(picked)))
+    until(lambda: bool(world.tried))
+    seeker.submit(SearchInput(picked, adjusted(picked)))
+    world.places = None
+    until(lambda: world.places is not None)
+    time.sleep(0.02)
+
+    assert seeker.proposed.outcomes["2.jpg", "A"].found is not None

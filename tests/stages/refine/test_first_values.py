@@ -17,6 +17,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
+from uavgram.model.survey.ties import Sightings
 from uavgram.stages.refine import refine
 from uavgram.stages.refine.first_values import find_first_values
 
@@ -69,6 +70,42 @@ def started_at_truth(survey: Survey, truth: State) -> Survey:
     assert survey.seeds is not None
     seeds = replace(survey.seeds, center_world_m=truth.center, world_from_camera=truth.rotation)
     return replace(survey, seeds=seeds)
+
+
+def found_from_first_frame(survey: Survey) -> Survey:
+    """The survey with matches of the first frame's picks where other frames had picks of these."""
+    by_hand = survey.pick_frame == 0
+    first, label = np.flatnonzero(by_hand), survey.pick_label
+    place = np.full(len(survey.label), -1)
+    place[label[first]] = np.arange(len(first))
+    rows = np.concatenate([first, np.flatnonzero(~by_hand & (place[label] >= 0))])
+    matches = Sightings(
+        frame=survey.pick_frame[rows],
+        point=place[label[rows]],
+        pixel_px=survey.pixel_px[rows],
+        sigma_px=np.full(len(rows), 0.3),
+        row=rows,
+        pick=np.arange(len(first)),
+    )
+    alone = {
+        name: getattr(survey, name)[by_hand]
+        for name in ("pick_frame", "pick_label", "pixel_px", "pick_sigma_px")
+    }
+    return replace(survey, matches=matches, **alone)
+
+
+def test_matches_place_a_frame_without_a_log_as_picks_do(
+    scene_factory: Callable[..., Scene],
+) -> None:
+    scene = scene_factory(2, frames=3, ends=PAIRS, noise=0.0, **NO_LOG)
+    survey = found_from_first_frame(scene.survey)
+    (begun, *_), (by_picks, *_) = map(find_first_values, (survey, scene.survey))
+    refined, _ = refine(survey, REPORT)
+
+    assert set(survey.pick_frame) == {0}
+    np.testing.assert_allclose(begun.center, by_picks.center, atol=0.02)
+    assert refined.adjustment.survey.frame_id == survey.frame_id
+    np.testing.assert_allclose(refined.adjustment.state.center, scene.truth.center, atol=0.02)
 
 
 @pytest.mark.statistical

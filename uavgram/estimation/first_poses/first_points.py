@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from uavgram.estimation.first_poses.network import FirstValues
+from uavgram.estimation.survey.selection import replace_matches_by_picks
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
@@ -18,7 +19,7 @@ MAX_RELATIVE_SIGMA = 0.1
 usually the rays then come from one place."""
 
 
-def add_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstValues:
+def add_free_points(survey: Survey, values: FirstValues) -> FirstValues:
     """Add initial values of the points whose height is free.
 
     A point gets none (NaN) if its rays do not determine it, unless its coordinates or another known
@@ -28,20 +29,20 @@ def add_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstVa
     ----------
     survey
         Observations.
-    ray
-        (P, 3) rays of its picks, in their cameras.
     values
         Initial values with poses.
     """
     free = np.flatnonzero(survey.is_free)
     if not len(free):
         return values
-    frame, label, ray, sigma_px = _gather_rays(survey, ray)
+    shown, camera = replace_matches_by_picks(survey), survey.calibration
+    frame, label = shown.pick_frame, shown.pick_label
     rows = np.flatnonzero(survey.is_free[label] & np.isfinite(values.center[frame, 0]))
     center, owner = values.center[frame[rows]], label[rows]
-    direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray[rows])
+    ray = back_project(camera.model, camera.parameters, shown.pixel_px[rows])
+    direction = np.einsum("nij,nj->ni", values.rotation[frame[rows]], ray)
     direction /= np.linalg.norm(direction, axis=1)[:, None]
-    sigma = sigma_px[rows] / survey.calibration.parameters[0]
+    sigma = shown.pick_sigma_px[rows] / camera.parameters[0]
     # Intersections of the rays; where these fail, the mean intersection with the ground.
     met, spread = intersect_rays(center, direction, sigma, owner, len(survey.label))
     plane = np.array([values.height_m, 0.0, 0.0])
@@ -60,18 +61,6 @@ def add_free_points(survey: Survey, ray: Floats, values: FirstValues) -> FirstVa
     point_m[free] = point[free, :2]
     departure_m[free] = np.nan_to_num(point[free, 2] - values.height_m)
     return values._replace(point_m=point_m, departure_m=departure_m)
-
-
-def _gather_rays(survey: Survey, ray: Floats) -> tuple[Ints, Ints, Floats, Floats]:
-    """Return frames, labels, rays and sigmas [px] of the picks and of their matches."""
-    matches, camera = survey.matches, survey.calibration
-    found = back_project(camera.model, camera.parameters, matches.pixel_px)
-    return (
-        np.concatenate([survey.pick_frame, matches.frame]),
-        np.concatenate([survey.pick_label, survey.pick_label[matches.pick][matches.point]]),
-        np.concatenate([ray, found]),
-        np.concatenate([survey.pick_sigma_px, matches.sigma_px]),
-    )
 
 
 def intersect_rays(
@@ -209,11 +198,8 @@ def _are_from_one_place(survey: Survey, values: FirstValues) -> Bools:
 
 def find_seen_labels(survey: Survey) -> tuple[Ints, Ints]:
     """Return frames and labels, (n,) each, of all pairs in which the frame shows the label."""
-    matches = survey.matches
-    own = survey.pick_label[matches.pick][matches.point]
-    frame = np.concatenate([survey.pick_frame, matches.frame])
-    label = np.concatenate([survey.pick_label, own])
-    first, second = np.unique(np.stack([frame, label]), axis=1)
+    shown = replace_matches_by_picks(survey)
+    first, second = np.unique(np.stack([shown.pick_frame, shown.pick_label]), axis=1)
     return first, second
 
 

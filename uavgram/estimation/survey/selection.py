@@ -11,7 +11,7 @@ import numpy as np
 from uavgram.model.arrays import Bools, Ints, rows_of
 from uavgram.model.flight.pose import TelemetryPrior
 from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import Sightings
+from uavgram.model.survey.ties import NO_SIGHTINGS, Sightings
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,6 +119,31 @@ def remove_ties(survey: Survey, frames: Collection[str]) -> Survey:
     matches, _ = survey.matches.without(out[survey.matches.frame])
     ties, _ = survey.ties.without(out[survey.ties.frame])
     return replace(survey, matches=matches, ties=ties)
+
+
+def replace_matches_by_picks(survey: Survey) -> Survey:
+    """Return the survey with a pick, after its own, for each label that a photo shows by a match.
+
+    A match is the place of a picked pixel in another photo: it misses the label by the errors of
+    the pick and of the match.
+    """
+    matches, labels = survey.matches, len(survey.label)
+    if not matches.points:
+        return survey
+    origin = matches.pick[matches.point]
+    label = survey.pick_label[origin]
+    # Each label once in a frame, and not where it is picked: chains begin with their pick.
+    pair, first = np.unique(matches.frame * labels + label, return_index=True)
+    new = first[~np.isin(pair, survey.pick_frame * labels + survey.pick_label)]
+    sigma = np.hypot(survey.pick_sigma_px[origin[new]], matches.sigma_px[new])
+    return replace(
+        survey,
+        pick_frame=np.concatenate([survey.pick_frame, matches.frame[new]]),
+        pick_label=np.concatenate([survey.pick_label, label[new]]),
+        pixel_px=np.concatenate([survey.pixel_px, matches.pixel_px[new]]),
+        pick_sigma_px=np.concatenate([survey.pick_sigma_px, sigma]),
+        matches=NO_SIGHTINGS,
+    )
 
 
 def _select_some_lines(survey: Survey, lines: Ints) -> dict[str, Any]:

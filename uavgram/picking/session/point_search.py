@@ -6,12 +6,13 @@ Matches are proposed, never picked: a person decides.
 from __future__ import annotations
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from uavgram.errors import InputError
+from uavgram.errors import InputError, UavgramError
+from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.imaging.matching.matches import Matches, RefusalReason
 from uavgram.imaging.matching.occlusion import compute_worst_quarter_correlation
 from uavgram.imaging.photos.grey_photos import GreyPhotos
@@ -25,8 +26,15 @@ from uavgram.picking.session.picked_targets import PickedTargets
 from uavgram.picking.session.proposal_table import ProposalTable
 from uavgram.pipeline.match.patch_search import describe_miss, group_by_photos, search_places
 from uavgram.pipeline.pick.live_survey import LiveAdjustment, LiveSurvey
-from uavgram.pipeline.pick.places import PredictedPlaces, predict_places
-from uavgram.stages.match import CONTRADICTED, NARROWED_SHARE, pick_sigmas
+from uavgram.pipeline.pick.places import AdjustedPlaces, PredictedPlaces, predict_places
+from uavgram.pipeline.pick.places_by_features import FeaturePlaces
+from uavgram.stages.match import (
+    CONTRADICTED,
+    MAX_RADIUS_PX,
+    NARROWED_SHARE,
+    Found,
+    pick_sigmas,
+)
 
 log = logging.getLogger(__name__)
 
@@ -61,8 +69,11 @@ class PointSearch:
     def __init__(self, survey: LiveSurvey, photos: GreyPhotos, proposed: ProposalTable) -> None:
         self._survey, self._photos, self.proposed = survey, photos, proposed
         self._targets = PickedTargets(survey, photos)
+        self._features = FeaturePlaces(survey)
         self._newest: LatestTask[SearchInput] = LatestTask({"seeker": self._work})
         self._known: frozenset[tuple[str, str, float, float]] = frozenset()
+        # Finds and lengths of the last adjustment with finds.
+        self._tested: tuple[dict[Pair, Found], tuple[tuple[str, str, float], ...]] | None = None
 
     def start(self) -> None:
         """Start the worker."""
@@ -85,19 +96,109 @@ class PointSearch:
                 log.exception("the search in other photos failed")
 
     def _seek(self, wanted: SearchInput) -> None:
-        state, last = wanted.state, wanted.last
-        self.proposed.let_go(state)
-        if last is None:
-            return
-        picks, _ = make_observations(state)
-        own = {(one.label, *source_of(one)) for one in state.picks if one.source != "match"}
+        self.proposed.let_go(wanted.state)
+        picks, _ = make_observations(wanted.state)
+        last, by_log = wanted.last, self._survey.flight() is not None
+        if last is None and by_log:
+            return  # the first adjustment follows within a second
+        # First where poses predict the picks, then in photos whose pose is unknown or vague.
+        sharp, vague = set[str](), set[str]()
+        if last is not None:
+            places = self._seek_by_poses(wanted, last, picks)
+            if places is None:
+                return
+            vague = self._find_vague_photos(places)
+            sharp = {*last.adjustment.survey.frame_id, *places.image} - vague
+
+        def is_vague(pair: Pair) -> bool:
+            return pair[0] in vague or not (by_log or pair[0] in sharp)
+
+        if self._seek_by_features(wanted, picks, is_vague) and last is not None:
+            self._seek_by_finds(wanted, last, picks, is_vague)
+
+    def _seek_by_poses(
+        self, wanted: SearchInput, last: LiveAdjustment, picks: Picks
+    ) -> AdjustedPlaces | None:
+        """Search where an adjustment predicts picks; return None if that was not finished."""
+        own = {(one.label, *source_of(one)) for one in wanted.state.picks if one.source != "match"}
         new = {label for label, *_ in own - self._known}
+        places = None
         for labels in [new, None] if new else [None]:
             places = predict_places(self._survey, last, picks, labels)
             if places is None or not self._look(places, wanted, picks):
-                return
+                return None
             self._withdraw(places)
         self._known = frozenset(own)
+        return places
+
+    def _find_vague_photos(self, places: PredictedPlaces) -> set[str]:
+        """Return photos with a large region in which nothing was found as predicted."""
+        outcomes = self.proposed.outcomes
+        large, found = set[str](), set[str]()
+        for row, pair in enumerate(zip(places.image, places.label, strict=True)):
+            if places.radius_px[row] > MAX_RADIUS_PX:
+                large.add(pair[0])
+            one = outcomes.get(pair)
+            if one is not None and one.found is not None and _is_judged(one, places, row):
+                found.add(pair[0])
+        return large - found
+
+    def _seek_by_features(
+        self, wanted: SearchInput, picks: Picks, is_vague: Callable[[Pair], bool]
+    ) -> bool:
+        """Search where features predict picks; return False if that was not finished."""
+        outcomes = self.proposed.outcomes
+
+        def is_wanted(pair: Pair) -> bool:
+            return is_vague(pair) and (pair not in outcomes or outcomes[pair].found is None)
+
+        predicted = self._features.predict(
+            picks, is_wanted, lambda: self._newest.is_outdated(wanted)
+        )
+        done = all(self._look(places, wanted, picks) for places in predicted)
+        return done and not self._newest.is_outdated(wanted)
+
+    def _seek_by_finds(
+        self,
+        wanted: SearchInput,
+        last: LiveAdjustment,
+        picks: Picks,
+        is_vague: Callable[[Pair], bool],
+    ) -> None:
+        """Test finds in photos without a good pose by an adjustment, and search what it predicts.
+
+        With these finds the photos have a pose.
+        """
+        observed = last.observed.picks
+        keys = zip(observed.label, observed.image, *observed.pixel_px.T.tolist(), strict=True)
+        number = {key: i for i, key in enumerate(keys)}
+        picked = {pick.key for pick in wanted.state.picks}
+        outcomes = self.proposed.outcomes
+        found = {
+            pair: _as_find(number[pair[1], *one.source], one.found, one.radius_px)
+            for pair, one in outcomes.items()
+            if one.found is not None
+            and one.source is not None
+            and pair not in picked
+            and (pair[1], *one.source) in number
+        }
+        lines = last.observed.lines
+        known = tuple(zip(lines.start, lines.end, lines.length_m.tolist(), strict=True))
+        if (found, known) == self._tested or not any(map(is_vague, found)):
+            return
+        try:
+            adjusted, contradicted = self._survey.adjust_with_finds(last, found)
+        except (SingularError, UavgramError):  # they do not determine the poses
+            self._tested = found, known
+            return
+        self.proposed.put(
+            {
+                pair: replace(outcomes[pair], found=None, why=why)
+                for pair, why in contradicted.items()
+            }
+        )
+        if self._seek_by_poses(wanted, adjusted, picks) is not None:
+            self._tested = found, known
 
     def _look(self, places: PredictedPlaces, wanted: SearchInput, picks: Picks) -> bool:
         """Search unknown places; return False if newer work arrived before the end."""
@@ -110,13 +211,18 @@ class PointSearch:
             self._take(places, some, picks, self._looked(places, some, picks), left)
         return not self._newest.is_outdated(wanted)
 
-    def _withdraw(self, places: PredictedPlaces) -> None:
+    def _withdraw(self, places: AdjustedPlaces) -> None:
         """Withdraw proposals that other matches in the same photo contradict."""
         at = {pair: k for k, pair in enumerate(zip(places.image, places.label, strict=True))}
         by_photo: dict[str, dict[Pair, c.Place]] = {}
         outcomes = self.proposed.outcomes
         for pair, one in outcomes.items():
-            if one.found is not None and one.source is not None and pair in at:
+            if (
+                one.found is not None
+                and one.source is not None
+                and pair in at
+                and _is_judged(one, places, at[pair])
+            ):
                 by_photo.setdefault(pair[0], {})[pair] = one.found
         wrong: list[Pair] = []
         for own in by_photo.values():
@@ -217,6 +323,12 @@ class PointSearch:
         )
 
 
+def _as_find(pick: int, place: c.Place, radius_px: float) -> Found:
+    """Convert a proposal, found from the pick of that number, to the input of an adjustment."""
+    pixel = place.u_px, place.v_px
+    return Found(pick, pixel, place.sigma_px or np.nan, place.score or np.nan, radius_px)
+
+
 def _stated(found: Matches | str, is_raised: Bools) -> Floats:
     """Return the sigmas (n,) that picks at the matches would have; NaN without matches."""
     if isinstance(found, str):
@@ -231,5 +343,11 @@ def _is_open(outcome: Outcome | None, places: PredictedPlaces, row: int) -> bool
     if outcome.is_over or (outcome.source is None and outcome.found is not None):
         return False
     if outcome.found is not None:
-        return not places.holds(row, (outcome.found.u_px, outcome.found.v_px))
+        here = outcome.found.u_px, outcome.found.v_px
+        return _is_judged(outcome, places, row) and not places.holds(row, here)
     return bool(places.radius_px[row] < NARROWED_SHARE * outcome.radius_px)
+
+
+def _is_judged(outcome: Outcome, places: PredictedPlaces, row: int) -> bool:
+    """Return whether a place is predicted at least as well as what was found there before."""
+    return bool(places.radius_px[row] <= outcome.radius_px)

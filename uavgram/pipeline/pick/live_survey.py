@@ -8,6 +8,7 @@ update of the last adjustment when picks move or readings change, with its sigma
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -29,12 +30,14 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.result.result import Result
 from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
+from uavgram.pipeline.match.adjustment import adjust_manual_picks
 from uavgram.pipeline.measure.compute import Computation, compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.observations import append_plate_sides
 from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.linear_update import update_linearly
+from uavgram.stages.match import Found, Pair
 
 NOTHING_PICKED = (
     "Nothing is picked yet. Click a point on the ground in a photo; a second one makes a distance, "
@@ -160,10 +163,7 @@ class LiveSurvey:
         if not observed.picks.image:
             raise UavgramError(NOTHING_PICKED)
         started = time.perf_counter()
-        inputs = replace(
-            self.inputs, picks=observed.picks, lines=observed.lines, requests=observed.requests
-        )
-        computed = compute(inputs, posed=self.posed, curved=False)
+        computed = compute(self._inputs_with(observed), posed=self.posed, curved=False)
         adjustment = computed.refined.adjustment
         picked, covariance = predict_pixels(
             adjustment, adjustment.survey.pick_frame, adjustment.survey.pick_label
@@ -176,6 +176,47 @@ class LiveSurvey:
             picked_covariance_px2=covariance,
             advice=find_next_line(adjustment),
             seconds=time.perf_counter() - started,
+        )
+
+    @with_one_blas_thread
+    def adjust_with_finds(
+        self, last: LiveAdjustment, found: Mapping[Pair, Found]
+    ) -> tuple[LiveAdjustment, dict[Pair, str]]:
+        """Adjust with finds that nobody has accepted yet, without the log.
+
+        The finds are of photos whose pose by the log is too vague to tell where to search. It would
+        still overrule them if it were wrong by more than stated, as for a photo that was rotated.
+
+        Parameters
+        ----------
+        last
+            The last adjustment.
+        found
+            Finds of its picks in other photos.
+
+        Returns
+        -------
+        adjusted
+            The last adjustment, with poses and points from lengths, picks and finds.
+        contradicted
+            Finds that the others contradict, with the reason.
+
+        Raises
+        ------
+        UavgramError
+            They do not determine poses.
+        """
+        if self.posed is None:
+            raise UavgramError(self.unposed_because)
+        posed = replace(self.posed, telemetry=None)
+        base = adjust_manual_picks(self._inputs_with(last.observed), posed)
+        adjustment, contradicted = base.adjusted(found)
+        refined = replace(base.refined, adjustment=adjustment)
+        return replace(last, computed=last.computed._replace(refined=refined)), contradicted
+
+    def _inputs_with(self, observed: Observations) -> Inputs:
+        return replace(
+            self.inputs, picks=observed.picks, lines=observed.lines, requests=observed.requests
         )
 
     @with_one_blas_thread

@@ -214,8 +214,6 @@ class PredictedPlaces:
         (n,) whether the point is off the ground.
     row, predicted
         (n,) row of each among the predictions, and all of these.
-    adjustment
-        The adjustment that predicted them.
     """
 
     pick: Ints
@@ -225,7 +223,6 @@ class PredictedPlaces:
     is_raised: Bools
     row: Ints
     predicted: TransferredPixels
-    adjustment: Adjustment
 
     def __len__(self) -> int:
         return len(self.image)
@@ -242,6 +239,23 @@ class PredictedPlaces:
         covariance = self.predicted.covariance_px2[at] + MIN_PX**2 * np.eye(2)
         return bool(off @ np.linalg.solve(covariance, off) <= REGION_SQUARED)
 
+    def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
+        """Convert places to the input of the matching."""
+        return make_search_places(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
+
+
+@dataclass(frozen=True, eq=False)
+class AdjustedPlaces(PredictedPlaces):
+    """Places predicted by an adjustment, so that finds can be compared with each other.
+
+    Attributes
+    ----------
+    adjustment
+        The adjustment.
+    """
+
+    adjustment: Adjustment
+
     def mark_contradicted(self, rows: Ints, pixel_px: Floats, sigma_px: Floats) -> Bools:
         """Mark finds (m,) in one photo that the others there contradict.
 
@@ -257,15 +271,11 @@ class PredictedPlaces:
         off = pixel_px - self.predicted.pixel_px[at]
         return find_contradicted(off, joint, np.hypot(sigma_px, MIN_PX))
 
-    def sought(self, picks: Picks, rows: Ints) -> SoughtPoints:
-        """Convert places to the input of the matching."""
-        return make_search_places(self.predicted, self.row[rows], picks.pixel_px[self.pick[rows]])
-
 
 @with_one_blas_thread
 def predict_places(
     survey: LiveSurvey, last: LiveAdjustment, picks: Picks, labels: Collection[str] | None = None
-) -> PredictedPlaces | None:
+) -> AdjustedPlaces | None:
     """Predict every label in every photo that should show it, from the most similar pick.
 
     Also from picks that are newer than the last adjustment, in photos that take part in it.
@@ -306,13 +316,14 @@ def predict_places(
         np.array([label[picks.label[i]] for i in taking], dtype=np.int64),
         picks.pixel_px[rows].reshape(-1, 2),
     )
-    found = transfer_pixels(adjustment, survey.flight(), clicked)
+    flight = None if adjustment.survey.telemetry is None else survey.flight()
+    found = transfer_pixels(adjustment, flight, clicked)
     return _select_most_similar(adjustment, found, rows[found.click], picks)
 
 
 def _select_most_similar(
     adjustment: Adjustment, found: TransferredPixels, pick: Ints, picks: Picks
-) -> PredictedPlaces:
+) -> AdjustedPlaces:
     """Select for each label in each photo the place by the most similar pick.
 
     Parameters
@@ -332,7 +343,7 @@ def _select_most_similar(
     image = tuple(found.frame_id[row] for row in rows)
     radius = compute_radii(found.covariance_px2[rows])
     raised = adjustment.survey.off_ground[adjustment.label_rows(label)]
-    return PredictedPlaces(pick[rows], image, label, radius, raised, rows, found, adjustment)
+    return AdjustedPlaces(pick[rows], image, label, radius, raised, rows, found, adjustment)
 
 
 def _update_adjustment(survey: LiveSurvey, last: LiveAdjustment, picks: Picks) -> Adjustment:

@@ -30,6 +30,7 @@ from uavgram.estimation.first_poses.prior_gate import (
 from uavgram.estimation.first_poses.tied.two_views import add_turned_frames
 from uavgram.estimation.reliability.test_statistics import compute_cofactors
 from uavgram.estimation.survey.adjustment import LeftOut, LeftOutCause, Refined
+from uavgram.estimation.survey.selection import replace_matches_by_picks
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.model.arrays import Bools, Floats
@@ -62,21 +63,22 @@ NOT_JOINED = LeftOut(
 
 def find_first_values(survey: Survey) -> list[FirstValues]:
     """Compute sets of first values, most likely first; unplaced points and frames are NaN."""
-    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
     if survey.telemetry is not None:
+        ray = _compute_rays(survey)
         found = [intersect_seed_rays(each, ray) for each in _seed_surveys(survey)]
-        return [add_free_points(survey, ray, values) for values in found]
-    begun = find_frame_planes(survey, ray)
+        return [add_free_points(survey, values) for values in found]
+    shown = replace_matches_by_picks(survey)
+    begun = find_frame_planes(shown, _compute_rays(shown))
     counts, planes = begun.counts, begun.planes
     if survey.gauge == "world":
-        return _extend_choices(survey, ray, planes, _list_choices(survey))
+        return _extend_choices(survey, planes, _list_choices(survey))
     chosen = [tied for tied in _list_choices(survey)[:1] if tied]
     if not planes and not chosen:
-        raise GeometryError(describe_missing_input(survey, begun))
+        raise GeometryError(describe_missing_input(shown, begun))
     if planes:
         first = max(planes, key=lambda f: (counts[f], -f))
         chosen += [{first: pose_above_plane(p)} for p in planes[first]]
-    return _extend_choices(survey, ray, planes, chosen)
+    return _extend_choices(survey, planes, chosen)
 
 
 def find_other_first_values(
@@ -101,8 +103,8 @@ def find_other_first_values(
     GeometryError
         There are none.
     """
-    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    _, counts, planes = find_frame_planes(survey, ray)
+    shown = replace_matches_by_picks(survey)
+    _, counts, planes = find_frame_planes(shown, _compute_rays(shown))
     named = dict(enumerate(survey.frame_id))
     trusted = {f: known[name] for f, name in named.items() if name in known.keys() - doubtful}
     chosen = [trusted]
@@ -112,7 +114,7 @@ def find_other_first_values(
         chosen += [{f: pose_above_plane(planes[f][0])} for f in likeliest]
     found = [
         values
-        for values in _extend_choices(survey, ray, planes, chosen)
+        for values in _extend_choices(survey, planes, chosen)
         if any(_has_other_pose(values, f, known.get(name)) for f, name in named.items())
     ]
     if not found:
@@ -211,7 +213,7 @@ def _list_choices(survey: Survey) -> list[ChosenPoses]:
 
 
 def _extend_choices(
-    survey: Survey, ray: Floats, planes: dict[int, Floats], choices: list[ChosenPoses]
+    survey: Survey, planes: dict[int, Floats], choices: list[ChosenPoses]
 ) -> list[FirstValues]:
     """Compute first values from every choice of poses: over control points, or at the gauge.
 
@@ -221,8 +223,6 @@ def _extend_choices(
     ----------
     survey
         Survey without telemetry.
-    ray
-        (P, 3) rays of its picks.
     planes
         (n, 3) planes of every frame that has any, likeliest first.
     choices
@@ -234,9 +234,10 @@ def _extend_choices(
     if control:
         height = estimate_ground_height(survey)
     lift = np.array([0.0, 0.0, height])
-    values = []
+    shown, values = replace_matches_by_picks(survey), []
+    ray = _compute_rays(shown)
     for poses in choices:
-        network = PlaneNetwork(survey, ray)
+        network = PlaneNetwork(shown, ray)
         if control:
             network.point[label] = survey.control_world_m[:, :2]
         for frame, (center, rotation) in poses.items():
@@ -245,7 +246,7 @@ def _extend_choices(
         nothing = np.zeros(len(survey.label))
         poses_found = add_turned_frames(survey, network.center + lift, network.rotation)
         grown = FirstValues(network.point, *poses_found, height, nothing)
-        values.append(add_free_points(survey, ray, grown if control else _move_to_gauge(grown)))
+        values.append(add_free_points(survey, grown if control else _move_to_gauge(grown)))
     if all(np.isnan(each.center).all() for each in values):
         raise GeometryError(
             "without a flight log a photo is placed by four control points in it, or two and three "
@@ -289,10 +290,14 @@ def find_unusable_picks(survey: Survey, values: FirstValues) -> dict[int, LeftOu
     return {int(i): causes[why[i]] for i in np.flatnonzero(~usable)}
 
 
+def _compute_rays(survey: Survey) -> Floats:
+    """Compute the rays (P, 3) of the picks in their cameras."""
+    return back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
+
+
 def find_picks_in_lens(survey: Survey) -> tuple[Bools, dict[int, LeftOut]]:
     """Mark picks (P,) within the lens model, and return why others take no part."""
-    ray = back_project(survey.calibration.model, survey.calibration.parameters, survey.pixel_px)
-    keep: Bools = np.isfinite(ray.sum(axis=1))
+    keep: Bools = np.isfinite(_compute_rays(survey).sum(axis=1))
     return keep, dict.fromkeys(np.flatnonzero(~keep).tolist(), BEYOND_LENS)
 
 
