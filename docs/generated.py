@@ -6,6 +6,7 @@ import importlib
 import inspect
 import json
 import re
+import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,9 +26,20 @@ def write(reference: Path, background: Path) -> None:
         "python": python_api(),
     }.items():
         _write(reference / f"{name}.md", text)
+    pack_examples(reference / "uavgram-examples.zip")
     import drawings  # noqa: PLC0415  (loads matplotlib)
 
     drawings.draw(background)
+
+
+def pack_examples(path: Path) -> None:
+    """Pack the example files that how-to pages and scripts use, in their folders."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for folder in ("configs", "logs", "docs/examples"):
+            for file in sorted((ROOT / folder).rglob("*")):
+                made = {"out", "__pycache__"} & set(file.relative_to(ROOT).parts)
+                if file.is_file() and not made:
+                    archive.write(file, f"uavgram-examples/{file.relative_to(ROOT).as_posix()}")
 
 
 def _write(path: Path, text: str) -> None:

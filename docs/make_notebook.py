@@ -56,7 +56,7 @@ def notebook(script: str, shown: list[str]) -> str:
 
 def executed(script: str) -> list[str]:
     """Run the code cells in one namespace, and return what each of them prints."""
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {"__file__": str(EXAMPLES / "survey.py")}
     shown = []
     for text in (text for kind, text in cells(script) if kind == "code"):
         said = io.StringIO()

@@ -5,6 +5,7 @@ far points are from what is known of them, with the derivatives by the points. O
 the table of kinds, `known.csv` may have it, and it is tested, reported and simulated like others.
 """
 
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,12 @@ class LongerBy(KnownKind):
 kind = LongerBy("longer_by", shown="longer by", points=(4, 4), has_value=True)
 ALL_KINDS[kind.name] = KNOWN_KINDS[kind.name] = kind
 
-folder = Path("configs")
+given = Path(__file__).resolve().parents[2]  # with the folders configs and logs
+own = Path("uavgram-example-own-observation")
+for part in ("configs", "logs"):
+    leave = shutil.ignore_patterns("out")
+    shutil.copytree(given / part, own / part, ignore=leave, dirs_exist_ok=True)
+folder = own / "configs"
 table = (folder / "known.csv").read_text(encoding="utf-8")
 (folder / "own.csv").write_text(f"{table}string,longer_by,R1;R5;R3;R4,0.794,0.02,\n", "utf-8")
 project = (folder / "project.yaml").read_text(encoding="utf-8")

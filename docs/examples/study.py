@@ -1,12 +1,18 @@
 """How good would it have been with fewer lengths? Withhold them, and look at what comes out."""
 
+import shutil
 from pathlib import Path
 
 import pandas as pd
 
 import uavgram
 
-folder = Path("configs")
+given = Path(__file__).resolve().parents[2]  # with the folders configs and logs
+own = Path("uavgram-example-study")
+for part in ("configs", "logs"):
+    leave = shutil.ignore_patterns("out")
+    shutil.copytree(given / part, own / part, ignore=leave, dirs_exist_ok=True)
+folder = own / "configs"
 lines = pd.read_csv(folder / "lines.csv")
 project = (folder / "project.yaml").read_text(encoding="utf-8")
 rows = []

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # A survey, step by step
 #
-# From a project's files to values, tables and plots. Run it in a clone of the repository, or beside
-# copies of its folders `configs` and `logs`.
+# From a project's files to values, tables and plots. The files are in `configs` and `logs`, two
+# folders above this one, as in the repository and in `uavgram-examples.zip` of the manual.
 # %%
 from pathlib import Path
 
@@ -13,7 +13,8 @@ import uavgram
 from uavgram.pipeline.measure.compute import pose_frames
 from uavgram.pipeline.measure.inputs import read_inputs
 
-PROJECT = Path("configs/project.yaml")
+here = Path(globals().get("__file__", "survey.ipynb")).resolve().parent  # a notebook has no file
+PROJECT = here.parents[1] / "configs" / "project.yaml"
 
 # %% [markdown]
 # ## What was read
@@ -66,4 +67,6 @@ figure, axes = plt.subplots(1, 3, figsize=(15, 4.5))
 uavgram.plots.plan(result, axes[0])
 uavgram.plots.residuals(result, axes[1])
 uavgram.plots.budget(result, axes[2])
-figure.savefig("survey.png")
+own = Path("uavgram-example-survey")
+own.mkdir(exist_ok=True)
+figure.savefig(own / "survey.png")

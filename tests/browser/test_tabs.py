@@ -155,6 +155,23 @@ def test_outputs_are_one_click_away_and_say_when_they_are_old(
         assert not open_page.strangers
 
 
+def test_results_are_not_called_old_because_the_program_has_ended(
+    project: Path, open_page: PageOpener
+) -> None:
+    def run(_: Path) -> None:
+        (project.parent / "out" / "report.html").write_text("<h1>Report</h1>", encoding="utf-8")
+
+    with served(project, run=run) as server:
+        page = open_page(server)
+        page.keyboard.press("w")
+        expect(page.locator("#outputs")).to_contain_text("up to date")
+        results = page.get_by_role("tabpanel", name="Results")
+        expect(results.locator(".older")).to_have_count(0)
+    expect(page.locator("#mode")).to_have_text("no connection")
+    expect(results.locator(".older")).to_contain_text("No connection to the program")
+    expect(results).not_to_contain_text("older than your marks")
+
+
 def test_the_tab_of_frames_tells_matching_clock_and_seeds(
     data_dir: Path, tmp_path: Path, open_page: PageOpener
 ) -> None:

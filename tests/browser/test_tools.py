@@ -223,3 +223,4 @@ def test_a_page_whose_program_has_ended_says_so(
         expect(page.locator("#mode")).to_have_text("no connection")
         page.clock.run_for(3_000)  # it takes no time
         expect(page.get_by_role("alert")).to_contain_text("The program does not answer")
+        expect(page.get_by_role("alert")).to_contain_text("as you did before, by the icon")

@@ -152,6 +152,12 @@ def test_files_that_pages_link_to_are_there(repository: Path) -> None:
                 assert target.exists(), (page.name, link)
 
 
+def test_a_page_on_example_files_leads_to_them() -> None:
+    for page in PAGES:
+        if page.folder == "configs" and page.name.startswith("docs/howto/"):
+            assert "(../example-files.md)" in page.text, page.name
+
+
 def test_every_key_of_a_project_has_an_entry(generated: ModuleType, repository: Path) -> None:
     text = (repository / "configs" / "project.yaml").read_text(encoding="utf-8")
     keys = {key.name: key for key in generated.keys_of(text)}

@@ -100,7 +100,7 @@ def _levels(entry: Entry) -> str:
 
 def _unknown(code: str) -> str:
     by_look = {alike(known): known for known in CATALOGUE}
-    near = get_close_matches(alike(code), by_look, n=MAX_SUGGESTED, cutoff=0.5)
+    near = get_close_matches(alike(code), by_look, n=MAX_SUGGESTED, cutoff=0.65)
     listed = ", ".join(by_look[one] for one in near)
     return (
         f"No message has the code {code!r}. "

@@ -24,7 +24,7 @@ from uavgram.views.formatting import (
 )
 from uavgram.views.result_tables import result_table
 from uavgram.views.sentence_units import convert_sentence
-from uavgram.views.survey.verdict import LEVEL_WORDS, scale_sentence
+from uavgram.views.survey.verdict import scale_sentence, verdict_sentence
 from uavgram.views.units import units_of, value_text
 
 
@@ -55,14 +55,18 @@ def measurement_table(result: Result, most: int = 0) -> str:
     return align_columns(cells, right) + (f"\n{NOT_UNIQUE}" if rows.is_ambiguous.any() else "")
 
 
-def light_line(result: Result) -> str:
-    """Return two lines: the colour of the verdict, and the source of the scale.
+def findings_lines(result: Result, *, verbose: bool) -> list[str]:
+    """Return the source of the scale, the messages, and last the verdict.
 
-    No misfit shows a wrong scale. The lines are separate, as the scale is not the reason of the
-    verdict.
+    No misfit shows a wrong scale: its source is a line of its own, as it is not the reason of the
+    verdict. The verdict is last, so that it is visible without scrolling.
     """
-    level = LEVEL_WORDS[result.verdict.level]
-    return "\n".join(filter(None, [f"Verdict: {level}.", scale_sentence(result)]))
+    parts = (
+        [scale] if (scale := scale_sentence(result)) else [],
+        message_lines(result.messages, verbose=verbose),
+        [verdict_sentence(result)],
+    )
+    return [line for part in parts if part for line in ("", *part)]
 
 
 def hidden_rows_line(result: Result, most: int, folder: Path) -> list[str]:

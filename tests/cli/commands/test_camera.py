@@ -185,3 +185,13 @@ def test_one_of_several_cameras_is_chosen_by_name(run: Run, tmp_path: Path) -> N
 def test_a_file_that_is_none_is_told(run: Run, tmp_path: Path) -> None:
     assert run(tmp_path / "none.yaml")[0] == 1
     assert "cannot be read" in run(tmp_path / "none.yaml")[2]
+
+
+def test_a_flight_log_is_named_as_one_with_the_files_that_hold_a_camera(
+    run: Run, repository: Path
+) -> None:
+    for name in ("twin_short.tlog", "twin_short.BIN"):
+        status, _, error = run(repository / "logs" / name)
+
+        assert status == 1
+        assert f"{name}: is a flight log: name camera.yaml, a calibration of OpenCV" in error

@@ -9,6 +9,7 @@ import pytest
 import synthetic_survey as survey
 from standings import with_status
 
+from uavgram.model.camera.calibration import PARAMETER_NAMES
 from uavgram.model.result.reliability import WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import LineStatus, PickStatus
@@ -109,6 +110,21 @@ def test_a_measurement_that_nothing_checks_says_what_would_not_show() -> None:
 
     shows = describe_unchecked(rows, links)
     told = describe_unchecked(rows, replace(links, unchecked=(("fx",),) * count))
-    assert shows[0] == f"no error would show in the pick of {label!r} in 'a.jpg' and 1 more"
+    assert shows[0] == (
+        f"no error would show in the pick of {label!r} in 'a.jpg', nor in 1 other given value"
+    )
     assert told[0] == "no error would show in the camera's focal length"
     assert not any(shows[1:])
+
+
+@pytest.mark.parametrize("name", sorted({*PARAMETER_NAMES["brown"], *PARAMETER_NAMES["fisheye"]}))
+def test_a_parameter_of_the_camera_is_called_by_words_not_by_its_letter(name: str) -> None:
+    rows = with_status(survey.build(), "not-checked", "ok").measurements
+    count = len(rows.name)
+    nothing = np.full(count, np.nan)
+    links = WeakestLinks(
+        what=("",) * count, bias=nothing, unit=("",) * count, change=nothing,
+        unchecked=((name,),) * count,
+    )  # fmt: skip
+
+    assert f"the {name}" not in describe_unchecked(rows, links)[0]

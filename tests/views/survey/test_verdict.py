@@ -25,7 +25,7 @@ from uavgram.views.survey.verdict import (
     verdict_sentence,
     verdict_words,
 )
-from uavgram.views.terminal import light_line, measurement_table
+from uavgram.views.terminal import findings_lines, measurement_table
 
 
 def first_rows(table: MeasurementResults, count: int) -> MeasurementResults:
@@ -51,6 +51,16 @@ def test_two_measurements_are_both_in_order() -> None:
     two = verdict_words(replace(made, measurements=first_rows(made.measurements, 2)))
 
     assert two.sentence == "Verdict: green, in order: both measurements fit and are checked."
+
+
+def test_amber_does_not_claim_that_all_is_in_order() -> None:
+    clean = survey.build(clean=True)
+    amber = Verdict(level="amber", reasons=(Reason(cause="x", text="L1 was left out."),))
+
+    assert verdict_sentence(replace(clean, verdict=amber)) == (
+        "Verdict: amber, check this first: all 9 measurements are in order, something else is "
+        "not. L1 was left out."
+    )
 
 
 def test_the_first_reason_is_told_and_how_many_more_there_are() -> None:
@@ -105,7 +115,7 @@ def test_without_a_measurement_there_is_no_verdict_anywhere() -> None:
     assert summarise_result(none) == "Nothing is measured yet"
     assert verdict_sentence(none) == "Verdict: none, as nothing is measured."
     assert verdict_words(none).level is None
-    assert light_line(none).startswith("Verdict: none, as nothing is measured.")
+    assert findings_lines(none, verbose=False)[-1] == "Verdict: none, as nothing is measured."
     assert load_verdict(dump_verdict(none.verdict)) == none.verdict
     assert dump_verdict(none.verdict)["level"] is None
 
@@ -147,8 +157,10 @@ def test_maps_tell_the_status_too(mixed: Result) -> None:
     )
 
 
-def test_the_scale_stands_beside_the_light(mixed: Result) -> None:
+def test_the_scale_is_before_the_messages_and_the_verdict_once_at_the_end(mixed: Result) -> None:
     green = replace(mixed, verdict=Verdict(level="green"))
+    lines = findings_lines(green, verbose=False)
 
-    assert light_line(green) == f"Verdict: green, in order.\n{SCALE}"
+    assert lines[:3] == ["", SCALE, ""]
+    assert [k for k, line in enumerate(lines) if line.startswith("Verdict: ")] == [len(lines) - 1]
     assert SCALE in render_report(green).split("</header>")[0]

@@ -60,12 +60,11 @@ def show_survey(
         Whether every message is shown.
     """
     from uavgram.synthetic.demo import run_demo
-    from uavgram.views.terminal import light_line, message_lines, truth_table
+    from uavgram.views.terminal import findings_lines, truth_table
 
     result, truth, project = run_demo(output, survey, progress(), calibration)
     recording = project.parent / "out" / "recording.rrd"
-    print_lines(truth_table(result, truth), "", light_line(result), "")
-    print_lines(*message_lines(result.messages, verbose=verbose))
+    print_lines(truth_table(result, truth), *findings_lines(result, verbose=verbose))
     print_lines("", f"project:   {project}", f"results:   {recording.with_name('results.json')}")
     print_lines(
         f"report:    {recording.with_name('report.html')}", f"look:      uavgram view {recording}"

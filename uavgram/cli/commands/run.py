@@ -111,12 +111,7 @@ def run(
     from uavgram.pipeline.measure.run import FROM_PROJECT
     from uavgram.pipeline.measure.run import run as run_project
     from uavgram.views.survey.verdict import verdict_sentence
-    from uavgram.views.terminal import (
-        hidden_rows_line,
-        light_line,
-        measurement_table,
-        message_lines,
-    )
+    from uavgram.views.terminal import findings_lines, hidden_rows_line, measurement_table
 
     log_to_stderr(verbose=verbose)
     set_project_units(project)
@@ -132,8 +127,7 @@ def run(
         print_json(run_object(result, folder))
     else:
         print_lines(measurement_table(result, rows), *hidden_rows_line(result, rows, folder))
-        print_lines("", light_line(result), "", *message_lines(result.messages, verbose=verbose))
-        print_lines("", verdict_sentence(result))  # last, so that it is visible without scrolling
+        print_lines(*findings_lines(result, verbose=verbose))
     if view:
         show(folder / "recording.rrd", web=False)
     fails = {"red": ("red",), "amber": ("red", "amber"), None: ()}[wanted.fail_on]

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.estimation.reliability.redundancy import MIN_REDUNDANCY
-from uavgram.model.naming import listed
+from uavgram.model.naming import counted, listed
 from uavgram.model.result.reliability import WeakestLinks
 from uavgram.model.result.result import Result
 from uavgram.model.result.tables import MeasurementResults
@@ -39,6 +39,9 @@ SUSPECT_PICK = "A mark of it does not fit the others: look at it in its photos."
 _CAMERA_WORDS = {
     **dict.fromkeys(("fx", "fy"), "camera's focal length"),
     **dict.fromkeys(("cx", "cy"), "middle of the camera's picture"),
+    **dict.fromkeys(
+        ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"), "distortion of the camera's lens"
+    ),
 }
 REJECTED_PHOTO = "It does not fit the others and was left out."
 
@@ -165,7 +168,8 @@ def describe_unchecked(rows: MeasurementResults, links: WeakestLinks | None) -> 
             continue
         unchecked = links.unchecked[i]
         own = [one for one in unchecked if any(repr(label) in one for label in rows.points[i])]
-        more = f" and {len(unchecked) - 1} more" if len(unchecked) > 1 else ""
+        others = len(unchecked) - 1
+        more = f", nor in {counted(others, 'other given value')}" if others else ""
         named = (own or unchecked)[0]
         found[i] = f"no error would show in the {_CAMERA_WORDS.get(named, named)}{more}"
     return found

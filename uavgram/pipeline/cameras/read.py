@@ -11,12 +11,13 @@ import numpy as np
 
 from uavgram.config.camera import camera_text, load_camera_file
 from uavgram.errors import InputError
-from uavgram.input_files import read_bytes
+from uavgram.input_files import binary_kind, read_bytes
 from uavgram.io.cameras.choice import read_drone_cameras
 from uavgram.io.cameras.colmap import colmap_text, is_colmap_cameras, read_colmap_camera
 from uavgram.io.cameras.odm import is_odm_cameras, read_odm_camera
 from uavgram.io.cameras.opencv import is_opencv_calibration, opencv_text, read_opencv_calibration
 from uavgram.io.digest import digest_file
+from uavgram.io.logs.flight_log import is_flight_log
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.camera_tags import read_all_camera_tags, read_camera_tags
 from uavgram.model.camera.calibration import (
@@ -70,6 +71,10 @@ def _key(name: str) -> str:
 CameraFormat = Literal["uavgram", "opencv", "colmap"]
 
 NO_OPTIONS: Mapping[str, OptionValue] = {}
+CAMERA_FILES = (
+    "camera.yaml, a calibration of OpenCV, cameras.txt of COLMAP, cameras.json of OpenDroneMap, "
+    "or a photo"
+)
 _PHOTOS = {".jpg", ".jpeg", ".dng", ".tif", ".tiff", ".png"}
 # Focal lengths of one zoom setting, as EXIF rounds them.
 _SAME_FOCAL = 0.005
@@ -119,6 +124,8 @@ def read_camera(path: str | Path, wanted: str | None = None) -> CameraRead:
         tags = read_camera_tags(path)
         calibration, messages = assume_camera(tags, read_drone_cameras())
         return CameraRead(path=path, calibration=calibration, messages=messages, tags=tags)
+    if kind := "a flight log" if is_flight_log(path) else binary_kind(path):
+        raise InputError(path, f"is {kind}: name {CAMERA_FILES}")
     text = read_bytes(path).decode("utf-8-sig", errors="replace")
     if is_odm_cameras(text):
         calibration, messages = read_odm_camera(path, wanted)

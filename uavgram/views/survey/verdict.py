@@ -113,10 +113,12 @@ def _known(result: Result) -> str:
             f"{rows.name[0]} is {format_with_sigma(rows.value[0], rows.sigma[0], rows.unit[0])}"
             f"{', and is checked' if result.verdict.level == 'green' else ''}."
         )
+    every = "both" if len(rows.name) == 2 else f"all {len(rows.name)}"
     if result.verdict.level == "green":
-        every = "both" if len(rows.name) == 2 else f"all {len(rows.name)}"
         return f"{every} measurements fit and are checked."
     in_order = sum(status == "ok" for status in rows.status)
+    if in_order == len(rows.name):
+        return f"{every} measurements are in order, something else is not."
     return f"{in_order} of {len(rows.name)} measurements are in order."
 
 

@@ -55,7 +55,7 @@ export function showOutside(bar, project) {
   const { outside, aside } = store;
   /** @type {string[]} */
   const words = [];
-  if (store.gone) words.push("The program does not answer. Start uavgram pick again, and open the address that it prints. What it confirmed is saved; what you do here now would be lost.");
+  if (store.gone) words.push("The program does not answer. Start it again as you did before, by the icon or by a command, and go on in the page that it opens. What it confirmed is saved; what you do here now would be lost.");
   else if (store.fault) words.push(`Not saved: ${store.fault}`);
   else if (outside.length) words.push(`${outside.join(" and ")} ${outside.length > 1 ? "were" : "was"} changed by another program. Nothing is written over.`);
   bar.hidden = !words.length && !aside;

@@ -13,6 +13,8 @@ import { fill, keep, list, table } from "../elements/table.js";
 /** @type {{ stamp: string, results: Results | null }} */
 let read = { stamp: "", results: null };
 
+const OLDER = "These results are older than your marks. Write them again (button below).";
+const NO_CONNECTION = "No connection to the program: this page cannot open the files below. They are in the folder that is named there.";
 const SIGNS = { green: "\u25CF", amber: "\u25B2", red: "\u25A0", none: "\u25CB" };
 
 /** @param {Element} section @param {() => void} again called when the results were read */
@@ -26,10 +28,10 @@ export function showResults(section, again) {
       node("p", { class: "dim" }, "The button below writes them into the project's folder.")))]);
     return;
   }
-  const isOld = outputs.version !== store.version || ageOfNumbers() === "lost";
+  const note = ageOfNumbers() === "lost" ? NO_CONNECTION : outputs.version === store.version ? "" : OLDER;
   const { results } = read;
-  fill(section, [keep("results", [outputs, results, isOld], () => node("div", { class: "results" },
-    isOld ? node("p", { class: "older", role: "status" }, "These results are older than your marks. Write them again (button below).") : null,
+  fill(section, [keep("results", [outputs, results, note], () => node("div", { class: "results" },
+    note ? node("p", { class: "older", role: "status" }, note) : null,
     results ? headline(results) : null,
     node("div", { class: "beside" },
       node("div", {}, results ? measurements(results) : null),
