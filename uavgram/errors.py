@@ -15,7 +15,9 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import stat
+import unicodedata
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -80,9 +82,19 @@ class OutputError(UavgramError):
 _ALIKE = str.maketrans("il|oавекмнорстухαβεηικμνορτυχ", "1110abekmh0pctyxabeh1kmn0ptyx")
 
 
+_SEPARATORS = r"[\s_./\u2010-\u2015-]+"
+# Between two digits they separate numbers: 1-11 and 11-1 are two names.
+_NEEDLESS = re.compile(rf"(?<!\d){_SEPARATORS}|{_SEPARATORS}(?!\d)")
+# The first letter of a name is meant as one: B1 is in no series with 81.
+_LETTER_FOR_DIGIT = re.compile(r"(?<=.)[sbz]")
+_DIGITS = {"s": "5", "b": "8", "z": "2"}
+
+
 def alike(name: str) -> str:
-    """Replace characters that look alike in print: ``Pl`` and ``P1`` become equal."""
-    return "".join(name.casefold().translate(_ALIKE).split())
+    """Replace characters that look alike in print: ``Pl`` and ``P_1`` become ``p1``."""
+    plain = unicodedata.normalize("NFKC", name).casefold().translate(_ALIKE)
+    plain = _NEEDLESS.sub("", plain)
+    return _LETTER_FOR_DIGIT.sub(lambda letter: _DIGITS[letter[0]], plain)
 
 
 def near_miss(word: str, known: Iterable[str]) -> str:

@@ -6,7 +6,8 @@ Known formats without a reader in this program have a message with a remedy.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -38,10 +39,10 @@ _FORMATS = (
         "the file itself was not downloaded; fetch it with `git lfs pull`",
     ),
     UnreadFormat(
-        "companion file of macOS (AppleDouble, ._)",
+        "companion file of macOS (AppleDouble)",
         rb"\x00\x05\x16[\x00\x07]",
         "",
-        "name the file without ._ at its beginning, or delete this one",
+        "it holds no picture or data; delete it, and name the file that it belongs to",
     ),
     UnreadFormat(
         "HEIC photo",
@@ -88,6 +89,15 @@ def unread_format(path: str | Path) -> UnreadFormat | None:
     by_content = (known for known in _FORMATS if re.match(known.begins, head, re.DOTALL))
     by_suffix = (known for known in _FORMATS if suffix in known.suffixes.split())
     return next(by_content, None) or next(by_suffix, None)
+
+
+def describe_files(paths: Iterable[Path]) -> str:
+    """Describe files without a use, by kind and number, with remedies; empty without any."""
+    kinds = [(path, unread_format(path)) for path in paths]
+    names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
+    ways = {f"A {known.name}: {known.way_out}": None for _, known in kinds if known}
+    counted = ", ".join(f"{count} x {name}" for name, count in names.items())
+    return ". ".join([f"Passed over: {counted}", *ways]) + "." if counted else ""
 
 
 def _head(path: str | Path) -> bytes:

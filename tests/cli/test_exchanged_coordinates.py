@@ -10,6 +10,7 @@ from small_projects import Project
 from uavgram.errors import InputError
 from uavgram.estimation.reliability.stated_values import explain_coordinates
 from uavgram.model.survey.survey import Geodetic, World
+from uavgram.pipeline.check import check
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.pipeline.measure.pose import transform_known
 
@@ -47,6 +48,29 @@ def test_a_point_with_easting_and_northing_exchanged_is_a_mistake(
     wrong = read_inputs(project.path)
     with pytest.raises(InputError, match=r"point 'B' .* easting and northing exchanged"):
         transform_known(wrong, getattr(wrong, role), WORLD)
+
+
+def test_all_points_with_exchanged_coordinates_are_named(project: Project) -> None:
+    rows = "label,latitude_deg,longitude_deg,height_m,sigma_m\n"
+    rows += "".join(f"{label},8.55,47.30{k},400,1\n" for k, label in enumerate("ABC"))
+    (project / "points.csv").write_text(rows)
+    project.set(control="points.csv")
+    wrong = read_inputs(project.path)
+    with pytest.raises(InputError, match=r"points 'A', 'B' and 'C' are far .*: correct their rows"):
+        transform_known(wrong, wrong.control, WORLD)
+
+
+@pytest.mark.parametrize("role", ["control", "check"])
+def test_check_refuses_what_a_run_refuses(project: Project, role: str) -> None:
+    home = check(project.path).posed.world.origin
+    assert home is not None
+    rows = "label,latitude_deg,longitude_deg,height_m,sigma_m\n"
+    (project / "points.csv").write_text(
+        f"{rows}A,{home.latitude_deg + 1.0},{home.longitude_deg},400,1\n"
+    )
+    project.set(**{role: "points.csv"})
+    with pytest.raises(InputError, match="far from where the survey is"):
+        check(project.path)
 
 
 def test_points_that_are_all_of_another_place_are_a_mistake(project: Project) -> None:

@@ -123,6 +123,42 @@ def test_new_lists_what_it_passed_over_by_kind_and_number(
     assert "AppleDouble" not in (tmp_path / "project.yaml").read_text()
 
 
+def test_files_that_only_have_the_name_of_a_photo_are_passed_over(
+    small_survey: Path, command: Command, tmp_path: Path
+) -> None:
+    shutil.copytree(small_survey / "photos", tmp_path / "photos")
+    first = min((tmp_path / "photos").iterdir())
+    for name in ("x1", "x2"):
+        first.with_name(f"{name}{first.suffix}").write_bytes(POINTER)
+    first.with_name(f"x3{first.suffix}").write_bytes(FILES["._DJI_1.jpg"][0])
+    done = command("new", tmp_path)
+
+    assert done.status == 0, done.stderr
+    (line,) = [line for line in done.stdout.splitlines() if "Passed over" in line]
+    assert "2 x pointer of Git LFS" in line
+    assert "1 x companion file of macOS" in line
+    assert "git lfs pull" in line
+    assert "without ._" not in line
+
+    checked = command("check", tmp_path)
+    assert checked.status == 0, checked.stderr
+    assert "Passed over: 2 x pointer of Git LFS" in checked.stdout
+
+    (tmp_path / "picks.csv").write_text(f"image,label,u_px,v_px\nx1{first.suffix},A,9,9\n")
+    picked = command("check", tmp_path)
+    assert picked.status == 1
+    assert "git lfs pull" in picked.stderr
+
+
+def test_a_folder_of_nothing_but_pointers_has_no_photo(command: Command, tmp_path: Path) -> None:
+    (tmp_path / "a.jpg").write_bytes(POINTER)
+    done = command("new", tmp_path)
+
+    assert done.status == 1
+    assert "holds no photo" in done.stderr
+    assert "1 x pointer of Git LFS" in done.stderr
+
+
 def test_a_folder_without_a_photo_that_is_read_names_those_that_are_not(
     command: Command, tmp_path: Path
 ) -> None:

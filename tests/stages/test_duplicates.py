@@ -137,7 +137,10 @@ def test_a_length_is_counted_once_for_each_of_its_readings() -> None:
 
 
 @pytest.mark.parametrize(
-    ("rare", "other"), [("Pl", "P1"), ("O", "0"), ("p1", "P1"), ("P 1", "P1"), ("Н2", "H2")]
+    ("rare", "other"),
+    [("Pl", "P1"), ("O", "0"), ("p1", "P1"), ("P 1", "P1"), ("Н2", "H2")]
+    + [(label, "R1") for label in ("R_1", "R-1", "R01", "R\uff11")]
+    + [("PS", "P5"), ("PB", "P8"), ("PZ", "P2"), ("R010", "R10")],
 )
 def test_a_label_that_is_picked_once_and_looks_like_another_is_named(rare: str, other: str) -> None:
     rows = (("a.jpg", other, 1.0, 2.0), ("b.jpg", other, 3.0, 4.0), ("c.jpg", rare, 5.0, 6.0))
@@ -150,7 +153,10 @@ def test_a_label_that_is_picked_once_and_looks_like_another_is_named(rare: str, 
 
 
 def test_labels_that_only_begin_alike_are_no_message() -> None:
-    rows = [("a.jpg", label, 1.0, 2.0) for label in ("P1", "P2", "P10", "P11", "P12", "B", "8")]
+    series = [f"P{k}" for k in range(1, 21)]
+    pairs = ["A1", "B1", "A-1-1", "A-11", "S1", "Z1", "R1", "RR1", "P100", "P0", "A", "A0"]
+    pairs += ["B", "8", "S", "5", "81", "1-11", "11-1", "1.05", "1.5"]
+    rows = [("a.jpg", label, 1.0, 2.0) for label in (*series, *pairs)]
     assert not find_duplicates(photos(1.0), {}, picks(*rows), lines()).messages
 
 

@@ -35,7 +35,7 @@ from uavgram.io.photos.metadata import (
     read_first_site,
     read_image_size,
 )
-from uavgram.io.tables.csv_tables import parse_number
+from uavgram.io.tables.csv_tables import number_hint, parse_number
 from uavgram.io.tables.odm_coordinates import convert_to_geodetic, parse_crs, read_content_lines
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import find_unshowable, sigma_fault
@@ -145,8 +145,8 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
             numbers[_Z] = 0.0
         good = [value for value in numbers if value is not None]
         if len(cells) <= _NUMBERS:
-            needed = "needs x, y, z, column, row and the photo's name, separated by blanks or tabs"
-            faults.append((line, needed))
+            needed = "needs x, y, z, column, row and the photo's name, separated by blanks, tabs, "
+            faults.append((line, f"{needed}commas or semicolons"))
         elif surplus := _surplus_words(text, cells):
             faults.append(
                 (
@@ -157,7 +157,7 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
             )
         elif len(good) < _NUMBERS:
             wrong = numbers.index(None)
-            hint = ": a cell of the line is empty" if has_gap else ""
+            hint = ": a cell of the line is empty" if has_gap else number_hint(cells[wrong])
             faults.append((line, f"{_NAMES[wrong]} must be a number (got {cells[wrong]!r}){hint}"))
         elif has_gap and not _PHOTO.match(cells[_NUMBERS]):
             no_photo = f"has an empty cell, and {cells[_NUMBERS]!r} is no name of a photo"
@@ -174,11 +174,12 @@ def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> list[_Row]:
 
 
 def _separate_by_tabs(text: str) -> str:
-    """Replace commas or semicolons by tabs in a line whose numbers they separate."""
-    for mark in ",;":
+    """Replace semicolons by tabs, and commas in a line whose numbers they separate."""
+    for mark in ";,":
         cells = [cell.strip() for cell in text.split(mark)]
         numbers = [cell for cell in cells[:_NUMBERS] if cell.lower() == "nan" or _is_number(cell)]
-        if len(numbers) == _NUMBERS < len(cells):
+        # semicolons are no part of numbers; commas may be decimal ones
+        if len(cells) > _NUMBERS and (mark == ";" or len(numbers) == _NUMBERS):
             return "\t".join(cells)
     return text
 

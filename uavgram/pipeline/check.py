@@ -12,8 +12,8 @@ from uavgram.errors import near_miss
 from uavgram.estimation.survey.known_kinds.kinds import determine_scale
 from uavgram.model.message import Message, MessagePlural
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, read_inputs
-from uavgram.pipeline.measure.observations import append_plate_sides
-from uavgram.pipeline.measure.pose import PosedFrames, has_place, pose_frames
+from uavgram.pipeline.measure.observations import append_plate_sides, append_position_lines
+from uavgram.pipeline.measure.pose import PosedFrames, has_place, pose_frames, transform_known
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.stages.messages import order_messages
 
@@ -42,10 +42,14 @@ def check(project: str | os.PathLike[str]) -> CheckedProject:
     inputs = read_inputs(Path(project), unpicked=True)
     posed = pose_frames(inputs)
     twice = find_project_duplicates(inputs).messages
+    _, unplaced = append_position_lines(inputs, posed.world)
+    for points in (inputs.control, inputs.check):
+        unplaced += transform_known(inputs, points, posed.world)[1]
     messages = order_messages(
         *inputs.messages,
         *twice,
         *posed.messages,
+        *unplaced,
         *find_missing_inputs(inputs),
         *_find_unpicked(inputs),
     )

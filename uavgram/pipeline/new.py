@@ -9,7 +9,6 @@ import errno
 import glob
 import os
 import shlex
-from collections import Counter
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -18,10 +17,10 @@ from typing import Literal
 
 from uavgram.config.project_text import ProjectText, project_text
 from uavgram.errors import InputError, OutputError, UavgramError
-from uavgram.input_files import unread_format
+from uavgram.input_files import describe_files
 from uavgram.io.discovery import FolderContents, PhotoGroup, TableRole, group_photos, search_folder
 from uavgram.io.outputs import replace_text
-from uavgram.io.photos.catalogue import name_format, read_photos
+from uavgram.io.photos.catalogue import PASSED_OVER, name_format, read_photos
 from uavgram.io.photos.files import find_matching_files
 from uavgram.io.photos.metadata import read_image_size
 from uavgram.io.photos.poses.sources import FROM_PHOTOS
@@ -32,7 +31,7 @@ from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
 from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
 from uavgram.pipeline.check import find_missing_inputs
-from uavgram.pipeline.measure.inputs import read_inputs
+from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import (
     ABOVE_GROUND_SIGMA_M,
     assume_ground_below,
@@ -110,20 +109,11 @@ def choose_photos(
         raise InputError(
             folder,
             "holds no photo (.jpg, .png, .tif), nor do the folders in it: name the folder of the "
-            f"flight, or copy the photos there. {describe_unused(holdings)}".rstrip(),
+            f"flight, or copy the photos there. {describe_files(holdings.others)}".rstrip(),
         )
     if len({group.size_px for group in groups}) > 1:
         raise InputError(folder, _sizes(folder, groups))
     return groups
-
-
-def describe_unused(holdings: FolderContents) -> str:
-    """Describe files without a use in a new project, by kind and number; empty without any."""
-    kinds = [(path, unread_format(path)) for path in holdings.others]
-    names = Counter(known.name if known else f"*{path.suffix}" for path, known in kinds)
-    ways = {f"A {known.name}: {known.way_out}": None for _, known in kinds if known}
-    counted = ", ".join(f"{count} x {name}" for name, count in names.items())
-    return ". ".join([f"Passed over: {counted}", *ways]) + "." if counted else ""
 
 
 def _sizes(folder: Path, groups: Sequence[PhotoGroup]) -> str:
@@ -418,8 +408,8 @@ def _describe_project(folder: Path, choices: Choices, notes: Notes) -> tuple[Pro
     for what, name in (("flight log", log), ("poses", poses)):
         if name is not None:
             notes.found.append(f"{what}: {name}")
-    if others := describe_unused(holdings):
-        notes.messages.append(Message("info", "files-passed-over", others))
+    if others := describe_files(holdings.others):
+        notes.messages.append(Message("info", PASSED_OVER, others))
     text = ProjectText(
         name=folder.name or "survey",
         images=images,
@@ -482,12 +472,17 @@ def _try(project: Path, text: ProjectText, photos: Photos, notes: Notes) -> None
             notes.messages.append(note)
         if last and attempt.log is None and attempt.poses is None and has_place(photos):
             notes.warn("poses-unusable", f"The photos state where they were taken, but: {last}.")
-        notes.messages += [*inputs.messages, *posed.messages, *find_missing_inputs(inputs)]
+        notes.messages += [*_of_inputs(inputs), *posed.messages, *find_missing_inputs(inputs)]
         return
     replace_text(project, project_text(text))
     inputs = read_inputs(project, unpicked=True)
     notes.warn("not-posed", f"The photos cannot be placed yet: {why}")
-    notes.messages += [*inputs.messages, *find_missing_inputs(inputs)]
+    notes.messages += [*_of_inputs(inputs), *find_missing_inputs(inputs)]
+
+
+def _of_inputs(inputs: Inputs) -> list[Message]:
+    """Return the messages on inputs; all files passed over in the folder are listed already."""
+    return [one for one in inputs.messages if one.code != PASSED_OVER]
 
 
 def _attempts(text: ProjectText, photos: Photos) -> list[Attempt]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import glob
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -17,6 +17,7 @@ import numpy as np
 from uavgram.config.project import load_project
 from uavgram.config.project_text import Settings, apply_settings
 from uavgram.errors import InputError, UavgramError
+from uavgram.input_files import describe_files
 from uavgram.io.discovery import FolderContents, PhotoGroup, search_folder
 from uavgram.io.imports import GcpSigmas
 from uavgram.io.logs.flight_log import read_flight_log
@@ -32,7 +33,6 @@ from uavgram.pipeline.import_picks import ControlFiles, import_picks
 from uavgram.pipeline.new import (
     PROJECT,
     Choices,
-    describe_unused,
     make_absolute,
     new_project,
     own_pattern,
@@ -188,7 +188,7 @@ def inspect_folder(folder: Path) -> FolderSummary:
         poses=_names(folder, holdings.poses),
         gcp_lists=_names(folder, holdings.gcp_lists),
         tables=_names(folder, tuple(sorted(tables))),
-        passed_over=describe_unused(replace(holdings, others=others)),
+        passed_over=describe_files(others),
         setup=Setup() if project is None else read_setup(project),
         camera=None if project is None else _camera_of(folder, project),
         log=None if project is None or project.log is None else _inside(folder, project.log),

@@ -7,9 +7,11 @@ of its reading; the adjustment assumes independent observations.
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from unicodedata import normalize
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from uavgram.model.survey.known import NO_KNOWN, KnownThings
 from uavgram.model.survey.observations import KnownLines, Picks
 
 _MAX_NAMED = 10
+_LEADING_ZEROS = re.compile(r"(?<!\d)(?<!\d[.,])0+(?=\d)")  # those of 1.05 are none
 
 MAX_AT_ONCE = 8
 """Largest number of photos with one capture time that are searched for copies: more are from a
@@ -263,17 +266,28 @@ def _line_messages(lines: KnownLines, same: Mapping[int, int]) -> tuple[Message,
 def _alike_messages(picks: Picks) -> Iterator[Message]:
     """Report labels that are picked once and look like another: one point may have both."""
     count = Counter(picks.label)
+    looks = {label: _looks(label) for label in sorted(count, key=lambda label: count[label])}
     groups: dict[str, list[str]] = {}
-    for label in sorted(count, key=lambda label: count[label]):
-        groups.setdefault(alike(label), []).append(label)
-    for labels in groups.values():
-        if len(labels) > 1 and count[labels[0]] == 1:
-            image = picks.image[picks.label.index(labels[0])]
-            text = (
-                f"The label {labels[0]!r} is picked once, in {image}, and looks like "
-                f"{listed(map(repr, labels[1:]))}: if that is the same point, give it one label."
-            )
-            yield Message("warning", "label-resembles", text, labels=tuple(labels))
+    for label, own in looks.items():
+        for look in own:
+            groups.setdefault(look, []).append(label)
+    reported: set[str] = set()
+    for label, own in looks.items():
+        others = dict.fromkeys(other for look in own for other in groups[look] if other != label)
+        if count[label] > 1 or label in reported or not others:
+            continue
+        reported |= {label, *others}
+        image = picks.image[picks.label.index(label)]
+        text = (
+            f"The label {label!r} is picked once, in {image}, and looks like "
+            f"{listed(map(repr, others))}: if that is the same point, give it one label."
+        )
+        yield Message("warning", "label-resembles", text, labels=(label, *others))
+
+
+def _looks(label: str) -> list[str]:
+    """List what a label looks like in print: with its leading zeros, and without them."""
+    return sorted({alike(label), alike(_LEADING_ZEROS.sub("", normalize("NFKC", label)))})
 
 
 def _rest(parts: list[str]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import cv2
@@ -30,7 +31,7 @@ PIX4D = (
 MARKERS = '<?xml version="1.0"?>\n<document version="1.2.0"><chunk/></document>\n'
 
 
-def placed(folder: Path, count: int, xmp: str | None = None) -> Path:
+def placed(folder: Path, count: int, xmp: str | None = None, height_m: float = 500.0) -> Path:
     """Photos 11 m apart, 500 m high, which say so in EXIF."""
     folder.mkdir()
     noise = np.random.default_rng(1).integers(0, 255, (48, 64, 3), dtype=np.uint8)
@@ -38,7 +39,10 @@ def placed(folder: Path, count: int, xmp: str | None = None) -> Path:
     assert plain is not None
     for k in range(count):
         gps = ExifGps(
-            latitude_deg=47 + 1e-4 * k, longitude_deg=8.0, height_m=500.0, sigma_horizontal_m=2.0
+            latitude_deg=47 + 1e-4 * k,
+            longitude_deg=8.0,
+            height_m=height_m,
+            sigma_horizontal_m=2.0,
         )
         tags = [Segment(APP1, EXIF_HEAD + set_gps(None, gps))]
         tags += [Segment(APP1, XMP_HEAD + xmp.encode())] if xmp else []
@@ -84,6 +88,23 @@ def test_a_height_above_take_off_with_the_wrong_sign_is_reported_and_not_used(
     origin = load_project(folder / "project.yaml").world.origin
     assert isinstance(origin, GeodeticOrigin)
     assert origin.height_m == 440.0
+
+
+@pytest.mark.parametrize("height_m", [0.0, -440.0])
+def test_an_altitude_that_cannot_be_right_is_named_where_no_home_remains(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], height_m: float
+) -> None:
+    folder = placed(tmp_path / "flight", 2, tagged_jpeg.dji().decode(), height_m)
+    assert main(["new", str(folder)]) == 0
+    project = folder / "project.yaml"
+    text = re.sub(r"world:\n(?: .*\n)*", "", project.read_text())
+    project.write_text(text if "poses: exif" in text else f"{text}poses: exif\n")
+    capsys.readouterr()
+    assert main(["check", str(folder)]) == 1
+    said = capsys.readouterr().err
+    assert "P0 and P1 cannot have been taken at the altitude that the tags state" in said
+    assert f"({height_m:.1f} m)" in said
+    assert "set world.origin" in said
 
 
 def test_every_table_that_a_new_project_names_is_there(tmp_path: Path) -> None:

@@ -97,6 +97,19 @@ def test_each_measured_distance_is_a_dimension_with_the_grounds_value(
             assert f"{rows.name[i]}: {rows.value[i]:.3f} ±{rows.sigma[i]:.3f} m" in said
 
 
+def test_a_known_length_is_marked_as_its_line_has_the_adjusted_one(
+    drawing: tuple[str, Drawing], result: Result
+) -> None:
+    _, document = drawing
+    said = {d.dxf.text for d in document.modelspace().query('DIMENSION[layer=="KNOWN_LENGTHS"]')}
+    lines = result.lines
+    assert said
+    assert said <= {
+        f"{name}: {length:.3f} ±{sigma:.3f} m (known)"
+        for name, length, sigma in zip(lines.name, lines.length_m, lines.sigma_m, strict=True)
+    }
+
+
 def test_an_ellipse_has_the_axes_and_the_azimuth_of_the_result(
     drawing: tuple[str, Drawing], result: Result
 ) -> None:

@@ -308,4 +308,4 @@ def test_names_that_look_like_codes_are_read_as_they_are(tmp_path: Path) -> None
         for one in dimension.virtual_entities()  # type: ignore[attr-defined]
         if isinstance(one, MText)
     ]
-    assert dimensions == [f"{name}: 10.000 ±0.010 m" for name in shown[1:]]
+    assert dimensions == [f"{name}: 10.000 ±0.010 m (known)" for name in shown[1:]]

@@ -298,3 +298,19 @@ def test_a_pixel_outside_of_its_photo_is_told_with_its_line(
     ) as refused:
         read_gcp_list(path)
     assert ("96 x 64 px" in str(refused.value)) == photo
+
+
+@pytest.mark.parametrize("mark", [";", "\t", " "])
+def test_a_comma_that_may_be_of_thousands_is_asked_about(tmp_path: Path, mark: str) -> None:
+    row = mark.join(("316675,449", "7405032,799", "939,968", "1560,86", "294,55", "a.JPG", "G1"))
+
+    with pytest.raises(InputError, match=r":2: z must be .*: is it 939\.968 or 939968\?"):
+        read_gcp_list(write(tmp_path, f"{HEAD}{row}\n"))
+
+
+def test_a_file_in_another_encoding_is_to_be_saved_as_utf_8(tmp_path: Path) -> None:
+    path = tmp_path / "gcp_list.txt"
+    path.write_bytes((HEAD + ROW.replace("DSC", "Stra\u00dfe")).encode("latin-1"))
+
+    with pytest.raises(InputError, match=r":2: is not UTF-8 text: save it as UTF-8"):
+        read_gcp_list(path)

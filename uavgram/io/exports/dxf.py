@@ -382,6 +382,7 @@ def _values(layer: Layer, text_m: float, words: NumberFormat) -> list[Text]:
         text = words.value(float(str(one[value])), float(str(one[sigma])), unit)
         if not is_known and layer.above_ground_m and layer.above_ground_m[row].any():
             text += "" if one["kind"] in _NOT_IN_SPACE or unit != "m" else _IN_SPACE
+        text += " (known)" if is_known else ""  # the drawn line has the adjusted length
         text = f"{one['name']}: {text}{_DOUBT_MARK if one.get('alternatives') else ''}"
         is_length = len(strip) == 2 and unit == "m" and one.get("kind") not in _UPRIGHT
         if is_length and np.linalg.norm(strip[1, :2] - strip[0, :2]) > _SHORT_M:

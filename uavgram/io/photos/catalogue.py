@@ -11,12 +11,16 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import InputError
+from uavgram.input_files import describe_files, unread_format
 from uavgram.io.photos.files import check_name, find_matching_files
 from uavgram.io.photos.metadata import exif_text, read_exif_tags, read_image_size
 from uavgram.io.tables.csv_tables import is_formula
 from uavgram.model.flight.frames import Photos, TimeSource
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
+
+PASSED_OVER = "files-passed-over"
+"""Code of the message on files that are not used."""
 
 _MOMENT = re.compile(
     r"(?P<year>(?:19|20)\d\d)(?P<a>[-_.]?)(?P<month>[01]\d)(?P<b>[-_.]?)(?P<day>[0-3]\d)"
@@ -87,7 +91,8 @@ def read_photos(
         A pattern matches nothing, two photos have one name, a file is not a photo, or has no time
         at the source that the project names.
     """
-    paths = find_photos(patterns)
+    matching = find_photos(patterns)
+    paths, unread = _separate_unread(matching, patterns)
     sizes = np.array([read_image_size(path) for path in paths], dtype=np.float64)
     readings, source, messages = _times(paths, options)
     photos = Photos(
@@ -99,7 +104,21 @@ def read_photos(
         file_time_resolution_s=np.array([reading.resolution_s for reading in readings]),
         time_source=source,
     )
-    return photos, (*messages, *_like_formulas(photos.frame_id))
+    passed = (Message("info", PASSED_OVER, describe_files(unread)),) if unread else ()
+    return photos, (*passed, *messages, *_like_formulas(photos.frame_id))
+
+
+def _separate_unread(
+    matching: list[Path], patterns: tuple[str, ...]
+) -> tuple[list[Path], list[Path]]:
+    """Separate the photos from files of formats without a reader, which only wildcards matched.
+
+    A file that the project names, or that is the only one, is kept: reading it gives the reason.
+    """
+    unread = [path for path in matching if str(path) not in patterns and unread_format(path)]
+    if len(unread) == len(matching):
+        return matching, []
+    return [path for path in matching if path not in set(unread)], unread
 
 
 def _like_formulas(names: tuple[str, ...]) -> tuple[Message, ...]:

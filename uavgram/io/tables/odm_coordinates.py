@@ -44,7 +44,7 @@ def read_content_lines(path: Path, wanted: str) -> list[tuple[int, str]]:
     InputError
         The file cannot be read, is not text, or has no line but the first.
     """
-    text = read_text(path, f"is it a {path.name}?")
+    text = read_text(path, "save it as UTF-8")
     lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1)]
     lines = [(k, line) for k, line in lines if line and not line.startswith("#")]
     if len(lines) < 2:

@@ -107,7 +107,7 @@ MISFITS = (
         action="Correct the value, or state a wider sigma for it.",
         effect=Effect.DOUBTFUL,
         order=Order.SUSPECT,
-        one="An assumed value does not fit the observations.",
+        one="The slope, mount, tape or clock in the project does not fit the picks and lengths.",
     ),
     Entry(
         "lengths-contradict",

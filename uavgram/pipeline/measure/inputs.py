@@ -15,6 +15,7 @@ from uavgram.config.project import load_project, project_file
 from uavgram.errors import InputError, near_miss
 from uavgram.geometry.camera.back_projection import share_without_rays
 from uavgram.imaging.photos.decode import is_same_exposure
+from uavgram.input_files import unread_format
 from uavgram.io.digest import digest_inputs
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.camera_tags import read_camera_tags
@@ -124,6 +125,9 @@ def _photo_hint(image: str, photos: Photos) -> str:
             "; a photo's name looks the same, but its accents are stored in another way (as macOS "
             "does): rename the photo without accents, and here too"
         )
+    for folder in {Path(path).parent for path in photos.path}:
+        if known := unread_format(folder / image):
+            return f"; it is a {known.name}: {known.way_out}"
     return f" ({near})" if (near := near_miss(image, photos.frame_id)) else ""
 
 

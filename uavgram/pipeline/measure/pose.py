@@ -29,6 +29,7 @@ from uavgram.model.flight.frames import Frames, Pairing, Photos
 from uavgram.model.flight.log import FlightLog, HeightDatum, LogFault
 from uavgram.model.flight.pose import Flight, PhotoExposures, PhotoPoses, Telemetry
 from uavgram.model.message import Message
+from uavgram.model.naming import listed
 from uavgram.model.options import GeodeticOrigin, MountOptions
 from uavgram.model.survey.observations import KnownPoints, KnownWorldPoints
 from uavgram.model.survey.survey import Geodetic, World
@@ -190,8 +191,9 @@ def _seed_from_photos(inputs: Inputs, poses: PhotoPoses) -> PosedFrames:
     try:
         place, messages = (stated, ()) if stated is not None else find_photo_home(poses)
         exposures, more = place_photos(poses, place, project.mount, project.telemetry)
-    except UavgramError as fault:  # add the name of the file
-        raise InputError(source, str(fault)) from fault
+    except UavgramError as fault:  # add the name of the file, and the altitudes that are missing
+        unused = (one.text for one in inputs.messages if one.code == "odd-altitude")
+        raise InputError(source, " ".join((*unused, f"{fault}"))) from fault
     frames = _photo_frames(inputs, poses, exposures.frame_id)
     _require_matched(frames, source)
     return _seed(inputs, frames, exposures, (place, poses.datum), (*messages, *more))
@@ -418,10 +420,13 @@ def _check_places(inputs: Inputs, points: KnownPoints, origin: Geodetic) -> None
     for what, places in turned.items():
         exchanged = are_axes_exchanged((latitude, longitude), places, origin)
         if exchanged.any():
+            labels = [repr(points.label[k]) for k in np.flatnonzero(exchanged)]
+            one = len(labels) == 1
             raise InputError(
                 inputs.project_path,
-                f"the known point {points.label[int(exchanged.argmax())]!r} is far from where the "
-                f"survey is, and near it with {what} exchanged: correct its row",
+                f"the known point{'' if one else 's'} {listed(labels)} "
+                f"{'is' if one else 'are'} far from where the survey is, and near it with {what} "
+                f"exchanged: correct {'its row' if one else 'their rows'}",
             )
     away_m = np.linalg.norm(enu_from_geodetic(latitude, longitude, 0.0, (*place, 0.0)), axis=-1)
     if not (away_m < SAME_SITE_M).any():

@@ -260,7 +260,7 @@ def test_of_two_altitudes_the_one_that_can_be_right_is_used_and_the_other_is_nam
     assert [(m.code, m.level) for m in messages] == [("odd-altitude", "info")] * bool(wrong)
     for message in messages:
         assert message.frames == ("DJI_0000.JPG",)
-        assert f"the altitude in {'EXIF' if wrong == 'EXIF' else 'their'}" in message.text
+        assert f"the altitude in {'EXIF' if wrong == 'EXIF' else 'the maker'}" in message.text
 
 
 def test_vehicle_angles_of_zero_in_all_photos_are_not_filled_in(read: Read) -> None:

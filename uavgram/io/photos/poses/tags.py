@@ -348,8 +348,8 @@ def _with_exif_heights(
     from_exif = odd_own & np.isfinite(exif) & ~odd_exif
     messages = []
     for which, wrong, right, odd in (
-        (from_exif, "their maker's tags (XMP)", "EXIF", own),
-        (odd_exif & ~odd_own, "EXIF", "their maker's tags (XMP)", exif),
+        (from_exif, "the maker's tags (XMP)", "EXIF", own),
+        (odd_exif & ~odd_own, "EXIF", "the maker's tags (XMP)", exif),
     ):
         names = tuple(frame_id[k] for k in np.flatnonzero(which))
         if names:

@@ -44,7 +44,7 @@ function pointForm(label, pick, { height_m, height_sigma_m = null, is_free }, to
   roving(choices);
   return node("form", { class: "entry", "data-row": "pick", "aria-label": `Point ${label}`, onsubmit: (event) => { event.preventDefault(); if (!tools.question.isOpen) tools.panes.active?.focus(); } },
     node("label", { class: "both" }, "Label", node("input", { name: "rename", value: label, maxlength: 200, autocomplete: "off", onchange: ({ target }) => renamed(label, as(HTMLInputElement, target), tools) })),
-    pick && field("sigma", "Sigma here, px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
+    pick && field("sigma", "Likely error (sigma), px", pick.sigma_px, `${store.pickSigmaPx}`, (sigma_px) => tools.send({ t: "sigma", image: pick.image, label, sigma_px })),
     pick?.source ? node("p", { class: "both dim made" }, `${madeBy(pick)}. Move it, and it is yours.`) : null,
     stated,
     height_m === null ? null : field("height_sigma", `Sigma of the height, ${fieldUnit("small")}`, fieldText(height_sigma_m, "small"), "exact", (sigma) => heights.set(label, height_m, sigma), readSmall),
