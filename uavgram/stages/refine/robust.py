@@ -400,13 +400,11 @@ class Candidate:
         return sum(len(self.annealed.gross(name)) for name in READINGS if name != "pixels")
 
     def has_scale(self) -> bool:
-        """Return whether a log, control, a known thing or a length takes part."""
+        """Return whether a log takes part, or one of the lengths, known things and control."""
         survey, misfit = self.annealed.problem.survey, self.annealed.misfit
-        scales = ("lengths", "known", "control")
-        taking_part = (
-            len(misfit.get(name, ())) - len(self.annealed.gross(name)) for name in scales
-        )
-        return survey.telemetry is not None or any(taking_part)
+        references = [name for name in READINGS if name != "pixels" and name in misfit]
+        is_left = (len(self.annealed.gross(name)) < len(misfit[name]) for name in references)
+        return survey.telemetry is not None or not references or any(is_left)
 
     def checks_lengths(self) -> bool:
         """Return whether other observations check every length."""
