@@ -100,7 +100,7 @@ def report_one_of(
     lengths: Sequence[str] = (),
     removals: Iterable[Remedy | None] = (),
 ) -> Message:
-    """Report readings of which one is wrong; without it, all the rest fits.
+    """Report that one of several readings is wrong, where the rest fits without any of them.
 
     Parameters
     ----------

@@ -67,8 +67,7 @@ def log_plan_documents(recorder: Recorder, planned: FlightPlanned, units: Units)
     named = (*planned.lines.name, *planned.measurements.name, *planned.points.label, planned.name)
     kept = select_like_lengths(named)
     for path, text in ((SUMMARY, summary_page(planned, units)), (LAY, lines_page(planned))):
-        told = convert_sentence(text, units, kept)
-        recorder.page(path, told)
+        recorder.page(path, convert_sentence(text, units, kept))
     sheets = [
         convert_sentence(photo_page(planned, k), units) for k in range(len(planned.frames.name))
     ]
@@ -384,6 +383,6 @@ def plan_blueprint(scene: PlanScene) -> rrb.Blueprint:
         space_view("From above, north up", flat, above.position_m, above.target_m),
         active_tab=0,
     )
-    pages = page_views((SUMMARY, "Summary"), (LAY, "What to lay"), (PHOTO, "This photo"))
+    pages = page_views((SUMMARY, "Summary"), (LAY, "Lines and plates"), (PHOTO, "This photo"))
     left = rrb.Vertical(views, legend_view(), row_shares=[10, 1.0])
     return layout(rrb.Horizontal(left, pages, column_shares=[1.5, 1]))

@@ -182,10 +182,10 @@ class LiveSurvey:
     def adjust_with_finds(
         self, last: LiveAdjustment, found: Mapping[Pair, Found]
     ) -> tuple[LiveAdjustment, dict[Pair, str]]:
-        """Adjust with finds that nobody has accepted yet, without the log.
+        """Adjust with finds that are not accepted yet, without the log.
 
-        The finds are of photos whose pose by the log is too vague to tell where to search. It would
-        still overrule them if it were wrong by more than stated, as for a photo that was rotated.
+        These photos have poses in the log that are too uncertain for a search. A log that is wrong
+        by more than stated, as for a photo that was rotated, would contradict right finds.
 
         Parameters
         ----------

@@ -210,7 +210,7 @@ def _report_left_out(survey: Survey, refined: Refined) -> Iterator[Message]:
 
 
 def _one_of(survey: Survey, refined: Refined, pick: int) -> Message:
-    """Report a left-out pick, instead of which another reading could be wrong."""
+    """Report a left-out pick together with the readings that could be wrong in its place."""
     label = survey.label[survey.pick_label[pick]]
     frame = survey.frame_id[survey.pick_frame[pick]]
     left = f"the click on {label!r} in {frame!r}"

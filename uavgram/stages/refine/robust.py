@@ -496,7 +496,7 @@ def _without_suspects(taking: Participants, found: Sequence[Candidate]) -> Itera
     """Adjust robustly without all photos that contradict the rest, until no other one does.
 
     A photo of another place, mirrored, or with its labels in disorder spoils the tests of all
-    others, so that the adjustment begins anew without it.
+    others. Without it, the adjustment starts again from new first values.
 
     Parameters
     ----------

@@ -38,7 +38,7 @@ def report_plan(result: Result, first: Brief, pictures: Pictures) -> TopView | N
     first
         Content of the page.
     pictures
-        Pictures, of which one may be of the ground.
+        Pictures; one of them may show the ground.
     """
     shown, address = used_points(result), picture_mark(GROUND)
     return top_view(result, first.plan_height, shown, pictures.ground, address)

@@ -158,7 +158,7 @@ class Drawing:
         closed
             Whether the last corner is joined to the first.
         clip
-            (n, 2) ring outside of which nothing is drawn.
+            (n, 2) ring; shapes are clipped to its inside.
         """
         several = tuple(lines)
         end, around = "Z" if closed else "", ("", "")
