@@ -28,6 +28,7 @@ from scenes import Scene, make_scene
 from whole_surveys import all_of, with_all
 
 from uavgram.errors import GeometryError
+from uavgram.estimation.reliability.redundancy import GROSS_SIGMAS
 from uavgram.estimation.solver.levenberg_marquardt import Minimum
 from uavgram.estimation.solver.normal_equations import Block
 from uavgram.estimation.survey.adjustment import Refined
@@ -325,7 +326,7 @@ def test_what_takes_no_part_is_no_cheaper_because_it_agrees(
     left = sum(len(found.gross(name)) for name in found.misfit)
 
     assert left > 1
-    assert found.cost > annealing.GROSS_SIGMAS**2 * left
+    assert found.cost > GROSS_SIGMAS**2 * left
 
 
 # --- clicks that contradict each other ------------------------------------------------------------

@@ -211,6 +211,10 @@ def compute_core_fit(adjustment: Adjustment) -> CoreFit:
     return CoreFit(squares, degrees, compute_upper_tail(squares, degrees))
 
 
+GROSS_SIGMAS = 6.0
+"""Standardised misfit, in units of the noise of its kind, beyond which an observation is a gross
+error."""
+
 MAX_GROSS_SHARE = 0.4
 """Largest share of a kind's observations, or of the frames, that may be gross errors: with more,
 the kind would be less precise than stated, or the right ones could not be identified."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from scipy.special import ndtr
 
 from uavgram.estimation.reliability.redundancy import (
+    GROSS_SIGMAS,
     compute_core_fit,
     compute_group_fit,
     compute_upper_tail,
@@ -47,7 +48,8 @@ class Fit:
     Attributes
     ----------
     core
-        Probability for picks, lengths, ground and camera, with the learnt sigmas.
+        Probability for picks, lengths, ground and camera, with the learnt sigmas; with the stated
+        ones where the learnt noise of the picks is as large as gross errors.
     stated
         The same with sigmas and ground as they were stated.
     checks
@@ -103,9 +105,15 @@ def compute_fit(
     contradicted = [
         labels for probability, labels in checks if probability < CONTRADICTION_PROBABILITY
     ]
+    core, stated = (
+        compute_core_fit(one or refined.adjustment).probability
+        for one in (refined.adjustment, refined.stated)
+    )
+    noise = () if refined.noise is None else refined.noise.picks
+    is_gross = any(one.factor > GROSS_SIGMAS for one in noise)
     return Fit(
-        core=compute_core_fit(refined.adjustment).probability,
-        stated=compute_core_fit(refined.stated or refined.adjustment).probability,
+        core=min(core, stated) if is_gross else core,
+        stated=stated,
         checks=min([1.0, *together, *each]),
         check_labels=frozenset(label for labels in contradicted for label in labels),
     )

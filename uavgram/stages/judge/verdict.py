@@ -1,14 +1,15 @@
 """Verdict on a result: red, amber or green, with reasons from the messages.
 
 The colours predict. Green: everything fits, and a gross error in any single reading would have been
-detected. Red: readings contradict each other, and no single one of them explains it. Without a
-measurement there is nothing to predict, and no verdict.
+detected. Red: readings that take part contradict each other, and no single one of them explains it.
+Without a measurement there is nothing to predict, and no verdict.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
+from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.model.catalogue.entry import Effect
 from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import SUBJECTS, Message
@@ -45,7 +46,8 @@ def determine_verdict(
     put_right
         Codes of causes that no longer distort the result, as they were corrected.
     """
-    still = [m for m in messages if m.code not in put_right]
+    used = _used_lengths(examined.adjustment)
+    still = [m for m in messages if m.code not in put_right and not _is_left_out(m, used)]
     bent = fit.core < CONTRADICTION_PROBABILITY or any(_effect(m) is Effect.RED for m in still)
     status = determine_statuses(
         table,
@@ -73,6 +75,21 @@ def determine_verdict(
     if not status:
         level = None
     return Verdict(level=level, reasons=reasons), status
+
+
+def _used_lengths(adjustment: Adjustment) -> set[str]:
+    """Return names of the lengths that take part in an adjustment."""
+    names = adjustment.survey.line_name
+    return {names[k] for k in adjustment.problem.line_index.tolist()} if names else set()
+
+
+def _is_left_out(message: Message, used: Collection[str]) -> bool:
+    """Return whether a message is about lengths alone of which none takes part.
+
+    Lengths that were left out do not bend the result, which rests on the other observations.
+    """
+    is_of_lengths = bool(message.lengths) and not message.frames
+    return is_of_lengths and not set(message.lengths) & set(used)
 
 
 def _effect(message: Message) -> Effect:

@@ -21,7 +21,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import chdtri
 
-from uavgram.estimation.reliability.redundancy import MAX_GROSS_SHARE, limit_gross_errors
+from uavgram.estimation.reliability.redundancy import (
+    GROSS_SIGMAS,
+    MAX_GROSS_SHARE,
+    limit_gross_errors,
+)
 from uavgram.estimation.reliability.test_statistics import compute_cofactors
 from uavgram.estimation.solver.levenberg_marquardt import Minimum, minimise
 from uavgram.estimation.solver.normal_equations import Block
@@ -44,10 +48,6 @@ SCHEDULE = (100.0, 30.0, 10.0, 3.0, 1.0, 1.0, 1.0)
 
 CAUCHY = 3.0
 """Standardised misfit at which an observation has half its weight."""
-
-GROSS_SIGMAS = 6.0
-"""Standardised misfit, in units of the noise of its kind, beyond which an observation is a gross
-error."""
 
 LEAST_REDUNDANCY = 0.01
 """Redundancy number below which an observation is unchecked, and its misfit without meaning."""

@@ -10,7 +10,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, islice
@@ -21,7 +21,7 @@ from scipy.special import chdtri
 from uavgram.errors import GeometryError
 from uavgram.estimation.first_poses.consensus import MIN_PICKS, find_consensus
 from uavgram.estimation.first_poses.network import FirstValues
-from uavgram.estimation.reliability.redundancy import MAX_GROSS_SHARE
+from uavgram.estimation.reliability.redundancy import GROSS_SIGMAS, MAX_GROSS_SHARE
 from uavgram.estimation.reliability.stated_values import explain_length
 from uavgram.estimation.reliability.test_statistics import compute_cofactors, reduce_squares
 from uavgram.estimation.solver.normal_equations import DenseStack, SingularError
@@ -36,14 +36,12 @@ from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
 from uavgram.model.survey.survey import Ground, Survey
 from uavgram.stages.refine.annealing import (
-    GROSS_SIGMAS,
     LEAST_REDUNDANCY,
     NEARLY_NONE,
     ROBUST,
     SCHEDULE,
     Annealed,
     anneal,
-    bounded_cost,
     decide,
     squared_misfits,
     weighted_minimum,
@@ -77,10 +75,6 @@ MOST_GROSS_OF_A_PHOTO = 4
 """Number of gross errors that a photo counts as where it is left out: three picks determine its
 pose, and a fourth one checks it."""
 
-MOST_GROSS_OF_A_PHOTO = 4
-"""Number of gross errors that a photo counts as where it is left out: three picks determine its
-pose, and a fourth one checks it."""
-
 MOST_PICKS = 40
 """Largest number of picks that are left out of the first values in turn, as the last attempt to
 make the rest fit."""
@@ -98,9 +92,6 @@ RIVAL = 2.0 * float(np.log(20.0))
 PROMISING = 0.5
 """Share of the gross error's decrease of the sum of squares that another observation must reach, in
 the linear model, to be tried instead."""
-
-DISORDER_SHARE = 0.25
-"""Ratio of gross errors to picks above which a whole photo may be wrong."""
 
 MOST_PROPOSED = 3
 """Number of single gross errors that are tried in place of several."""
@@ -363,6 +354,11 @@ class Candidate:
         )
         return bool(np.isin(np.concatenate(labels), raised).any())
 
+    def has_several_gross_errors(self) -> bool:
+        """Return whether several observations are gross errors, or a misfit remains without."""
+        gross = sum(len(self.annealed.gross(name)) for name in self.annealed.misfit)
+        return gross > 1 or not self.fits()
+
     def leaves_no_other(self) -> bool:
         """Return whether no other explanation is left: all take part, or nearly all agree."""
         return not self._count_gross_errors() or self.is_agreed()
@@ -378,14 +374,9 @@ class Candidate:
         return (self.fits() or self.is_agreed()) and not self.is_in_disorder()
 
     def is_in_disorder(self) -> bool:
-        """Return whether so much is wrong, in relation to the picks, that a whole photo may be."""
-        if not self.annealed.minimum.converged:
-            return True
-        frame = self.annealed.problem.survey.pick_frame[self.annealed.gross("pixels")]
-        if np.bincount(frame, minlength=1).max() > MOST_GROSS_OF_A_PHOTO:
-            return True  # the photo would count less where it is left out
+        """Return whether so much is wrong that a whole photo may be, which would cost less."""
         wrong = self._wrong_picks + self._wrong_references
-        return bool(wrong > DISORDER_SHARE * self.taking.keep.sum())
+        return not self.annealed.minimum.converged or wrong > MOST_GROSS_OF_A_PHOTO
 
     def doubts_a_photo(self) -> bool:
         """Return whether much is wrong, and more picks than lengths, known things and control."""
@@ -435,7 +426,8 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
     if found and found[0].is_agreed() and found[0].fits():
         return found[:1]
     # Several gross errors, or one that leaves a misfit, may be the effects of another single one.
-    found = _by_cost(taking, chain(found, *map(_with_one_instead, found)))
+    several = (one for one in found if one.has_several_gross_errors())
+    found = _by_cost(taking, chain(found, *map(_with_one_instead, several)))
     if found and found[0].is_agreed():
         return found[:1]
     # First values may depend on gross errors: leave out some observations.
@@ -912,24 +904,32 @@ def _predict(found: Annealed, rows: Mapping[str, Ints]) -> tuple[Floats, Floats,
     return dense.T, np.concatenate([one.ravel() for one in errors]), place
 
 
-def _with_one_instead(candidate: Candidate) -> Iterator[Candidate]:
-    """Try one gross error in place of several, or of a misfit that has none.
+def _with_one_instead(
+    candidate: Candidate, kinds: Collection[str] = ("lengths", "pixels")
+) -> Iterator[Candidate]:
+    """Try one gross error in place of all others, or of a misfit that has none.
 
     A wrong pick turns its photo, and lengths and other picks of the photo no longer fit; so many of
-    them that they seem to be less exact than stated. All gross errors take part again, without the
-    single length or pick that the linear model proposes.
+    them that they seem to be less exact than stated. Or the only gross error is a length, and a
+    wrong pick at one of its ends explains as much. All gross errors take part again, without the
+    single observation, of one of the kinds, that the linear model proposes.
     """
     found = candidate.annealed
     gross = {name: found.gross(name) for name in found.misfit if len(found.gross(name))}
-    number = sum(map(len, gross.values()))
-    if number > MOST_STARTS or (number <= 1 and candidate.fits()):
+    if sum(map(len, gross.values())) > MOST_STARTS:
         return
     whole, falls = _falls_with_all(found, gross)
     proposed = sorted(
-        ((fall, name, row) for name in falls for row, fall in enumerate(falls[name].tolist())),
+        (
+            (fall, name, row)
+            for name in falls.keys() & set(kinds)
+            for row, fall in enumerate(falls[name].tolist())
+        ),
         reverse=True,
     )
-    for fall, name, row in proposed[:MOST_PROPOSED]:
+    out = {(name, row) for name, rows in gross.items() for row in rows.tolist()}
+    new = [one for one in proposed if {one[1:]} != out]
+    for fall, name, row in new[:MOST_PROPOSED]:
         if fall < max(PROMISING * whole, GROSS_SIGMAS**2):
             break
         weight = {one: np.ones(len(misfit)) for one, misfit in found.misfit.items()}
@@ -939,43 +939,15 @@ def _with_one_instead(candidate: Candidate) -> Iterator[Candidate]:
             yield replace(candidate, annealed=decide(found.problem, minimum, weight))
 
 
-def _clicks_instead(candidate: Candidate) -> dict[str, Adjustment | None]:
-    """Find labels of which one wrong pick explains as much as the only gross error, a length.
+def _has_open_length(candidate: Candidate) -> bool:
+    """Return whether the only gross error is a length without a known mistake.
 
-    The picks that the linear model proposes are tried in an adjustment with the length and without
-    the pick. A length that a known mistake explains, such as another unit, has no such rivals.
-
-    Returns
-    -------
-    The adjustment without the wrong pick of each label; None where it has no result.
+    A length that a known mistake explains, such as another unit, has no rivals.
     """
     found = candidate.annealed
     rows = found.gross("lengths")
-    if len(rows) != 1 or sum(len(found.gross(name)) for name in found.misfit) > 1:
-        return {}
-    row, problem = int(rows[0]), found.problem
-    if _is_known_mistake(found, row):
-        return {}
-    whole, falls = _falls_with_all(found, {"lengths": rows})
-    instead: dict[str, Adjustment | None] = {}
-    for pick in np.flatnonzero(falls["pixels"] > PROMISING * whole).tolist():
-        out = {name: np.zeros(len(size), dtype=np.bool_) for name, size in found.misfit.items()}
-        out["pixels"][pick] = True
-        weight = {name: np.where(is_out, NEARLY_NONE, 1.0) for name, is_out in out.items()}
-        try:
-            minimum = weighted_minimum(problem, found.minimum.state, weight)
-        except (SingularError, ValueError):  # undetermined, or impossible
-            continue
-        cost = bounded_cost(problem, minimum, out)
-        if cost <= found.cost + RIVAL:
-            gross = {
-                name: np.where(is_out, 2.0 * GROSS_SIGMAS, 0.0) for name, is_out in out.items()
-            }
-            other = Annealed(problem, minimum, found.frames, weight, gross, cost)
-            without = _adjusted_without(replace(candidate, annealed=other))
-            label = problem.survey.label[problem.survey.pick_label[pick]]
-            instead[label] = None if without is None else without.refined.adjustment
-    return instead
+    is_only = len(rows) == 1 == sum(len(found.gross(name)) for name in found.misfit)
+    return is_only and not _is_known_mistake(found, int(rows[0]))
 
 
 def _is_known_mistake(found: Annealed, row: int) -> bool:
@@ -996,6 +968,8 @@ def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robu
     """
     if not agreed:
         return None
+    if _has_open_length(agreed[0]):
+        agreed = _by_cost(taking, [*agreed, *_with_one_instead(agreed[0], ["pixels"])])
     least = agreed[0].cost(taking)
     near = [one for one in agreed if one.cost(taking) <= least + RIVAL]
     near.sort(key=lambda one: -len(one.used))
@@ -1006,10 +980,10 @@ def _without_outliers(taking: Participants, agreed: Sequence[Candidate]) -> Robu
     pairs.sort(key=lambda pair: not pair[0].refined.adjustment.minimum.converged)
     if not pairs:
         return _without_outliers(taking, [one for one in agreed if one not in near])
-    (robust, candidate), *others = pairs
+    (robust, _), *others = pairs
     # Record lengths and clicks that rival explanations leave out, and their adjustments.
     refined, rivals = robust.refined, set[str]()
-    clicks = _clicks_instead(candidate)
+    clicks: dict[str, Adjustment | None] = {}
     minima = [*refined.alternatives]
     for rival, _ in others:
         other = rival.refined
