@@ -36,6 +36,11 @@ MAX_UNDAMPED_REDUCTION = 1e-4
 converged; kinks of the interpolated flight keep it from being exactly zero. In gusts the linear
 model predicts more: then the reduction that is found along the step counts."""
 
+MAX_LAST_FALL = 1e-2
+"""Reduction along the last step (a tenth of a sigma, squared) up to which a result counts as
+converged after the largest number of iterations: between noisy positions of a log, the sum of
+squares falls ever more slowly along a winding valley."""
+
 LARGE_SYSTEM = 10_000
 """Number of unknowns of a large system, from which that limit grows with their number."""
 
@@ -161,10 +166,13 @@ def minimise(
         # Newton's decrement without damping: reduction to the minimum of the linear model.
         step = -factor.solve(now.normal.gradient)
         is_at_rest = -float(now.normal.gradient @ step) < limit
-        if is_at_rest or now.count >= most:
+        if is_at_rest:
             break
         # Where the model does not hold, as on a flight in gusts, the function itself decides: it
         # is at its minimum if it hardly decreases along that step.
+        if now.count >= most:
+            is_at_rest = 0.0 < now.search_along(step, np.inf) < MAX_LAST_FALL
+            break
         fall = now.search_along(step, limit)
         is_at_rest = 0.0 < fall < limit
         if fall < limit:
