@@ -108,8 +108,9 @@ def _same_exposures(
 
     The first by name with a capture time is counted of each exposure. A photo without a time is
     compared with those that have a label at nearly the same pixel, and with the one before it where
-    its name continues that name, as for a copy. Other files whose common labels are at other pixels
-    are no copies, even if they look alike, as photos of plain asphalt do.
+    its name continues that name, as for a copy (`a (1).jpg` of `a.jpg`). Other files whose common
+    labels are at other pixels are no copies, even if they look alike, as photos of plain asphalt
+    do.
     """
     time_s = dict(zip(photos.frame_id, photos.file_time_s.tolist(), strict=True))
     rows: dict[str, list[int]] = {}
@@ -134,7 +135,7 @@ def _same_exposures(
                     for (_, k), px in zip(pairs, apart, strict=True)
                     if px <= MAX_SAME_POINT_PX
                 ),
-                *([before] if before and photo_name(name).startswith(photo_name(before)) else []),
+                *([before] if before and _continues(photo_name(before), photo_name(name)) else []),
             ]
         near = [one for one in dict.fromkeys(near) if _may_be_same(picks, rows.get(one, []), own)]
         if content in counted:
@@ -147,6 +148,12 @@ def _same_exposures(
             for i in own:
                 of_label.setdefault(picks.label[i], []).append(i)
     return files, exposures
+
+
+def _continues(name: str, other: str) -> bool:
+    """Return whether a name continues another one; photo10 is no copy of photo1."""
+    rest = other.removeprefix(name)
+    return rest != other and not (name[-1:].isdigit() and rest[:1].isdigit())
 
 
 def _may_be_same(picks: Picks, one: list[int], other: list[int]) -> bool:

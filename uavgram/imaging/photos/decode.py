@@ -207,4 +207,5 @@ def is_same_exposure(one: str, other: str) -> bool:
         for pixels in (first, second)
     )
     shift = np.diff(first, axis=1).std()
-    return bool((first - second).std() < max(_ROUNDING, 0.5 * shift))
+    difference = np.sqrt(np.mean((first - second) ** 2))
+    return bool(difference < max(_ROUNDING, 0.5 * shift))

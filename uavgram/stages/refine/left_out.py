@@ -120,10 +120,10 @@ def report_control_left_out(survey: Survey, refined: Refined, control: Ints) -> 
         sigma = np.sqrt(np.diag(covariance[k]) + survey.control_sigma_m[i] ** 2)
         label = survey.label[survey.control_label[i]]
         stated = survey.control_world_m[i]
-        where, likely = (
-            describe_displacement(stated - found[k], sigma),
-            explain_coordinates(stated, found[k]),
-        )
+        where, likely = "not placed by anything else", ""  # as by one photo without its height
+        if np.isfinite(found[k]).all():
+            where = describe_displacement(stated - found[k], sigma)
+            likely = explain_coordinates(stated, found[k])
         text = (
             f"The control point {label!r} was left out: it is {where}, and with it nothing else "
             f"would fit. Look at its coordinates{likely}, its label and its picks."

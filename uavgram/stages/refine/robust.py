@@ -75,10 +75,6 @@ MOST_GROSS_OF_A_PHOTO = 4
 """Number of gross errors that a photo counts as where it is left out: three picks determine its
 pose, and a fourth one checks it."""
 
-MOST_PICKS = 40
-"""Largest number of picks that are left out of the first values in turn, as the last attempt to
-make the rest fit."""
-
 MISFIT = 1e-6
 """Probability of the sum of squares without gross errors, below which the rest does not fit."""
 
