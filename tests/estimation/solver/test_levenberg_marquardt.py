@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -233,3 +235,24 @@ def test_a_kept_factor_does_not_crawl_where_the_slope_falls() -> None:
     found = minimise(np.zeros(1), evaluate, lambda y, step: y + step, 1)
     assert found.iterations < 30
     np.testing.assert_allclose(found.state, 6.0, atol=0.05)
+
+
+def valley(length: float) -> Callable[[Floats], dict[str, Block]]:
+    """A valley that winds along a sine, and falls by so many sigmas to its end at x = 1."""
+
+    def evaluate(b: Floats) -> dict[str, Block]:
+        residual = np.array([1e4 * (b[1] - np.sin(200.0 * b[0]) / 200.0), length * (b[0] - 1.0)])
+        slope = [[-1e4 * np.cos(200.0 * b[0]), 1e4], [length, 0.0]]
+        columns = np.tile([0, 1], (2, 1))
+        return {"one": Block(residual[:, None], columns, np.array(slope)[:, None, :])}
+
+    return evaluate
+
+
+@pytest.mark.parametrize(("length", "is_done"), [(0.05, True), (20.0, False)])
+def test_the_end_of_a_winding_valley_is_reached_where_hardly_anything_is_left(
+    length: float, *, is_done: bool
+) -> None:
+    found = minimise(np.zeros(2), valley(length), lambda b, step: b + step, 2, most=20)
+    assert found.iterations == 20
+    assert found.converged == is_done

@@ -114,6 +114,35 @@ def test_what_was_mended_bends_nothing_any_more(clean: Judged) -> None:
     assert status == ("ok", "ok")
 
 
+def test_lengths_that_were_left_out_bend_nothing(clean: Judged) -> None:
+    """All others, too, if a cause names them: the log alone gives the scale then."""
+    names = clean.examined.adjustment.survey.line_name
+    found = replace(of("lengths-wrong-unit"), lengths=names)
+    assert clean.verdict(found)[0].level == "red"
+    absent = replace(found, lengths=tuple(f"not {name}" for name in names))
+    verdict, status = clean.verdict(absent)
+    assert verdict.level == "amber"
+    assert status == ("ok", "ok")
+
+
+@pytest.mark.parametrize(("factor", "level"), [(5.0, "green"), (39.0, "red")])
+def test_noise_as_large_as_gross_errors_is_a_contradiction(factor: float, level: str) -> None:
+    """With sigmas 39 times as large everything fits, even another zoom in one photo."""
+    survey = make_scene(9, frames=6).survey
+    pixel = survey.pixel_px + 30.0 * np.random.default_rng(0).standard_normal(survey.pixel_px.shape)
+    stated, _ = refine(replace(survey, pixel_px=pixel), SolveOptions(noise="stated"))
+    wide = replace(survey, pixel_px=pixel, pick_sigma_px=39.0 * survey.pick_sigma_px)
+    learnt, _ = refine(wide, SolveOptions(noise="stated"))
+    picks = PickNoise(source="hand", stated_px=1.0, factor=factor, sigma=1.0)
+    noise = Noise(picks=(picks,), roughness=())
+    refined = replace(learnt, noise=noise, stated=stated.adjustment)
+    fit = compute_fit(refined, *NO_CHECKS, None)
+    measured = propagate(learnt.adjustment, REQUESTS[:2], NO_TIMES)
+    examined = run_tests(learnt, measured, 0.001)
+    verdict, _ = Judged(examined, measurement_results(measured)[0]).verdict(fit=fit)
+    assert verdict.level == level
+
+
 @pytest.mark.parametrize("code", codes_of(Effect.DOUBTFUL))
 def test_what_takes_part_though_it_does_not_fit_puts_its_labels_in_doubt(
     clean: Judged, code: str

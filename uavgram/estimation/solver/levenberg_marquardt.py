@@ -36,9 +36,9 @@ MAX_UNDAMPED_REDUCTION = 1e-4
 converged; kinks of the interpolated flight keep it from being exactly zero. In gusts the linear
 model predicts more: then the reduction that is found along the step counts."""
 
-MAX_LAST_FALL = 1e-2
-"""Reduction along the last step (a tenth of a sigma, squared) up to which a result counts as
-converged after the largest number of iterations: between noisy positions of a log, the sum of
+MAX_CREEP = 1e-2
+"""Reduction in the second half of the iterations (a tenth of a sigma, squared) up to which a result
+counts as converged after the largest number of them: between noisy positions of a log, the sum of
 squares falls ever more slowly along a winding valley."""
 
 LARGE_SYSTEM = 10_000
@@ -171,7 +171,7 @@ def minimise(
         # Where the model does not hold, as on a flight in gusts, the function itself decides: it
         # is at its minimum if it hardly decreases along that step.
         if now.count >= most:
-            is_at_rest = 0.0 < now.search_along(step, np.inf) < MAX_LAST_FALL
+            is_at_rest = 0.0 < now.halfway - now.cost < MAX_CREEP
             break
         fall = now.search_along(step, limit)
         is_at_rest = 0.0 < fall < limit
@@ -182,7 +182,10 @@ def minimise(
 
 @dataclass(eq=False)
 class _Iteration(Generic[State]):
-    """Present state of an iteration, and the functions that it calls; see `minimise`."""
+    """Present state of an iteration, and the functions that it calls; see `minimise`.
+
+    `halfway` is the sum of squares after half of the largest number of steps.
+    """
 
     evaluate: Callable[[State], dict[str, Block] | None]
     update: Callable[[State, Floats], State]
@@ -194,6 +197,7 @@ class _Iteration(Generic[State]):
     cost: float
     normal: NormalEquations
     count: int = 0
+    halfway: float = np.inf
 
     def _try(self, step: Floats) -> tuple[State, dict[str, Block] | None, float]:
         """Evaluate a step: state, residuals, and the sum of squares (infinite if impossible)."""
@@ -223,6 +227,8 @@ class _Iteration(Generic[State]):
         factor: Factor | None = None
         before = np.inf
         while self.count < most:
+            if self.count == most // 2:
+                self.halfway = self.cost
             self.count += 1
             fresh = factor is None
             factor = factor or self.normal.factor(damping, self.slack)

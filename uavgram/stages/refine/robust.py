@@ -370,9 +370,13 @@ class Candidate:
         return (self.fits() or self.is_agreed()) and not self.is_in_disorder()
 
     def is_in_disorder(self) -> bool:
-        """Return whether so much is wrong that a whole photo may be, which would cost less."""
+        """Return whether so much is wrong that a whole photo may be, which would cost less.
+
+        Picks are part of it: where the photos agree with each other, none of them is wrong.
+        """
         wrong = self._wrong_picks + self._wrong_references
-        return not self.annealed.minimum.converged or wrong > MOST_GROSS_OF_A_PHOTO
+        is_costly = self._wrong_picks > 0 and wrong > MOST_GROSS_OF_A_PHOTO
+        return is_costly or not self.annealed.minimum.converged
 
     def doubts_a_photo(self) -> bool:
         """Return whether much is wrong, and more picks than lengths, known things and control."""
