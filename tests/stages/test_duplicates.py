@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -177,3 +178,17 @@ def test_a_direction_and_the_way_back_are_two_things(kind: str, *, is_copy: bool
     found = find_duplicates(photos(), {}, picks(*TWO), lines(), known, is_same=lambda *_: False)
 
     assert bool(found.known) == is_copy
+
+
+def test_photo10_is_no_copy_of_photo1() -> None:
+    """Their files show the same, as blank ones do, and nothing is picked in both."""
+    for other, is_copy in (("photo10.jpg", False), ("photo1 (1).jpg", True)):
+        names = ("photo1.jpg", other)
+        found = find_duplicates(
+            replace(photos(np.nan, np.nan), frame_id=names),
+            {name: name for name in names},
+            picks(("photo1.jpg", "A", 1, 2), (other, "B", 9, 4)),
+            lines(),
+            is_same=lambda *_: True,
+        )
+        assert found.photos == ({other: "photo1.jpg"} if is_copy else {})

@@ -104,6 +104,14 @@ def test_a_photo_of_the_same_place_from_beside_does_not(photo: Path) -> None:
     assert not is_same_exposure(str(photo), str(beside))
 
 
+def test_plain_pictures_of_two_greys_are_no_copies(tmp_path: Path) -> None:
+    one, other = (tmp_path / name for name in ("one.png", "other.png"))
+    for path, grey in ((one, 90), (other, 140)):
+        assert cv2.imwrite(str(path), np.full((300, 400, 3), grey, np.uint8))
+
+    assert not is_same_exposure(str(one), str(other))
+
+
 def test_photos_of_a_flight_are_no_copies(data_dir: Path) -> None:
     photos = sorted((data_dir / "street_nadir" / "photos").glob("*.jpg"))
     assert not any(is_same_exposure(str(one), str(other)) for one, other in pairwise(photos))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -16,11 +17,13 @@ from uavgram.model.catalogue.entry import Effect
 from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Message, Remedy
 from uavgram.model.options import SolveOptions
+from uavgram.model.result.reliability import Noise, PickNoise
 from uavgram.model.result.tables import MeasurementResults
 from uavgram.model.result.verdict import MeasurementStatus, Verdict
 from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, MeasurementRequest
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.judge import Fit, compare_withheld, determine_verdict, run_tests, tested_survey
+from uavgram.stages.judge.fit import compute_fit
 from uavgram.stages.judge.statuses import is_moved
 from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked
 from uavgram.stages.judge.verdict import get_first_sentences
@@ -64,7 +67,8 @@ def clean() -> Judged:
 
 
 def _judged(length_m: np.ndarray, requests: int) -> Judged:
-    survey = replace(make_scene(9, frames=6).survey, length_m=length_m)
+    names = tuple(f"L{k}" for k in range(len(length_m)))
+    survey = replace(make_scene(9, frames=6).survey, length_m=length_m, line_name=names)
     refined, _ = refine(survey, SolveOptions(noise="stated"))
     measured = propagate(refined.adjustment, REQUESTS[:requests], NO_TIMES)
     return Judged(run_tests(refined, measured, 0.001), measurement_results(measured)[0])
@@ -136,7 +140,9 @@ def test_noise_as_large_as_gross_errors_is_a_contradiction(factor: float, level:
     picks = PickNoise(source="hand", stated_px=1.0, factor=factor, sigma=1.0)
     noise = Noise(picks=(picks,), roughness=())
     refined = replace(learnt, noise=noise, stated=stated.adjustment)
-    fit = compute_fit(refined, *NO_CHECKS, None)
+    nothing: Any = SimpleNamespace(w=(), status=(), start=(), end=(), points=(), label=())
+    nothing.mahalanobis = ()
+    fit = compute_fit(refined, nothing, nothing, nothing, None)
     measured = propagate(learnt.adjustment, REQUESTS[:2], NO_TIMES)
     examined = run_tests(learnt, measured, 0.001)
     verdict, _ = Judged(examined, measurement_results(measured)[0]).verdict(fit=fit)

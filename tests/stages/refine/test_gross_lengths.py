@@ -15,6 +15,7 @@ from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
+from uavgram.model.flight.log import Track
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.refine import minima, readjustment, refine
@@ -324,3 +325,31 @@ def test_a_click_that_other_photos_check_is_no_rival(scene_factory: Callable[...
 
     assert np.flatnonzero(refined.line_removed).tolist() == [1]
     assert not refined.rival_clicks
+
+
+def test_a_wrong_pose_of_the_log_takes_no_part(scene_factory: Callable[..., Scene]) -> None:
+    """In one photo of four, as with a jump of the receiver: the rest is as if it were unknown."""
+    given = scene_factory(6, frames=4, labels=12, lines=6).survey
+    track = given.track
+    assert isinstance(track, Track)
+    position = np.array(track.position_world_m)
+    position[8:12] += (0.0, 0.0, 30.0)  # four samples for each photo
+    jumped = replace(given, track=replace(track, position_world_m=position))
+    refined, messages = refine(jumped, REPORT)
+
+    (found,) = (message for message in messages if message.code == "telemetry-strained")
+    assert found.frames == ("f2",)
+    assert "30" in found.text.split(" m and")[0]
+    assert not refined.line_removed.any()
+    expected, _ = refine(given, REPORT)
+    assert misfit(refined, expected) < 0.3
+    assert not any("lengths" in message.code for message in messages)
+
+
+def misfit(refined: Refined, expected: Refined) -> float:
+    """Largest difference of the points' places from one another, in sigmas."""
+    one, other = (np.array(each.adjustment.state.point[:, :2]) for each in (refined, expected))
+    apart = (one - one.mean(axis=0)) - (other - other.mean(axis=0))
+    _, covariance = expected.adjustment.points()
+    sigma = np.sqrt(np.einsum("kii->ki", covariance)[:, :2])
+    return float(np.abs(apart / sigma).max())

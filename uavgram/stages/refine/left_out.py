@@ -16,6 +16,7 @@ from uavgram.estimation.survey.observations.lengths import TapedLengths, select_
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
+from uavgram.model.naming import figures
 from uavgram.model.survey.survey import Survey
 from uavgram.stages.remedies import make_height_remedy
 
@@ -175,6 +176,47 @@ def report_heights_left_out(
             labels=(label,),
             several=several,
             mend=make_height_remedy([label]),
+        )
+
+
+def report_poses_left_out(refined: Refined, frames: Sequence[str]) -> Iterator[Message]:
+    """Report each photo whose pose by the log was left out, and its distance from that pose.
+
+    Parameters
+    ----------
+    refined
+        Adjustment with large sigmas of these poses.
+    frames
+        Names of the photos.
+    """
+    problem, blocks = refined.adjustment.problem, refined.adjustment.minimum.blocks
+    prior = problem.survey.telemetry
+    if prior is None or not frames:
+        return
+    # Residuals in metres and radians, from those in sigmas.
+    whitening = problem.telemetry_whitening
+    residual = np.linalg.solve(whitening, blocks["telemetry"].residual[..., None])[..., 0]
+    row = {problem.survey.frame_id[k]: i for i, k in enumerate(prior.frame_index.tolist())}
+    for frame in frames:
+        if frame not in row:
+            continue
+        own = residual[row[frame]]
+        apart_m = float(np.linalg.norm(own[:3]))
+        turn_deg = float(np.degrees(np.linalg.norm(own[3:])))
+        how = f"{figures(apart_m)} m and {figures(turn_deg)}° away"
+        yield Message(
+            "warning",
+            "telemetry-strained",
+            f"Photo {frame!r} is not where the log has it, by all other observations: {how}. That "
+            "position and direction are not used. Check its picks, its time, the gimbal and its "
+            "zoom.",
+            frames=(frame,),
+            several=MessagePlural(
+                "{count} photos are not where the log has them, by all other observations",
+                f"{frame!r} ({how})",
+                ending="These positions and directions are not used. Check the picks, the times, "
+                "the gimbal and the zoom of these photos.",
+            ),
         )
 
 

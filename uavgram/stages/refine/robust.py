@@ -46,7 +46,11 @@ from uavgram.stages.refine.annealing import (
     squared_misfits,
     weighted_minimum,
 )
-from uavgram.stages.refine.left_out import report_control_left_out, report_heights_left_out
+from uavgram.stages.refine.left_out import (
+    report_control_left_out,
+    report_heights_left_out,
+    report_poses_left_out,
+)
 from uavgram.stages.refine.minima import (
     FULL,
     QUICK_TRIAL,
@@ -138,6 +142,9 @@ class Robust:
     contradicting
         Names of labels whose picks contradict each other. These picks have sigmas as large as their
         misfit, since no observation shows which of them is wrong.
+    poses
+        Names of photos whose poses by the log are gross errors: these have sigmas as large as
+        their misfit.
     """
 
     survey: Survey
@@ -146,11 +153,13 @@ class Robust:
     labels: tuple[str, ...] = ()
     heights: tuple[str, ...] = ()
     contradicting: tuple[str, ...] = ()
+    poses: tuple[str, ...] = ()
 
     def messages(self, survey: Survey) -> Iterator[Message]:
-        """Report control and heights that were left out, and picks that contradict each other."""
+        """Report what was left out of control, heights and log, and picks that contradict."""
         yield from report_control_left_out(survey, self.refined, self.control)
         yield from report_heights_left_out(survey, self.refined, self.heights)
+        yield from report_poses_left_out(self.refined, self.poses)
         for label in self.contradicting:
             own = survey.pick_label == survey.label.index(label)
             frames = tuple(dict.fromkeys(survey.frame_id[k] for k in survey.pick_frame[own]))
@@ -1032,8 +1041,9 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     heights = tuple(reduced.label[k] for k in problem.third.stated[found.gross("heights")])
     wrong = {reduced.label[reduced.control_label[k]] for k in found.gross("control")}
     is_wrong = np.array([survey.label[k] in wrong for k in survey.control_label], dtype=np.bool_)
+    misfit_of_pose = _find_wrong_poses(found)
     rest = replace(
-        select_control(survey, ~is_wrong),
+        _with_uncertain_poses(select_control(survey, ~is_wrong), misfit_of_pose),
         is_free=survey.is_free | np.isin(survey.label, [*names, *heights]),
         pick_sigma_px=sigma_px,
     )
@@ -1051,7 +1061,28 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     if refined is None:
         return None
     contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
-    return Robust(rest, refined, np.flatnonzero(is_wrong), names, heights, contradicting)
+    wrong_control, poses = np.flatnonzero(is_wrong), tuple(misfit_of_pose)
+    return Robust(rest, refined, wrong_control, names, heights, contradicting, poses)
+
+
+def _find_wrong_poses(found: Annealed) -> dict[str, float]:
+    """Return photos whose pose by the log is a gross error, with its misfit; never all of them."""
+    prior, frame_id = found.problem.survey.telemetry, found.problem.survey.frame_id
+    rows = found.gross("telemetry")
+    if prior is None or len(rows) == len(prior.frame_index):
+        return {}
+    names = (frame_id[k] for k in prior.frame_index[rows])
+    return dict(zip(names, found.misfit["telemetry"][rows].tolist(), strict=True))
+
+
+def _with_uncertain_poses(survey: Survey, misfit: Mapping[str, float]) -> Survey:
+    """Enlarge the sigmas of the log's poses of some photos by their misfit."""
+    prior = survey.telemetry
+    if prior is None or not misfit:
+        return survey
+    factor = np.array([misfit.get(survey.frame_id[k], 1.0) for k in prior.frame_index])
+    covariance = prior.covariance * factor[:, None, None] ** 2
+    return replace(survey, telemetry=replace(prior, covariance=covariance))
 
 
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:
