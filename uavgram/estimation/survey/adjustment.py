@@ -373,6 +373,8 @@ class Refined:
         (P,), (L,) masks of the survey handed in: removed as blunders.
     known_removed
         Numbers of the known things that were removed.
+    pose_widened
+        Factors by which the sigmas of wrong poses of the log were enlarged, by photo.
     pick_reason
         Reasons why picks (index into the survey handed in) were left out beforehand.
     undetermined
@@ -409,6 +411,7 @@ class Refined:
     alternatives: tuple[Adjustment, ...]
     undetermined: frozenset[int] = frozenset()
     known_removed: frozenset[int] = frozenset()
+    pose_widened: Mapping[str, float] = field(default_factory=dict)
     noise: Noise | None = None
     stated: Adjustment | None = None
     off_ground: frozenset[str] = frozenset()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -144,6 +144,24 @@ def replace_matches_by_picks(survey: Survey) -> Survey:
         pick_sigma_px=np.concatenate([survey.pick_sigma_px, sigma]),
         matches=NO_SIGHTINGS,
     )
+
+
+def widen_poses(survey: Survey, factor: Mapping[str, float]) -> Survey:
+    """Enlarge the sigmas of the log's poses of some photos.
+
+    Parameters
+    ----------
+    survey
+        All observations.
+    factor
+        Factor of the sigmas by the name of the photo.
+    """
+    prior = survey.telemetry
+    if prior is None or not factor:
+        return survey
+    each = np.array([factor.get(survey.frame_id[k], 1.0) for k in prior.frame_index])
+    covariance = prior.covariance * each[:, None, None] ** 2
+    return replace(survey, telemetry=replace(prior, covariance=covariance))
 
 
 def _select_some_lines(survey: Survey, lines: Ints) -> dict[str, Any]:

@@ -196,7 +196,8 @@ class BaseAdjustment:
     def _best(self, survey: Survey) -> Adjustment:
         """Return the best adjustment without the observations left out of the full one."""
         refined = self.refined
-        taking = Participants(survey, self.keep, refined.line_removed, {}, refined.known_removed)
+        known, poses = refined.known_removed, refined.pose_widened
+        taking = Participants(survey, self.keep, refined.line_removed, {}, known, poses)
         return find_best_minima(taking).adjustment
 
     def _prepare(self, survey: Survey) -> Survey:

@@ -167,5 +167,11 @@ def find_participants(survey: Survey, refined: Refined) -> Participants:
     """Return the participating observations of an adjustment."""
     used = np.zeros(len(survey.pick_frame), dtype=bool)
     used[refined.pick_index] = True
-    reason, known = refined.pick_reason, refined.known_removed
-    return Participants(survey, used, refined.line_removed, reason, known)
+    return Participants(
+        survey,
+        used,
+        refined.line_removed,
+        refined.pick_reason,
+        refined.known_removed,
+        refined.pose_widened,
+    )

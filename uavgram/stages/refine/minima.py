@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -26,6 +26,7 @@ from uavgram.estimation.survey.selection import (
     remove_ties,
     select_lines,
     select_picks,
+    widen_poses,
 )
 from uavgram.estimation.survey.unknowns import Layout, State
 from uavgram.model.arrays import Bools
@@ -113,6 +114,8 @@ class Participants:
         Reasons why picks do not, by their index.
     known_removed
         Numbers of known things that do not.
+    pose_widened
+        Factors by which the sigmas of wrong poses of the log are enlarged, by photo.
     """
 
     survey: Survey
@@ -120,6 +123,7 @@ class Participants:
     line_removed: Bools
     reason: Mapping[int, LeftOut]
     known_removed: frozenset[int] = frozenset()
+    pose_widened: Mapping[str, float] = field(default_factory=dict)
 
     def without_picks(self, reason: Mapping[int, LeftOut]) -> Participants:
         """Leave out some picks."""
@@ -296,7 +300,8 @@ def find_minima_from(
     GeometryError
         There are no first values, or none leads to a minimum.
     """
-    survey, undetermined = remove_known(taking.survey, taking.known_removed), frozenset[int]()
+    survey = remove_known(widen_poses(taking.survey, taking.pose_widened), taking.known_removed)
+    undetermined = frozenset[int]()
     while True:
         if not taking.keep.any():
             raise GeometryError(
@@ -341,6 +346,7 @@ def find_minima_from(
         alternatives=tuple(alternatives),
         undetermined=undetermined,
         known_removed=taking.known_removed,
+        pose_widened=taking.pose_widened,
     )
 
 

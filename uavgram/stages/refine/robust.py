@@ -1041,14 +1041,18 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     heights = tuple(reduced.label[k] for k in problem.third.stated[found.gross("heights")])
     wrong = {reduced.label[reduced.control_label[k]] for k in found.gross("control")}
     is_wrong = np.array([survey.label[k] in wrong for k in survey.control_label], dtype=np.bool_)
-    misfit_of_pose = _find_wrong_poses(found)
+    wrong_poses = _find_wrong_poses(found)
     rest = replace(
-        _with_uncertain_poses(select_control(survey, ~is_wrong), misfit_of_pose),
+        select_control(survey, ~is_wrong),
         is_free=survey.is_free | np.isin(survey.label, [*names, *heights]),
         pick_sigma_px=sigma_px,
     )
     left = replace(
-        taking, survey=rest, line_removed=removed, known_removed=taking.known_removed | known
+        taking,
+        survey=rest,
+        line_removed=removed,
+        known_removed=taking.known_removed | known,
+        pose_widened={**taking.pose_widened, **wrong_poses},
     )
     left = left.without_picks(reason)
     unplaced = {k: first.pick_reason.get(k, MISPLACED) for k in candidate.unplaced.tolist()}
@@ -1061,7 +1065,7 @@ def _adjusted_without(candidate: Candidate) -> Robust | None:
     if refined is None:
         return None
     contradicting = tuple(reduced.label[k] for k in np.unique(reduced.pick_label[lost]))
-    wrong_control, poses = np.flatnonzero(is_wrong), tuple(misfit_of_pose)
+    wrong_control, poses = np.flatnonzero(is_wrong), tuple(wrong_poses)
     return Robust(rest, refined, wrong_control, names, heights, contradicting, poses)
 
 
@@ -1073,16 +1077,6 @@ def _find_wrong_poses(found: Annealed) -> dict[str, float]:
         return {}
     names = (frame_id[k] for k in prior.frame_index[rows])
     return dict(zip(names, found.misfit["telemetry"][rows].tolist(), strict=True))
-
-
-def _with_uncertain_poses(survey: Survey, misfit: Mapping[str, float]) -> Survey:
-    """Enlarge the sigmas of the log's poses of some photos by their misfit."""
-    prior = survey.telemetry
-    if prior is None or not misfit:
-        return survey
-    factor = np.array([misfit.get(survey.frame_id[k], 1.0) for k in prior.frame_index])
-    covariance = prior.covariance * factor[:, None, None] ** 2
-    return replace(survey, telemetry=replace(prior, covariance=covariance))
 
 
 def _adjusted(left: Participants, found: Annealed) -> Refined | None:

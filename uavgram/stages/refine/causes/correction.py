@@ -15,7 +15,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, Refined, Removal
 from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
-from uavgram.estimation.survey.selection import Selection, remove_known, select_picks
+from uavgram.estimation.survey.selection import Selection, remove_known, select_picks, widen_poses
 from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
@@ -112,7 +112,8 @@ def readjust_corrected(
     """Adjust the participating observations from the present state; None without a result.
 
     It begins from first values instead where the present state is of no use: it did not converge or
-    is distorted by misfits, the hypothesis changes everything, or ties have other points.
+    is distorted by misfits, the hypothesis changes everything, poses of the log take part again, or
+    ties have other points.
 
     Parameters
     ----------
@@ -124,14 +125,16 @@ def readjust_corrected(
         The hypothesis by which it was changed.
     """
     present = diagnosis.adjustment
-    survey = remove_known(taking.survey, taking.known_removed)
+    survey = remove_known(widen_poses(taking.survey, taking.pose_widened), taking.known_removed)
     selection = select_picks(survey, taking.keep)
     if hypothesis.is_of_all:
         return adjust_on_trial(taking, FULL)
     is_bent = (
         compute_core_fit(present).probability < MIN_FIT_PROBABILITY and hypothesis.begun is None
     )
-    if is_bent or not present.minimum.converged or _has_ties(selection):
+    # A photo whose pose by the log takes part again may be far from it.
+    is_far = taking.pose_widened.keys() != diagnosis.refined.pose_widened.keys()
+    if is_bent or is_far or not present.minimum.converged or _has_ties(selection):
         return adjust_on_trial(taking)
     start = _initial_state(diagnosis, selection)
     if start is None:
@@ -160,6 +163,7 @@ def readjust_corrected(
         alternatives=(),
         undetermined=frozenset(),
         known_removed=taking.known_removed,
+        pose_widened=taking.pose_widened,
     )
 
 

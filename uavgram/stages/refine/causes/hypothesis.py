@@ -7,7 +7,7 @@ model).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -31,6 +31,9 @@ from uavgram.stages.refine.minima import Participants
 PRICE = 6.0
 """Logarithm of the odds against a gross error of an observed number at its specific value: the
 range of gross errors over the sigma of the number."""
+
+POSE_SIZE = 3
+"""Number of observed numbers that a wrong pose of the log counts as: its position, or direction."""
 
 CONTRADICTING = (LeftOutCause.MISPLACED_FRAME, LeftOutCause.GROSS)
 """Causes of left-out picks that a person should check."""
@@ -79,7 +82,14 @@ class Diagnosis(NamedTuple):
     @property
     def left_out(self) -> int:
         """Count of numbers that were left out because they contradict the rest."""
-        return int(2 * self.spoilt.sum() + self.refined.line_removed.sum())
+        poses = POSE_SIZE * len(self.refined.pose_widened)
+        return int(2 * self.spoilt.sum() + self.refined.line_removed.sum()) + poses
+
+    def list_poses_left_out(self, picks: Collection[int]) -> frozenset[str]:
+        """List photos of some picks whose poses by the log were left out."""
+        survey = self.survey
+        names = {survey.frame_id[k] for k in survey.pick_frame[list(picks)]}
+        return frozenset(names & self.refined.pose_widened.keys())
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +166,7 @@ def correct_participants(
     """Return the participating observations of the corrected survey.
 
     Picks and lengths that the correction changes take part again where they had been left out, and
-    so do lengths that end where all picks get another label.
+    so do lengths that end where all picks get another label, and poses of the photos by the log.
 
     Parameters
     ----------
@@ -167,7 +177,7 @@ def correct_participants(
     back
         Picks that take part again unchanged.
     lines_back
-        Whether lengths that were left out take part again.
+        Whether lengths and poses of the log that were left out take part again.
     """
     taking, refined = diagnosis.taking, diagnosis.refined
     survey = correct_survey(diagnosis.survey, mend)
@@ -183,9 +193,14 @@ def correct_participants(
         for i, why in refined.pick_reason.items()
         if not used[i] and i not in mend.without_picks
     }
-    return Participants(
-        survey, used & find_usable_picks(taking), removed, reason, taking.known_removed
-    )
+    poses_back = diagnosis.list_poses_left_out(mend.picks | back)
+    widened = {
+        name: factor
+        for name, factor in refined.pose_widened.items()
+        if not lines_back and name not in poses_back
+    }
+    usable = used & find_usable_picks(taking)
+    return Participants(survey, usable, removed, reason, taking.known_removed, widened)
 
 
 def find_changed_lines(survey: Survey, mend: SurveyCorrection) -> Bools:

@@ -146,7 +146,8 @@ def _by_the_log(diagnosis: Diagnosis, frame: int) -> tuple[Floats, Floats]:
     off = np.linalg.solve(white, block.residual[row])[:3]
     covariance = np.linalg.inv(white.T @ white)[:3, :3]
     own = np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)), dtype=np.float64)
-    return adjustment.state.center[at] - off, own
+    stated = own * diagnosis.refined.pose_widened.get(name, 1.0)
+    return adjustment.state.center[at] - off, stated
 
 
 def _told(frame: str, factor: float, _: HypothesisTest | None) -> Message:

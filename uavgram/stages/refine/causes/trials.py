@@ -18,6 +18,7 @@ from uavgram.model.survey.corrections import SurveyCorrection
 from uavgram.stages.refine.causes.correction import MIN_FIT_PROBABILITY, readjust_corrected
 from uavgram.stages.refine.causes.detection import MISFIT_PROBABILITY
 from uavgram.stages.refine.causes.hypothesis import (
+    POSE_SIZE,
     PRICE,
     Diagnosis,
     Hypothesis,
@@ -127,7 +128,8 @@ def _count_explained(diagnosis: Diagnosis, hypothesis: Hypothesis, gain: float) 
     back = mend.picks | mend.without_picks | hypothesis.back
     picks = int(diagnosis.spoilt[list(back)].sum())
     lines = int((diagnosis.refined.line_removed & find_changed_lines(diagnosis.survey, mend)).sum())
-    return 2 * picks + lines
+    poses = len(diagnosis.list_poses_left_out(mend.picks | hypothesis.back))
+    return 2 * picks + lines + POSE_SIZE * poses
 
 
 def try_hypothesis(diagnosis: Diagnosis, judged: JudgedHypothesis) -> JudgedHypothesis:

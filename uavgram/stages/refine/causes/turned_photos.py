@@ -70,14 +70,14 @@ def find_photos_against_log(diagnosis: Diagnosis) -> dict[int, float]:
     block, telemetry = adjustment.minimum.blocks.get("telemetry"), adjustment.survey.telemetry
     if block is None or telemetry is None:
         return {}
-    away = np.abs(block.residual).max(axis=1)
+    # In the stated sigmas, also where those of a wrong pose were enlarged.
+    names = [adjustment.survey.frame_id[k] for k in telemetry.frame_index]
+    stated = np.array([diagnosis.refined.pose_widened.get(name, 1.0) for name in names])
+    away = stated * np.abs(block.residual).max(axis=1)
     worst = np.argsort(-away, kind="stable")[:MAX_STRAINED]
-    names = [adjustment.survey.frame_id[telemetry.frame_index[k]] for k in worst]
     index = {name: k for k, name in enumerate(diagnosis.survey.frame_id)}
     return {
-        index[name]: float(away[k]) ** 2
-        for k, name in zip(worst.tolist(), names, strict=True)
-        if away[k] > STRAINED_SIGMAS
+        index[names[k]]: float(away[k]) ** 2 for k in worst.tolist() if away[k] > STRAINED_SIGMAS
     }
 
 
