@@ -364,6 +364,11 @@ class Candidate:
         gross = sum(len(self.annealed.gross(name)) for name in self.annealed.misfit)
         return gross > 1 or not self.fits()
 
+    def keeps_lengths(self) -> bool:
+        """Return whether no length is unseen without left-out photos: it may be the wrong one."""
+        used = self.first.line_index[self.annealed.problem.line_index]
+        return len(used) == np.count_nonzero(~self.taking.line_removed)
+
     def leaves_no_other(self) -> bool:
         """Return whether no other explanation is left: all take part, or nearly all agree."""
         return not self._count_gross_errors() or self.is_agreed()
@@ -447,12 +452,14 @@ def _most_agreed(taking: Participants) -> list[Candidate]:
         best = found[:1]
         for candidate in search(taking, found):
             found = _by_cost(taking, [*found, candidate])
-            if found[0] is candidate and candidate.is_agreed():
+            is_sure = candidate.is_agreed() and candidate.keeps_lengths()
+            if found[0] is candidate and is_sure:
                 return found[:1]
         # Without references, or with other gross errors, something else may be wrong: search on.
         if search is _without_references or found[:1] == best or not found[0].explains():
             continue
-        if search is _without_photos or found[0].leaves_no_other():
+        is_sure = found[0].leaves_no_other() and found[0].keeps_lengths()
+        if search is _without_photos or is_sure:
             break
     return found
 
