@@ -8,8 +8,8 @@ known by its suffix.
 
 import numpy as np
 
-from uavgram.io.logs.build import Table, build_log
-from uavgram.io.logs.topics import Messages, Row, Topic
+from uavgram.io.logs.boots import Table, build_log
+from uavgram.io.logs.messages import Messages, Row, Topic
 from uavgram.model.flight.log import FlightLog
 
 FIELDS = {

@@ -27,7 +27,7 @@ from uavgram.geometry.camera.projection import project
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.logs.tlog.writer import write_tlog
-from uavgram.io.photos.exif_insertion import insert_exif
+from uavgram.io.photos.tagging import insert_exif
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.log import SimulatedLog
 from uavgram.pipeline.measure.run import Journal, run

@@ -32,7 +32,7 @@ import uavgram
 from uavgram.cli import main
 from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.io.photos.catalogue import read_photos
-from uavgram.io.photos.poses.sources import read_photo_poses
+from uavgram.io.photos.pose_sources import read_photo_poses
 from uavgram.model.arrays import Floats
 from uavgram.model.flight.pose import PhotoExposures, PhotoPoses
 from uavgram.model.message import Message

@@ -28,7 +28,7 @@ from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.camera.lens import largest_radius
 from uavgram.geometry.ground import shapes
-from uavgram.io.cameras.choice import read_drone_cameras
+from uavgram.io.cameras import read_drone_cameras
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.camera.tags import CameraTags

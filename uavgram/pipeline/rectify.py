@@ -21,8 +21,8 @@ from uavgram.io.exports.geotiff import (
     write_colour_geotiff,
     write_float_geotiff,
 )
+from uavgram.io.files import check_folder_of_project
 from uavgram.io.outputs import staged_output
-from uavgram.io.own_files import check_folder_of_project
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 from uavgram.model.message import Message

@@ -20,7 +20,7 @@ from uavgram.errors import InputError, UavgramError
 from uavgram.imaging.plates.detection import sight_board_plate, sight_plates
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.uncoded import Kind, UncodedTarget, measure_uncoded_target
-from uavgram.io.photos.board_photos import read_grey
+from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats
 from uavgram.model.message import Message
 from uavgram.model.options import TargetOptions

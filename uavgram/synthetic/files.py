@@ -11,17 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import OutputError
+from uavgram.io.files import remove_link
+from uavgram.io.json_codec import Record, encode, records
 from uavgram.io.logs.tlog.writer import write_tlog
-from uavgram.io.own_files import remove_link
-from uavgram.io.photos.exif_insertion import insert_exif
-from uavgram.io.results.codec import Record, encode, records
+from uavgram.io.photos.tagging import insert_exif
 from uavgram.io.tables.csv_tables import csv_text
-from uavgram.io.tables.updates import (
-    LINES_HEADER,
-    MEASURE_HEADER,
-    PICKS_HEADER,
-    update_measure,
-)
+from uavgram.io.tables.updates import LINES_HEADER, MEASURE_HEADER, PICKS_HEADER, update_measure
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import number_text
 from uavgram.synthetic.inputs import format_project

@@ -9,7 +9,7 @@ from typing import Any
 from uavgram.config.strict_yaml import Document, Plain, format_key_path, read_yaml, yaml_text
 from uavgram.config.validation import validate
 from uavgram.errors import InputError, near_miss
-from uavgram.io.cameras.choice import read_drone_cameras
+from uavgram.io.cameras import read_drone_cameras
 from uavgram.io.tables.measure import PARAMETERS, points_fault
 from uavgram.model.camera.calibration import ORDINARY_EQUIVALENTS_MM, Calibration
 from uavgram.model.camera.tags import CameraTags, DroneCamera

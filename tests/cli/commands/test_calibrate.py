@@ -19,7 +19,7 @@ from small_projects import Command
 
 from uavgram.cli import main
 from uavgram.config.camera import load_camera_file
-from uavgram.io.cameras.opencv import read_opencv_calibration
+from uavgram.io.cameras import read_opencv_calibration
 from uavgram.model.camera.board import (
     Board,
     BoardObservations,

@@ -16,7 +16,7 @@ from uavgram.imaging.targets import chessboard as module
 from uavgram.imaging.targets.chessboard import sight_chessboard
 from uavgram.imaging.targets.detect import detect_in_photos
 from uavgram.imaging.targets.observations import collect_observations
-from uavgram.io.photos.board_photos import read_grey
+from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.board import Board, LensSetting, flat_board
 from uavgram.model.camera.calibration import LensModel

@@ -13,7 +13,7 @@ from uavgram.imaging.targets.chessboard import sight_chessboard
 from uavgram.imaging.targets.gradient import measure_gradient_corners, search_corners
 from uavgram.imaging.targets.grid import grow_grid
 from uavgram.imaging.targets.saddle import cut_windows
-from uavgram.io.photos.board_photos import read_grey
+from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.camera.board import flat_board
 
 SQUARE = 20

@@ -32,7 +32,7 @@ from uavgram.imaging.top_view.photo_cache import (
 )
 from uavgram.imaging.top_view.warp import REACH, warp_window
 from uavgram.imaging.top_view.warp_maps import make_lattice, project_window
-from uavgram.io.digest import photo_files
+from uavgram.io.files import photo_files
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import GroundRaster
 from uavgram.stages.products.top_view import lay_raster

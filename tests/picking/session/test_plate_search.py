@@ -14,7 +14,7 @@ from plate_pictures import photo_of, plate_samples, quad
 from uavgram.imaging.photos.grey_photos import GreyPhotos
 from uavgram.imaging.plates.families import read_cells
 from uavgram.imaging.raster import Image
-from uavgram.io.photos.board_photos import read_grey
+from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import BY_HAND, make_accept_command

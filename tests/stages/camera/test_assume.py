@@ -15,8 +15,8 @@ import yaml
 
 from uavgram.errors import InputError
 from uavgram.geometry.camera.projection import project
-from uavgram.io.cameras.choice import read_drone_cameras
-from uavgram.io.photos.camera_tags import read_camera_tags
+from uavgram.io.cameras import read_drone_cameras
+from uavgram.io.photos.metadata import read_camera_tags
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import calibration
 from uavgram.model.camera.calibration import AssumedErrors, Calibration, assumed_covariance

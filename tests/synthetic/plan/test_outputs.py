@@ -10,7 +10,7 @@ import pytest
 from planned_sample import sample_plan
 
 from uavgram.errors import UavgramError
-from uavgram.io.results.plan_json import read_plan
+from uavgram.io.results.command_json import read_plan
 from uavgram.model.naming import IMPERIAL
 from uavgram.synthetic.plan.run import PlanOutputs, write_outputs
 from uavgram.synthetic.scenario import Scenario

@@ -11,7 +11,7 @@ from plan_draws import errors
 from plan_scenes import plan_case
 from scipy.stats import chi2
 
-from uavgram.io.results.plan_json import read_plan, write_plan
+from uavgram.io.results.command_json import read_plan, write_plan
 from uavgram.model.planned import FlightPlanned
 from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.plan.make import make_plan

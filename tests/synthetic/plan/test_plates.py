@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plan_scenes import plan_case
 
-from uavgram.io.results.plan_json import read_plan, write_plan
+from uavgram.io.results.command_json import read_plan, write_plan
 from uavgram.model.naming import Units
 from uavgram.model.planned import FlightPlanned
 from uavgram.synthetic.inputs import ScenarioWorld

@@ -9,8 +9,8 @@ from dataclasses import fields, replace
 import pytest
 import synthetic_survey as survey
 
-from uavgram.io.exports.geojson import dump_geojson
 from uavgram.io.exports.measurements_csv import dump_measurements_csv
+from uavgram.io.exports.web_maps import dump_geojson
 from uavgram.io.results.results_json import dump_verdict, load_verdict
 from uavgram.model.message import Message, Remedy
 from uavgram.model.result.result import Result

@@ -7,7 +7,7 @@ import math
 from collections import Counter
 from pathlib import Path
 
-from uavgram.io.results.codec import Json, Record, encode
+from uavgram.io.json_codec import Json, Record, encode
 from uavgram.model.simulation import SOURCES, Accuracy, Repetitions, Simulation, Study
 
 SIMULATION_SCHEMA = 1

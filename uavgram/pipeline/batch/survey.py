@@ -15,11 +15,11 @@ import numpy as np
 
 from uavgram.config.project import load_project
 from uavgram.errors import InputError, UavgramError
-from uavgram.io.digest import photo_files
+from uavgram.io.files import photo_files
 from uavgram.io.outputs import LAST_MOVED, SupersededError, claim_folder
-from uavgram.io.photos.camera_tags import read_camera_tags
 from uavgram.io.photos.catalogue import find_photos
-from uavgram.io.results.batch_state import (
+from uavgram.io.photos.metadata import read_camera_tags
+from uavgram.io.results.command_json import (
     append_record,
     is_unchanged,
     read_file_stat,

@@ -28,7 +28,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
 from uavgram.geometry.earth.geodesy import normalise_crs, utm_crs
 from uavgram.imaging.known_point_pose import find_known_point_poses
-from uavgram.io.digest import find_relative_name
+from uavgram.io.files import find_relative_name
 from uavgram.model.flight.frames import Frames
 from uavgram.model.message import Message
 from uavgram.model.options import Project, SolveOptions, option_pairs

@@ -23,7 +23,7 @@ from uavgram.geometry.earth.geodesy import (
     utm_crs,
 )
 from uavgram.io.photos.metadata import read_exif_place
-from uavgram.io.photos.poses.sources import read_photo_poses
+from uavgram.io.photos.pose_sources import read_photo_poses
 from uavgram.model.arrays import Floats, rows_of
 from uavgram.model.flight.frames import Frames, Pairing, Photos
 from uavgram.model.flight.log import FlightLog, HeightDatum, LogFault

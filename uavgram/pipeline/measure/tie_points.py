@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from uavgram.io.digest import digest_file
+from uavgram.io.files import digest_file
 from uavgram.io.outputs import replace_bytes
-from uavgram.io.tables.ties import read_ties, update_ties
+from uavgram.io.tables.picks import read_ties, update_ties
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FOUND
 from uavgram.model.survey.ties import TiePicks

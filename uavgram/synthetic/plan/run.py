@@ -8,11 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from uavgram.errors import GeometryError, InputError
-from uavgram.io.exports.geojson import write_layers_geojson
-from uavgram.io.exports.kml import write_kml
 from uavgram.io.exports.missions import qgc_plan_text, waypoints_text
+from uavgram.io.exports.web_maps import write_kml, write_layers_geojson
 from uavgram.io.outputs import as_output_errors, replace_bytes, replace_text, staged_output
-from uavgram.io.results.plan_json import write_plan
+from uavgram.io.results.command_json import write_plan
 from uavgram.model.maps import Autopilot, HeightFrame, Paper
 from uavgram.model.naming import METRIC, Units
 from uavgram.model.planned import FlightPlanned
