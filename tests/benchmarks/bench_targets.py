@@ -24,7 +24,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "support"))
 
 from board_photos import Sensor, look, photograph, true_corners
 
-from uavgram.imaging.targets.detect import detect_in_photos
+from uavgram.imaging.targets.boards import detect_in_photos
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.camera.board import flat_board
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from uavgram.geometry.camera.projection import project
-from uavgram.imaging.plates.detection import sight_plates
+from uavgram.imaging.plates import sight_plates
 from uavgram.imaging.raster import GroundRaster, Image, Painter, make_box
 from uavgram.model.arrays import Floats
 from uavgram.model.target_families import corner_label

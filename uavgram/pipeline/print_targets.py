@@ -11,7 +11,7 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, near_miss
-from uavgram.imaging.plates.families import (
+from uavgram.imaging.plates import (
     MARGIN_CELLS,
     board_outlines,
     count_plates,

@@ -17,7 +17,7 @@ import numpy as np
 
 from uavgram.config.board_text import parse_board
 from uavgram.errors import InputError, UavgramError
-from uavgram.imaging.plates.detection import sight_board_plate, sight_plates
+from uavgram.imaging.plates import sight_board_plate, sight_plates
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.uncoded import Kind, UncodedTarget, measure_uncoded_target
 from uavgram.io.photos.catalogue import read_grey

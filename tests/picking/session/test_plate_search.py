@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from plate_pictures import photo_of, plate_samples, quad
 
-from uavgram.imaging.photos.grey_photos import GreyPhotos
-from uavgram.imaging.plates.families import read_cells
+from uavgram.imaging.photos.cache import GreyPhotos
+from uavgram.imaging.plates import read_cells
 from uavgram.imaging.raster import Image
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.survey.observations import MeasurementRequest

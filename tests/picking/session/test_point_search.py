@@ -15,8 +15,8 @@ import pytest
 from uavgram.errors import InputError
 from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.imaging.matching.matches import REASON_TEXTS, Matches, RefusalReason
-from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.matching.least_squares import REASON_TEXTS, Matches, RefusalReason
+from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey.observations import Picks

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.errors import InputError
-from uavgram.imaging.photos.decode import decode_photo
+from uavgram.imaging.photos.decoding import decode_photo
 from uavgram.input_files import describe_files, read_bytes, unread_format
 from uavgram.io.files import check_name, digest_inputs, find_matching_files
 from uavgram.io.photos.metadata import (

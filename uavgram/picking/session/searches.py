@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from uavgram.imaging.photos.grey_photos import GreyPhotos
+from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.picking.document.proposals import Outcome, Pair
 from uavgram.picking.session.plate_search import PlateSearch

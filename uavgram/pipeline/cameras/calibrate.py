@@ -20,10 +20,8 @@ from uavgram.errors import InputError, UavgramError
 from uavgram.estimation.calibration.problem import make_focal_and_center_prior
 from uavgram.imaging.photos.preview import Preview, make_preview
 from uavgram.imaging.raster import Image
-from uavgram.imaging.targets.board_picture import draw_board
-from uavgram.imaging.targets.detect import detect_in_photos
-from uavgram.imaging.targets.observations import collect_observations
-from uavgram.imaging.targets.sighting import Sighting
+from uavgram.imaging.targets.boards import collect_observations, detect_in_photos, draw_board
+from uavgram.imaging.targets.corners import Sighting
 from uavgram.io.cameras import opencv_text, read_drone_cameras
 from uavgram.io.files import check_no_originals
 from uavgram.io.folders import PhotoFolder, find_photo_folders

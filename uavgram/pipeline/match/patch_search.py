@@ -8,8 +8,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from uavgram.imaging.matching.least_squares import (
+    REASON_TEXTS,
+    Matches,
+    RefusalReason,
+    SoughtPoints,
+)
 from uavgram.imaging.matching.match import match_points
-from uavgram.imaging.matching.matches import REASON_TEXTS, Matches, RefusalReason, SoughtPoints
 from uavgram.imaging.photos.cache import LruCache
 from uavgram.imaging.raster import Image
 from uavgram.io.photos.catalogue import read_grey

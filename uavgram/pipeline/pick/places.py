@@ -20,7 +20,7 @@ from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
 from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
 from uavgram.geometry.ground.row_projection import RowPoses
-from uavgram.imaging.matching.matches import SoughtPoints
+from uavgram.imaging.matching.least_squares import SoughtPoints
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight.pose import Poses
 from uavgram.model.survey.observations import KnownWorldPoints, Picks

@@ -16,7 +16,7 @@ import numpy as np
 from uavgram.errors import InputError
 from uavgram.estimation.measuring.transferred_pixels import TransferredPixels
 from uavgram.imaging.photos.cache import LruCache
-from uavgram.imaging.ties.features import Features, read_features
+from uavgram.imaging.ties import Features, read_features
 from uavgram.model.arrays import Floats
 from uavgram.model.camera.calibration import Calibration
 from uavgram.model.survey.observations import Picks

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from uavgram.imaging.plates.families import read_cells
+from uavgram.imaging.plates import read_cells
 from uavgram.imaging.raster import GroundRaster, Image, Painter, blur_mask, paint_layer
 from uavgram.model.arrays import Floats
 from uavgram.model.target_families import PLATE_CORNERS

@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from textures import Texture
 
-from uavgram.imaging.matching.least_squares import fit_patches
+from uavgram.imaging.matching.least_squares import (
+    MatchOptions,
+    RefusalReason,
+    SoughtPoints,
+    estimate_match_covariance,
+    fit_patches,
+    is_precise,
+)
 from uavgram.imaging.matching.match import match_points
-from uavgram.imaging.matching.match_covariance import estimate_match_covariance, is_precise
-from uavgram.imaging.matching.matches import MatchOptions, RefusalReason, SoughtPoints
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Floats
 

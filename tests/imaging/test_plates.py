@@ -7,10 +7,8 @@ import pytest
 from plate_pictures import photo_of, plate_samples, quad, shadowed
 from scipy.stats import chi2
 
-from uavgram.imaging.plates.detection import sight_plates
-from uavgram.imaging.plates.families import count_plates, read_cells
-from uavgram.imaging.plates.fit import fit_plate, fit_with_shadows
-from uavgram.imaging.plates.picture import Window, render_plate
+from uavgram.imaging.plate_fit import Window, fit_plate, fit_with_shadows, render_plate
+from uavgram.imaging.plates import count_plates, read_cells, sight_plates
 from uavgram.model.arrays import Floats
 from uavgram.model.survey.observations import RejectedPlate
 from uavgram.model.target_families import FAMILIES

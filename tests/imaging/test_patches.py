@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from uavgram.imaging.patch_fit import (
+from uavgram.imaging.patches import (
     compute_variance_growth,
     estimate_neighbour_correlation,
     fit_windows,
