@@ -29,7 +29,7 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.photos.tagging import insert_exif
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import SimulatedLog
+from uavgram.model.flight_log import SimulatedLog
 from uavgram.pipeline.measure.run import Journal, run
 
 HOME = np.array([50.0, 8.0, 200.0])

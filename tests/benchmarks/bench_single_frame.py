@@ -31,7 +31,7 @@ from uavgram.estimation.survey.likelihood import compute_covariance_root
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.points import View, compute_ground_points
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 Work = tuple[Callable[[], object], int]
 """What is timed, and how many times in a row."""

@@ -26,7 +26,7 @@ from board_photos import Sensor, look, photograph, true_corners
 
 from uavgram.imaging.targets.boards import detect_in_photos
 from uavgram.io.photos.catalogue import read_grey
-from uavgram.model.camera.board import flat_board
+from uavgram.model.board import flat_board
 
 SIZE_PX = (5472, 3648)
 LENS = [3700.0, 3700.0, 2735.5, 1823.5, -0.1, 0.03, 2e-4, -1e-4, 0.0]

@@ -11,7 +11,7 @@ import pytest
 from board_photos import Sensor, look, photograph
 
 from uavgram.cli import main
-from uavgram.model.camera.board import flat_board
+from uavgram.model.board import flat_board
 from uavgram.synthetic.files import write_demo
 from uavgram.synthetic.scenario import CameraSpec, Scenario
 from uavgram.synthetic.survey import simulate

@@ -10,8 +10,8 @@ from scipy.stats import chi2
 from uavgram.imaging.plate_fit import Window, fit_plate, fit_with_shadows, render_plate
 from uavgram.imaging.plates import count_plates, read_cells, sight_plates
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import RejectedPlate
-from uavgram.model.target_families import FAMILIES
+from uavgram.model.naming import FAMILIES
+from uavgram.model.observations import RejectedPlate
 
 ARUCO = "aruco-4x4-50"
 SHAPE = (48, 48)

@@ -28,7 +28,7 @@ from uavgram.io.cameras import (
     read_opencv_calibration,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration, LensModel
+from uavgram.model.camera import Calibration, LensModel
 
 
 class Write(Protocol):

@@ -44,9 +44,9 @@ from uavgram.estimation.survey.observations.pixels import Pixels
 from uavgram.estimation.survey.unknowns import State, advance_state
 from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
 from uavgram.stages.monte_carlo import sample_observations
 from uavgram.stages.refine import refine

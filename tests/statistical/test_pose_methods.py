@@ -21,7 +21,7 @@ from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.geometry.ground import shapes
 from uavgram.imaging.known_point_pose import find_known_point_poses
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 pytestmark = pytest.mark.statistical

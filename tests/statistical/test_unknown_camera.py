@@ -30,12 +30,11 @@ from uavgram.geometry.camera.lens import largest_radius
 from uavgram.geometry.ground import shapes
 from uavgram.io.cameras import read_drone_cameras
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.tags import CameraTags
-from uavgram.model.flight.pose import Poses
+from uavgram.model.camera import Calibration, CameraTags
+from uavgram.model.frames import Poses
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.camera import assume_camera
 from uavgram.stages.measure import MAX_BIAS_SIGMAS, MAX_SIGMA_DIFFERENCE
 from uavgram.stages.refine import refine

@@ -11,8 +11,8 @@ from scenes import cv_pixels, look_down, make_scene
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThing
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownThing
+from uavgram.model.survey import Survey
 
 MEASURED = (4, 5)
 """The points whose distance is judged: on no line of the lane."""

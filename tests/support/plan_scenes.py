@@ -8,10 +8,10 @@ import numpy as np
 
 from uavgram.errors import GeometryError
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import GroundOptions
 from uavgram.model.planned import FlightPattern, PlanRequest
-from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.synthetic.plan.cameras import PlannedCameras, find_visible
 from uavgram.synthetic.plan.flights import make_flight
 from uavgram.synthetic.plan.scene import Deviation, LoggedAccuracy, PlanScene

@@ -12,9 +12,8 @@ from scipy.stats import chi2
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.camera.projection import project
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.known import KnownThings
-from uavgram.model.survey.observations import Picks, Source
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.observations import KnownThings, Picks, Source
+from uavgram.model.survey import TiePicks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs
 from uavgram.synthetic.inputs import make_inputs

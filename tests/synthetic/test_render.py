@@ -13,7 +13,7 @@ from uavgram.geometry.camera.projection import project
 from uavgram.imaging.plates import sight_plates
 from uavgram.imaging.raster import GroundRaster, Image, Painter, make_box
 from uavgram.model.arrays import Floats
-from uavgram.model.target_families import corner_label
+from uavgram.model.naming import corner_label
 from uavgram.synthetic.accident_scene import DEMO_POINTS, Mark
 from uavgram.synthetic.autopilot import draw_biases
 from uavgram.synthetic.flight import compute_true_poses, simulate_motion

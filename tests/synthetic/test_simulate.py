@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import MeasurementKind, MeasurementRequest
+from uavgram.model.observations import MeasurementKind, MeasurementRequest
 from uavgram.synthetic.accident_scene import ScenePoint
 from uavgram.synthetic.errors import ErrorSpec
 from uavgram.synthetic.flight import draw_gauss_markov

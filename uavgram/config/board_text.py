@@ -6,7 +6,7 @@ import re
 
 from uavgram.errors import InputError, near_miss
 from uavgram.imaging.targets.boards import dictionary_names, dictionary_size
-from uavgram.model.camera.board import Board, flat_board
+from uavgram.model.board import Board, flat_board
 
 OPTION = "--board"
 NOTATION = (

@@ -31,9 +31,9 @@ from uavgram.imaging.plate_fit import (
 from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.boards import charuco_board, sight_charuco
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.board import Board
-from uavgram.model.survey.observations import RejectedPlate, SeenPlate
-from uavgram.model.target_families import FAMILIES
+from uavgram.model.board import Board
+from uavgram.model.naming import FAMILIES
+from uavgram.model.observations import RejectedPlate, SeenPlate
 
 
 @lru_cache(maxsize=8)

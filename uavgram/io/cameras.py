@@ -33,16 +33,16 @@ from uavgram.errors import InputError, near_miss
 from uavgram.input_files import read_text
 from uavgram.io.json_codec import parse_json
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import (
+from uavgram.model.camera import (
     CALIBRATION_FILE,
     Calibration,
+    DroneCamera,
     LensModel,
     assumed_covariance,
     correlation_of,
     parameter_counts,
     parameter_names,
 )
-from uavgram.model.camera.tags import DroneCamera
 from uavgram.model.message import Message
 
 Entry = TypeVar("Entry")

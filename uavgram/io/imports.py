@@ -40,7 +40,7 @@ from uavgram.io.tables.csv_tables import number_hint, parse_number
 from uavgram.model.arrays import Floats
 from uavgram.model.limits import find_unshowable, sigma_fault
 from uavgram.model.message import Message
-from uavgram.model.survey.observations import ImportedPicks, KnownPoints
+from uavgram.model.observations import ImportedPicks, KnownPoints
 
 _NAMES = ("x", "y", "z", "column", "row")
 _NUMBERS, _Z = 5, 2

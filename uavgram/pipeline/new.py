@@ -31,7 +31,7 @@ from uavgram.io.tables.updates import (
     PICKS_HEADER,
     create_table,
 )
-from uavgram.model.flight.frames import Photos
+from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.model.options import CAMERA_OF_PHOTOS, CAMERA_UNKNOWN, TimeOptions
 from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera

@@ -24,7 +24,7 @@ from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.pose_sources import FROM_PHOTOS, read_photo_poses
-from uavgram.model.flight.frames import Photos
+from uavgram.model.frames import Photos
 from uavgram.model.naming import METRIC, SHORT_FORMS, Units
 from uavgram.model.options import Auto, Project, TimeOptions
 from uavgram.model.provenance import Case

@@ -20,9 +20,9 @@ from uavgram.imaging.ties import (
     verify_matches,
 )
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.pose import Poses
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Poses
+from uavgram.model.survey import TiePicks
 from uavgram.pipeline.parallel import prefetch
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.stages.tie.overlap import LEAST_SHARE, Seen, overlap, pairs_of, predict

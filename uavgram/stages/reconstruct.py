@@ -13,7 +13,7 @@ from uavgram.geometry.earth.geodesy import geodetic_from_enu
 from uavgram.geometry.ground.ellipse import ELLIPSE_95, error_ellipse
 from uavgram.model.arrays import Floats
 from uavgram.model.result.tables import HeightSource, PlanarUncertainty, PointResults
-from uavgram.model.survey.survey import Survey, World
+from uavgram.model.survey import Survey, World
 
 
 def reconstruct(adjustment: Adjustment, world: World, found: Collection[str] = ()) -> PointResults:

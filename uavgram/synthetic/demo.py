@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from uavgram.errors import InputError, OutputError
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.result.result import Result
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.progress import Progress, silent

@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.frames import Photos
+from uavgram.model.camera import Calibration
+from uavgram.model.frames import Photos
 from uavgram.model.limits import number_text
 from uavgram.model.options import (
     GroundOptions,

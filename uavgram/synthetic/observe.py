@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.survey.observations import KnownLines, KnownPoints, Picks
-from uavgram.model.target_families import PLATE_CORNERS
+from uavgram.model.camera import Calibration
+from uavgram.model.naming import PLATE_CORNERS
+from uavgram.model.observations import KnownLines, KnownPoints, Picks
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.scene import Surface
 from uavgram.synthetic.sight import find_large_plates, is_inside

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.constants import g as GRAVITY_M_S2  # noqa: N812
 
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 
 UNITS = {"area": "m2", "angle": "deg", "skid_speed": "m/s", "slope": "deg", "volume": "m3"}
 """Units of the kinds that are not lengths [m]."""

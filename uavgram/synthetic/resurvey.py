@@ -18,12 +18,8 @@ from uavgram.estimation.survey.observations.kinds import OBSERVATIONS
 from uavgram.estimation.survey.observed import SimulatedTruth
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.survey.observations import (
-    KnownLines,
-    KnownPoints,
-    KnownWorldPoints,
-)
-from uavgram.model.survey.survey import Survey
+from uavgram.model.observations import KnownLines, KnownPoints, KnownWorldPoints
+from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import collect_observations, compute
 from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
 from uavgram.pipeline.measure.observations import append_plate_sides

@@ -6,8 +6,8 @@ import numpy as np
 
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.target_families import MIN_SIDE_PX, PLATE_CORNERS
+from uavgram.model.camera import Calibration
+from uavgram.model.naming import MIN_SIDE_PX, PLATE_CORNERS
 
 EDGE_PX = 12.0
 """Distance from the photo's edge within which marks are not picked."""

@@ -9,9 +9,9 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.flight.log import SimulatedLog
-from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
+from uavgram.model.camera import Calibration
+from uavgram.model.flight_log import SimulatedLog
+from uavgram.model.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
 from uavgram.synthetic.autopilot import draw_biases, record_flight
 from uavgram.synthetic.flight import simulate_motion
 from uavgram.synthetic.observe import (

@@ -10,8 +10,8 @@ import numpy as np
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.model.arrays import Bools, Floats, FrozenArrays
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.camera import Calibration
+from uavgram.model.observations import MeasurementRequest
 from uavgram.synthetic.flight import (
     FlightBiases,
     Motion,

@@ -14,7 +14,7 @@ from uavgram.estimation.survey.moved import refit
 from uavgram.geometry.motion.rotation import log_so3
 from uavgram.model.arrays import Floats
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.compute import assemble_survey
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.stages.refine import refine

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 SCENE: dict[str, Any] = {"frames": 2, "labels": 8, "lines": 9, "telemetry": False, "gauge": "plane"}

@@ -22,7 +22,7 @@ from uavgram.geometry.camera.projection import (
     project_with_jacobian,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 PINHOLE = np.array([1000.0, 1010, 640, 480, 0, 0, 0, 0, 0])
 # A Raspberry Pi camera V2, half resolution: folds back inside the image (k3 < 0).

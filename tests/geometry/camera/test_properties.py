@@ -7,7 +7,7 @@ from opencv_rays import undistort
 
 from uavgram.geometry.camera.properties import compute_camera_properties
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration, LensModel
+from uavgram.model.camera import Calibration, LensModel
 
 
 def camera(

@@ -7,7 +7,7 @@ import pytest
 from uavgram.geometry.camera.projection import project
 from uavgram.geometry.camera.properties import crop_calibration, scale_calibration
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 PARAMETERS = np.array([2300.0, 2310, 1950, 1480, -0.05, 0.02, 4e-4, -2e-4, 0.001])
 

@@ -31,7 +31,7 @@ from uavgram.imaging.photos.preview import (
     shrink_jpeg,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.result.pictures import Region, Subject
+from uavgram.model.result.result import Region, Subject
 
 
 def photo(width: int, height: int, colour: tuple[int, int, int] = (1, 1, 1)) -> Pixels:

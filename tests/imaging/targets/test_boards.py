@@ -23,8 +23,8 @@ from uavgram.imaging.targets.boards import (
 )
 from uavgram.imaging.targets.corners import Sighting
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import Board, BoardObservations, LensSetting, flat_board
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.board import Board, BoardObservations, LensSetting, flat_board
+from uavgram.model.camera import LensModel
 from uavgram.model.message import Message
 from uavgram.stages.messages import order_messages
 

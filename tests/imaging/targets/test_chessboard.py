@@ -17,8 +17,8 @@ from uavgram.imaging.targets.boards import collect_observations, detect_in_photo
 from uavgram.imaging.targets.chessboard import sight_chessboard
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import Board, LensSetting, flat_board
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.board import Board, LensSetting, flat_board
+from uavgram.model.camera import LensModel
 
 
 @pytest.mark.parametrize("model", ["brown", "fisheye"])

@@ -24,7 +24,7 @@ from uavgram.imaging.targets.corners import (
 )
 from uavgram.io.photos.catalogue import read_grey
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.board import Board, flat_board
+from uavgram.model.board import Board, flat_board
 
 
 def drawn_saddle(

@@ -33,8 +33,8 @@ from uavgram.io.exports.web_maps import dump_geojson, write_kml, write_layers_ge
 from uavgram.io.results.results_json import dump_results, load_results
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Features
+from uavgram.model.observations import Source
 from uavgram.model.result.result import Result
-from uavgram.model.survey.observations import Source
 from uavgram.stages.products.map_layers import features_of
 from uavgram.stages.products.planned_layers import plan_layers
 

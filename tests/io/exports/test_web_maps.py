@@ -22,8 +22,8 @@ from uavgram.io.exports.gis import LayerStyle, write_geopackage, write_qgis_proj
 from uavgram.io.exports.web_maps import dump_geojson, write_geojson, write_kml
 from uavgram.io.tables.measure import POINT_COUNTS
 from uavgram.model.maps import Features, Layer
+from uavgram.model.observations import MeasurementKind
 from uavgram.model.result.result import Result
-from uavgram.model.survey.observations import MeasurementKind
 from uavgram.stages.products.map_layers import features_of
 
 Feature = dict[str, Any]

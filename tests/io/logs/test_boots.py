@@ -12,7 +12,7 @@ from uavgram.io.logs.dataflash.reader import TABLE, BootMessages
 from uavgram.io.logs.dataflash.tables import index_text
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.logs.ulog.reader import read_ulog
-from uavgram.model.flight.log import EstimatorReset
+from uavgram.model.flight_log import EstimatorReset
 
 EVENTS = b"""FMT, 128, 89, FMT, BBnNZ, Type,Length,Name,Format,Columns
 FMT, 134, 75, MSG, QZ, TimeUS,Message

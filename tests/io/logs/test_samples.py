@@ -23,7 +23,7 @@ from uavgram.io.logs.samples import (
     is_spike,
     merge_sigmas,
 )
-from uavgram.model.flight.log import FlightLog
+from uavgram.model.flight_log import FlightLog
 
 ReadText = Callable[[str], FlightLog]
 Change = Callable[[np.number], np.number]

@@ -18,7 +18,7 @@ from uavgram.io.logs.tlog.frames import _apart, _Candidates, scan_frames
 from uavgram.io.logs.tlog.reader import read_tlog
 from uavgram.io.logs.tlog.writer import LINK_DELAY_S, write_tlog
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import SimulatedLog
+from uavgram.model.flight_log import SimulatedLog
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.survey import simulate
 

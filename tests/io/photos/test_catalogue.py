@@ -25,7 +25,7 @@ from uavgram.io.photos.catalogue import (
     read_photos,
 )
 from uavgram.io.photos.metadata import read_all_camera_tags, read_image_size
-from uavgram.model.camera.tags import CameraTags
+from uavgram.model.camera import CameraTags
 from uavgram.model.options import TimeOptions
 
 

@@ -30,7 +30,7 @@ from uavgram.io.photos.metadata import (
     read_image_size,
     read_xmp,
 )
-from uavgram.model.camera.tags import CameraTags
+from uavgram.model.camera import CameraTags
 from uavgram.model.options import TimeOptions
 
 

@@ -9,7 +9,7 @@ import tagged_jpeg
 
 from uavgram.errors import InputError
 from uavgram.io.photos.pose_sources import read_pose_sources
-from uavgram.model.flight.frames import Photos
+from uavgram.model.frames import Photos
 
 Tags = dict[str, str]
 Project = tuple[Callable[..., Photos], str]

@@ -15,7 +15,7 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.photos.pose_sources import read_photo_poses
 from uavgram.io.photos.pose_tables import read_geo_txt, read_mrk, read_pose_csv
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Photos
+from uavgram.model.frames import Photos
 
 
 class Write(Protocol):

@@ -14,7 +14,7 @@ from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.photos.metadata import APP1, EXIF_HEAD, Segment, build_jpeg, parse_jpeg
 from uavgram.io.photos.pose_tags import TagPose, _without_zero_angles, first_maker, read_photo_tags
 from uavgram.io.photos.tagging import ExifGps, set_gps
-from uavgram.model.flight.pose import PhotoPoses
+from uavgram.model.frames import PhotoPoses
 from uavgram.model.message import Message
 
 Poses = tuple[PhotoPoses, tuple[Message, ...]]

@@ -19,7 +19,7 @@ from uavgram.io.photos.metadata import DJI, parse_jpeg, read_exif_place, read_xm
 from uavgram.io.photos.pose_tables import read_geo_txt
 from uavgram.io.photos.pose_tags import read_photo_tags
 from uavgram.io.photos.tagging import ExifGps, TiffError, insert_exif, set_gps, write_tagged_photo
-from uavgram.model.flight.pose import GeoTags
+from uavgram.model.frames import GeoTags
 
 
 def make_tags(

@@ -15,20 +15,20 @@ from schema_faults import faults_of
 
 from uavgram.errors import InputError
 from uavgram.io.results.results_json import dump_results, load_results, write_results
-from uavgram.model.camera.tags import Readout
+from uavgram.model.camera import Readout
 from uavgram.model.message import Correction, Remedy
 from uavgram.model.result.reliability import (
     ChecksOverall,
     Effects,
     Evidence,
     PriorResults,
+    Reason,
     RemovalRecord,
     SecondOrder,
+    Verdict,
     WeakestLinks,
 )
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import Estimate, OrientationCorrelation
-from uavgram.model.result.verdict import Reason, Verdict
+from uavgram.model.result.result import Estimate, OrientationCorrelation, Result
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

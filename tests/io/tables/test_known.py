@@ -12,7 +12,7 @@ from uavgram.errors import InputError
 from uavgram.estimation.survey.known_kinds.kinds import KNOWN_KINDS
 from uavgram.io.tables.known import read_control_lines, read_known, read_lines
 from uavgram.io.tables.updates import update_lines
-from uavgram.model.survey.known import STRAIGHTNESS_M, ControlLines, KnownThings
+from uavgram.model.observations import STRAIGHTNESS_M, ControlLines, KnownThings
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import apply_change
 from uavgram.picking.document.state import State, make_observations, make_state

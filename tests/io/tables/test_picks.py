@@ -9,7 +9,7 @@ import pytest
 
 from uavgram.errors import InputError
 from uavgram.io.tables.picks import count_made, read_picks, read_ties, update_ties
-from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.model.survey import NO_TIES, TiePicks
 
 HEADER = "image,label,u_px,v_px,source,score,from_image,from_u_px,from_v_px\n"
 

@@ -22,7 +22,7 @@ from uavgram.io.tables.updates import (
     update_measure,
     update_picks,
 )
-from uavgram.model.survey.observations import KnownLines, MeasurementRequest, Picks
+from uavgram.model.observations import KnownLines, MeasurementRequest, Picks
 
 PickRow = tuple[str, str, *tuple[float, ...]]
 """Image, label, u, v and, where given, sigma and height."""

@@ -15,7 +15,7 @@ from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.plates import read_cells
 from uavgram.imaging.raster import Image
 from uavgram.io.photos.catalogue import read_grey
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.proposals import BY_HAND, make_accept_command
 from uavgram.picking.document.state import State

@@ -19,7 +19,7 @@ from uavgram.imaging.matching.least_squares import REASON_TEXTS, Matches, Refusa
 from uavgram.imaging.photos.cache import GreyPhotos
 from uavgram.imaging.raster import Image
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.observations import Picks
+from uavgram.model.observations import Picks
 from uavgram.picking.document.proposals import BY_HAND, Outcomes
 from uavgram.picking.document.state import Pick, State
 from uavgram.picking.session import point_search as module

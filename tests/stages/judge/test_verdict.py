@@ -15,11 +15,11 @@ from uavgram.model.arrays import Ints
 from uavgram.model.catalogue.entry import Effect
 from uavgram.model.catalogue.lookup import CATALOGUE
 from uavgram.model.message import Message, Remedy
+from uavgram.model.observations import KnownLines, KnownWorldPoints, MeasurementRequest
 from uavgram.model.options import SolveOptions
+from uavgram.model.result.reliability import MeasurementStatus, Verdict
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import MeasurementStatus, Verdict
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.judge import Fit, compare_withheld, determine_verdict, run_tests, tested_survey
 from uavgram.stages.judge.statuses import is_moved
 from uavgram.stages.judge.unchecked import is_unchecked, judge_unchecked

@@ -16,7 +16,7 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import minima, readjustment, refine
 from uavgram.stages.refine.staged_sigmas import iterate
 

@@ -11,8 +11,8 @@ from scenes import Scene, make_scene
 
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.ground import shapes
+from uavgram.model.observations import KnownThing
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.known import KnownThing
 from uavgram.stages.refine import refine
 
 REPORT, REMOVE = SolveOptions(noise="stated"), SolveOptions(outliers="remove", noise="stated")

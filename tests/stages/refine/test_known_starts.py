@@ -12,8 +12,8 @@ from scenes import make_scene
 from uavgram.errors import GeometryError
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.ground import shapes
+from uavgram.model.observations import KnownThing
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.known import KnownThing
 from uavgram.stages.refine import refine
 
 STATED = SolveOptions(noise="stated")

@@ -16,7 +16,7 @@ from uavgram.geometry.ground import shapes
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 from uavgram.stages.refine import refine
 
 REPORT, REMOVE = SolveOptions(), SolveOptions(outliers="remove")

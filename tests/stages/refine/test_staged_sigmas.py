@@ -15,8 +15,8 @@ from uavgram.estimation.solver.levenberg_marquardt import MAX_ITERATIONS, Minimu
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
 from uavgram.io.cameras import read_drone_cameras
-from uavgram.model.camera.tags import CameraTags
-from uavgram.model.survey.survey import Survey
+from uavgram.model.camera import CameraTags
+from uavgram.model.survey import Survey
 from uavgram.pipeline.measure.inputs import read_inputs
 from uavgram.stages.assemble import assemble
 from uavgram.stages.camera import assume_camera

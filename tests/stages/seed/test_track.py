@@ -17,7 +17,7 @@ from uavgram.geometry.earth.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     AttitudeSamples,
     Boot,
     BootClock,

@@ -19,10 +19,9 @@ from uavgram.estimation.repeated.photo_step import (
 from uavgram.estimation.repeated.single_photo import adjust_photos
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.estimation.survey.observed import Observations
+from uavgram.model.observations import NO_KNOWN, KnownLines, KnownWorldPoints, Picks
 from uavgram.model.options import GroundOptions, SolveOptions
 from uavgram.model.simulation import PhotoDesign, PhotoDraws
-from uavgram.model.survey.known import NO_KNOWN
-from uavgram.model.survey.observations import KnownLines, KnownWorldPoints, Picks
 from uavgram.pipeline.measure.compute import adjust_survey
 from uavgram.stages.assemble import assemble
 from uavgram.synthetic.study import methods

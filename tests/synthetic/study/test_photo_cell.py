@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from uavgram.estimation.repeated.predicted_lengths import PredictedLengths, predict_lengths
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.errors import ErrorSpec, StatedSpec
 from uavgram.synthetic.inputs import ScenarioWorld

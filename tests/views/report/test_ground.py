@@ -13,7 +13,7 @@ from PIL import Image
 
 from uavgram.imaging.photos.preview import IDENTITY_TONE
 from uavgram.imaging.top_view.mosaic import MOST_PX, GroundTexture, cut_ground
-from uavgram.model.result.pictures import NO_PICTURES
+from uavgram.model.result.result import NO_PICTURES
 from uavgram.views.report import ground_extent, render_report
 from uavgram.views.survey.top_view import top_view
 

@@ -17,8 +17,8 @@ from uavgram.geometry.camera.back_projection import back_project_with_jacobian
 from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.calibration_result import LengthUncertainty
+from uavgram.model.board import LengthUncertainty
+from uavgram.model.camera import Calibration
 
 _MAX_REWEIGHTINGS = 5
 

@@ -13,7 +13,7 @@ from uavgram.geometry.ground.plane_pose import (
     mirror_plane,
 )
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 MIN_CORNERS = 4
 """Smallest number of corners of a photo that determine its homography."""

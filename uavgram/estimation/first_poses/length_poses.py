@@ -36,7 +36,7 @@ from uavgram.geometry.ground.plane_pose import (
     lengths_on_plane,
 )
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 
 class LengthFrames(NamedTuple):

@@ -17,9 +17,9 @@ from uavgram.estimation.survey.ground_below import find_ground_below
 from uavgram.geometry.ground import measurements, shapes
 from uavgram.geometry.ground.measurements import UnmeasurableError
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
-from uavgram.model.survey.observations import MeasurementRequest
-from uavgram.model.survey.survey import Survey
+from uavgram.model.frames import Frames
+from uavgram.model.observations import MeasurementRequest
+from uavgram.model.survey import Survey
 
 STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s^2] (CGPM 1901); the local value differs by less than 0.3 %, a speed by less

@@ -13,7 +13,7 @@ from uavgram.estimation.survey.ground_planes import PLANE_SIZE, count_fixed_plan
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.geometry.motion.telemetry_pose import SHARED_SIZE
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Survey
 
 
 @dataclass(frozen=True)

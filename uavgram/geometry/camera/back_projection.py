@@ -25,7 +25,7 @@ from uavgram.geometry.camera.lens import (
     write_parameter_derivative,
 )
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 _NODES = 4096
 _LARGE_TANGENTIAL = 1e-2

@@ -1,7 +1,7 @@
 """Projection from camera to pixel by OpenCV's models with analytic derivatives, and back.
 
 Pixels are (u right, v down); (0, 0) is the centre of the top-left pixel. Parameters are those of
-``uavgram.model.camera.calibration.PARAMETER_NAMES``.
+``uavgram.model.camera.PARAMETER_NAMES``.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from uavgram.geometry.camera.lens import (
     write_parameter_derivative,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 __all__ = [
     "BeyondFold",

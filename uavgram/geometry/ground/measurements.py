@@ -12,7 +12,7 @@ import numpy as np
 
 from uavgram.geometry.ground import heights, shapes
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import MeasurementKind
+from uavgram.model.observations import MeasurementKind
 
 
 class UnmeasurableError(ValueError):

@@ -20,7 +20,7 @@ import numpy as np
 from uavgram.geometry.camera.back_projection import rays_and_lens
 from uavgram.geometry.camera.lens import Distorted, write_parameter_derivative
 from uavgram.model.arrays import Floats, freeze
-from uavgram.model.camera.calibration import LensModel
+from uavgram.model.camera import LensModel
 
 BLOCK = 8192
 """Points per block; with fewer, the overhead of numpy calls exceeds the arithmetic."""

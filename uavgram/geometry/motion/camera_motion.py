@@ -27,8 +27,8 @@ import numpy as np
 from uavgram.geometry.motion.rotation import log_so3, matrix_from_ypr, ypr_from_matrix
 from uavgram.geometry.motion.telemetry_pose import correct_time, exposures_by_time, predict_pose
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import Track
-from uavgram.model.flight.pose import TelemetryPrior
+from uavgram.model.flight_log import Track
+from uavgram.model.frames import TelemetryPrior
 
 
 def compute_row_share(row_px: Floats, height_px: int) -> Floats:

@@ -25,7 +25,7 @@ import numpy as np
 from uavgram.geometry.motion.interpolation import SmoothPositions, SmoothRotations
 from uavgram.geometry.motion.rotation import exp_with_right_jacobian, hat
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import Flight, PhotoExposures
+from uavgram.model.frames import Flight, PhotoExposures
 
 UP = np.array([0.0, 0.0, 1.0])
 

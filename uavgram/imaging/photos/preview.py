@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from uavgram.imaging.photos.decoding import REDUCED, halve, read_reduced, shrink
-from uavgram.model.result.pictures import Picture, Region
+from uavgram.model.result.result import Picture, Region
 
 Values = NDArray[np.uint8]
 

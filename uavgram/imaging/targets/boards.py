@@ -17,7 +17,7 @@ from uavgram.imaging.raster import Image
 from uavgram.imaging.targets.chessboard import sight_chessboard
 from uavgram.imaging.targets.corners import Sighting, measure_corners
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.board import Board, BoardKind, BoardObservations, BoardPhoto, LensSetting
+from uavgram.model.board import Board, BoardKind, BoardObservations, BoardPhoto, LensSetting
 from uavgram.model.message import Message, MessagePlural
 
 WIDTHS_PX = (1200, 2400, 4800)

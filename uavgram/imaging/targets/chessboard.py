@@ -28,7 +28,7 @@ from uavgram.imaging.targets.corners import (
     search_corners,
 )
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.board import Board
+from uavgram.model.board import Board
 
 CORE = 3
 _QUADRANT = 0.3  # squares from a corner to the samples of its four quadrants

@@ -28,8 +28,7 @@ from uavgram.imaging.top_view.mosaic_grid import (
     split_bands,
 )
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.result.pictures import GroundPicture
-from uavgram.model.result.result import Result
+from uavgram.model.result.result import GroundPicture, Result
 
 Shade = TypeVar("Shade", np.uint8, np.float32)
 

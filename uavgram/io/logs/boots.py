@@ -36,7 +36,7 @@ from uavgram.io.logs.samples import (
     velocity_samples,
 )
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     AttitudeSamples,
     Boot,
     CameraEvents,

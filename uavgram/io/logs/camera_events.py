@@ -15,7 +15,7 @@ from uavgram.io.logs.samples import (
     unit_quaternions,
 )
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.log import CameraEvents, GimbalSamples
+from uavgram.model.flight_log import CameraEvents, GimbalSamples
 from uavgram.model.naming import counted
 
 # GIMBAL_DEVICE_FLAGS, https://mavlink.io/en/messages/common.html

@@ -18,7 +18,7 @@ from uavgram.geometry.motion.interpolation import compute_running_median, make_r
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.io.logs.messages import Found, StatedValues
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     AttitudeSamples,
     Boot,
     CameraEvents,

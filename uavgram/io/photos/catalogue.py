@@ -24,9 +24,9 @@ from uavgram.io.photos.metadata import (
     read_image_size,
 )
 from uavgram.io.tables.csv_tables import is_formula
-from uavgram.model.camera.board import LensSetting
-from uavgram.model.camera.tags import CameraTags
-from uavgram.model.flight.frames import Photos, TimeSource
+from uavgram.model.board import LensSetting
+from uavgram.model.camera import CameraTags
+from uavgram.model.frames import Photos, TimeSource
 from uavgram.model.message import Message
 from uavgram.model.options import TimeOptions
 from uavgram.model.provenance import InputDigest

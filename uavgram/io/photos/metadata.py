@@ -23,7 +23,7 @@ import numpy as np
 from uavgram.errors import InputError, no_file
 from uavgram.geometry.earth.geodesy import Origin
 from uavgram.input_files import read_bytes, refuse_unread
-from uavgram.model.camera.tags import CameraTags
+from uavgram.model.camera import CameraTags
 
 APP0, APP1, SOS, EOI = 0xE0, 0xE1, 0xDA, 0xD9
 START = b"\xff\xd8"

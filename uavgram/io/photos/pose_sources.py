@@ -17,9 +17,8 @@ from uavgram.io.photos.metadata import read_first_site
 from uavgram.io.photos.pose_tables import read_geo_txt, read_mrk, read_pose_csv
 from uavgram.io.photos.pose_tags import read_photo_tags, read_stated_tags
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.log import HeightDatum
-from uavgram.model.flight.pose import PhotoPoses
+from uavgram.model.flight_log import HeightDatum
+from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.message import Message
 
 FROM_PHOTOS = "exif"

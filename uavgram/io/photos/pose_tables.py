@@ -28,9 +28,8 @@ from uavgram.input_files import read_bytes, read_text
 from uavgram.io.photos.pose_tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M
 from uavgram.io.tables.csv_tables import Columns, Table, parse_number, read_table
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.log import HeightDatum
-from uavgram.model.flight.pose import PhotoPoses
+from uavgram.model.flight_log import HeightDatum
+from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.message import Message
 
 _UTM = re.compile(r"WGS84\s+UTM\s+([0-9]{1,2})\s*([NS])", re.IGNORECASE)

@@ -28,9 +28,8 @@ from uavgram.io.photos.metadata import (
     read_xmp,
 )
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.log import HeightDatum
-from uavgram.model.flight.pose import PhotoPoses
+from uavgram.model.flight_log import HeightDatum
+from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.message import Message
 from uavgram.model.naming import counted_photos, listed_photos
 

@@ -37,7 +37,7 @@ from uavgram.io.photos.metadata import (
     parse_xmp,
     xmp_packet,
 )
-from uavgram.model.flight.pose import GeoTags
+from uavgram.model.frames import GeoTags
 
 BYTE, ASCII, LONG, RATIONAL = 1, 2, 4, 5
 GPS_IFD = 0x8825

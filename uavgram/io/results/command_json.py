@@ -29,7 +29,7 @@ from uavgram.io.json_codec import (
 from uavgram.io.outputs import replace_text
 from uavgram.io.results.results_json import dump_inputs, format_record_per_line, load_message
 from uavgram.model.batch import FileState, SurveyRecord
-from uavgram.model.camera.calibration_result import (
+from uavgram.model.board import (
     CalibrationAccount,
     CalibrationResult,
     CornerResults,

@@ -28,11 +28,10 @@ from uavgram.io.json_codec import (
     parse_json,
 )
 from uavgram.io.outputs import replace_text
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import NUMBERS, SUBJECTS, Correction, Message, Remedy
 from uavgram.model.naming import row_shapes
 from uavgram.model.provenance import InputDigest, Provenance
-from uavgram.model.result.known import ControlLineResults, KnownResults
 from uavgram.model.result.reliability import (
     AreaNoise,
     ChecksOverall,
@@ -43,20 +42,25 @@ from uavgram.model.result.reliability import (
     Noise,
     PickNoise,
     PriorResults,
+    Reason,
     RemovalRecord,
     SecondOrder,
+    Verdict,
     WeakestLinks,
 )
-from uavgram.model.result.result import Result, SolutionSummary
-from uavgram.model.result.shared import (
+from uavgram.model.result.result import (
     AreaPlane,
     Estimate,
     OrientationCorrelation,
+    Result,
     SharedResult,
+    SolutionSummary,
     compare_cameras,
 )
 from uavgram.model.result.tables import (
+    ControlLineResults,
     FrameResults,
+    KnownResults,
     LineChecks,
     LineResults,
     MeasurementResults,
@@ -69,8 +73,7 @@ from uavgram.model.result.tables import (
     ProfileResults,
     TieSummary,
 )
-from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.survey import Geodetic, World
 
 _ELLIPSE = ("ellipse_95_m", "ellipse_azimuth_rad")
 FRAMES = Table(FrameResults, elsewhere=("seed", "refined", "folder"))

@@ -45,7 +45,7 @@ from uavgram.io.results.results_json import (
     WEAKEST,
 )
 from uavgram.model.arrays import NAN_IS_NONE, Bools, Floats, Ints
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.message import NUMBERS, SUBJECTS, Correction, Message, Remedy
 from uavgram.model.provenance import Provenance
 from uavgram.model.result.reliability import (
@@ -53,13 +53,13 @@ from uavgram.model.result.reliability import (
     ChecksOverall,
     EstimatedSigma,
     PickNoise,
+    Reason,
     RemovalRecord,
+    Verdict,
 )
-from uavgram.model.result.result import SolutionSummary
-from uavgram.model.result.shared import CameraUpdate, OrientationCorrelation
+from uavgram.model.result.result import CameraUpdate, OrientationCorrelation, SolutionSummary
 from uavgram.model.result.tables import MonteCarloResults, TieSummary
-from uavgram.model.result.verdict import Reason, Verdict
-from uavgram.model.survey.survey import Geodetic, World
+from uavgram.model.survey import Geodetic, World
 
 SIGMA_KEY = re.compile(r"(.*_)?sigma(_.*)?")
 NOT_NEGATIVE = {

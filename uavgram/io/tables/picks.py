@@ -13,8 +13,8 @@ from uavgram.input_files import read_bytes
 from uavgram.io.tables.csv_tables import Columns, Table, read_table
 from uavgram.io.tables.updates import Cells, create_table, rewrite_table
 from uavgram.model.arrays import Floats
-from uavgram.model.survey.observations import Picks, Source
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.observations import Picks, Source
+from uavgram.model.survey import TiePicks
 
 PICKS_COLUMNS = Columns(
     text=("image", "label"),

@@ -20,7 +20,7 @@ from uavgram.errors import InputError
 from uavgram.input_files import read_bytes
 from uavgram.io.tables.csv_tables import find_separator, guard_formula, read_blocks, read_header
 from uavgram.io.tables.known import GEODETIC, THREE_SIGMAS
-from uavgram.model.survey.observations import (
+from uavgram.model.observations import (
     ImportedPicks,
     KnownLines,
     KnownPoints,

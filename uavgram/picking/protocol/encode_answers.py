@@ -17,7 +17,7 @@ from uavgram.imaging.snapping import (
     snap_within,
 )
 from uavgram.model.result.tables import COLUMNS
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 from uavgram.picking.document.commands import Place, SameGround, SideView, Snap, Ties
 from uavgram.picking.document.proposals import Outcomes, select_certain
 from uavgram.picking.protocol.encode_places import Json, number

@@ -20,7 +20,7 @@ from typing import Any, get_args
 from uavgram.errors import OutputError, UavgramError
 from uavgram.io.files import open_own, read_own
 from uavgram.io.json_codec import parse_json
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 from uavgram.picking.document import commands as c
 from uavgram.picking.document.history import Session, apply
 from uavgram.picking.document.state import Line, Pick, State

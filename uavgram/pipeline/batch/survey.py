@@ -30,8 +30,7 @@ from uavgram.model.arrays import Floats
 from uavgram.model.batch import FileState, Fit, ParameterUpdate, SurveyRecord, SurveyRow
 from uavgram.model.maps import Paper
 from uavgram.model.options import Project
-from uavgram.model.result.result import Result
-from uavgram.model.result.shared import compare_cameras
+from uavgram.model.result.result import Result, compare_cameras
 from uavgram.pipeline.measure.inputs import named_files
 from uavgram.pipeline.measure.run import run
 from uavgram.pipeline.versions import stamp

@@ -34,14 +34,16 @@ from uavgram.io.photos.catalogue import (
 )
 from uavgram.io.photos.metadata import read_camera_tags
 from uavgram.io.results.command_json import write_calibration
-from uavgram.model.camera.board import Board, BoardPhoto, CalibrationOptions, LensSetting
-from uavgram.model.camera.calibration import Calibration, CameraProvenance, OptionValue
-from uavgram.model.camera.calibration_result import (
+from uavgram.model.board import (
+    Board,
+    BoardPhoto,
     CalibrationAccount,
+    CalibrationOptions,
     CalibrationResult,
+    LensSetting,
     PhotoReason,
 )
-from uavgram.model.camera.tags import CameraTags
+from uavgram.model.camera import Calibration, CameraProvenance, CameraTags, OptionValue
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import with_one_blas_thread
 from uavgram.pipeline.versions import package_versions, stamp

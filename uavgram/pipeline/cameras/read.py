@@ -27,14 +27,14 @@ from uavgram.io.files import digest_file
 from uavgram.io.logs.flight_log import is_flight_log
 from uavgram.io.outputs import replace_text
 from uavgram.io.photos.metadata import read_all_camera_tags, read_camera_tags
-from uavgram.model.camera.calibration import (
+from uavgram.model.camera import (
     ORDINARY_EQUIVALENTS_MM,
     Calibration,
     CameraProvenance,
+    CameraTags,
     OptionValue,
 )
-from uavgram.model.camera.tags import CameraTags
-from uavgram.model.flight.frames import Photos
+from uavgram.model.frames import Photos
 from uavgram.model.message import Message
 from uavgram.pipeline.versions import stamp
 from uavgram.stages.camera import REMEDY, assume_camera, find_camera

@@ -9,7 +9,7 @@ from uavgram.geometry.ground.row_projection import RowPoses, project_rows, sight
 from uavgram.imaging.matching.least_squares import REASON_TEXTS, RefusalReason
 from uavgram.imaging.matching.line_of_sight import SightLine, match_along_line
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.survey.observations import Picks
+from uavgram.model.observations import Picks
 from uavgram.pipeline.match.adjustment import MIN_HEIGHT_M
 from uavgram.pipeline.match.patch_search import Photos
 from uavgram.pipeline.progress import Progress, silent

@@ -19,7 +19,7 @@ from uavgram.io.exports.photogrammetry import write_colmap_model, write_gcp_list
 from uavgram.io.exports.web_maps import write_geojson, write_kml
 from uavgram.io.files import photo_files
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import GeoTags, PoseChoice
+from uavgram.model.frames import GeoTags, PoseChoice
 from uavgram.model.naming import Units
 from uavgram.model.result.result import Result
 from uavgram.stages.products.geotags import geotag

@@ -35,17 +35,23 @@ from uavgram.io.tables.known import (
 from uavgram.io.tables.measure import MEASURE_COLUMNS, read_measure
 from uavgram.io.tables.picks import PICKS_COLUMNS, TIES_COLUMNS, read_picks, read_ties
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.camera.tags import Readout, published_readout
-from uavgram.model.flight.frames import Photos
-from uavgram.model.flight.log import FlightLog
-from uavgram.model.flight.pose import PhotoPoses
+from uavgram.model.camera import Calibration, Readout, published_readout
+from uavgram.model.flight_log import FlightLog
+from uavgram.model.frames import PhotoPoses, Photos
 from uavgram.model.message import Message
+from uavgram.model.observations import (
+    NO_CONTROL_LINES,
+    NO_KNOWN,
+    ControlLines,
+    KnownLines,
+    KnownPoints,
+    KnownThings,
+    MeasurementRequest,
+    Picks,
+)
 from uavgram.model.options import CAMERA_UNKNOWN, TIES_FILE, TIES_FOUND, Project
 from uavgram.model.provenance import InputDigest
-from uavgram.model.survey.known import NO_CONTROL_LINES, NO_KNOWN, ControlLines, KnownThings
-from uavgram.model.survey.observations import KnownLines, KnownPoints, MeasurementRequest, Picks
-from uavgram.model.survey.ties import NO_TIES, TiePicks
+from uavgram.model.survey import NO_TIES, TiePicks
 from uavgram.pipeline.cameras.read import assume_photo_camera, read_camera
 from uavgram.stages.duplicates import Duplicates, find_duplicates
 

@@ -11,8 +11,7 @@ from uavgram.imaging.photos.preview import Pixels, Preview, cut_parts, make_prev
 from uavgram.imaging.top_view.mosaic import GroundTexture, cut_ground
 from uavgram.io.files import photo_files
 from uavgram.model.message import Message
-from uavgram.model.result.pictures import GroundPicture, Picture, Pictures, Region
-from uavgram.model.result.result import Result
+from uavgram.model.result.result import GroundPicture, Picture, Pictures, Region, Result
 from uavgram.stages.products.picture_plan import picture_plan
 from uavgram.views.report import ground_extent
 

@@ -11,7 +11,7 @@ from uavgram.io.outputs import replace_bytes
 from uavgram.io.tables.picks import read_ties, update_ties
 from uavgram.model.message import Message
 from uavgram.model.options import TIES_FOUND
-from uavgram.model.survey.ties import TiePicks
+from uavgram.model.survey import TiePicks
 from uavgram.pipeline.measure.inputs import Inputs, find_project_duplicates, ties_path
 from uavgram.pipeline.measure.pose import PosedFrames, list_unposed, pose_frames
 from uavgram.pipeline.progress import Progress, silent

@@ -11,8 +11,8 @@ from uavgram.estimation.reliability.test_statistics import TestedGroup
 from uavgram.estimation.survey.observations.kinds import get_kind
 from uavgram.estimation.survey.observations.observation import Member
 from uavgram.model.arrays import Bools, Floats
+from uavgram.model.result.reliability import MeasurementStatus
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import MeasurementStatus
 from uavgram.stages.judge.tested_survey import TestedSurvey
 from uavgram.stages.judge.unchecked import is_unchecked
 

@@ -13,8 +13,8 @@ from uavgram.model.catalogue.entry import Effect
 from uavgram.model.catalogue.lookup import entry_of
 from uavgram.model.message import SUBJECTS, Message
 from uavgram.model.naming import listed, listed_photos
+from uavgram.model.result.reliability import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.model.result.tables import MeasurementResults
-from uavgram.model.result.verdict import MeasurementStatus, Reason, Verdict, VerdictLevel
 from uavgram.stages.judge.fit import CONTRADICTION_PROBABILITY, Fit
 from uavgram.stages.judge.statuses import determine_statuses, find_unconfirmed_ends
 from uavgram.stages.judge.tested_survey import TestedSurvey

@@ -30,8 +30,7 @@ from uavgram.geometry.camera.back_projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, figures, listed
-from uavgram.model.survey.corrections import Cause
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey
 from uavgram.stages.remedies import report_not_located, report_one_of
 
 MIN_HEIGHT_M, MAX_HEIGHT_M = 0.3, 1000.0

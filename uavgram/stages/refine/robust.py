@@ -34,7 +34,7 @@ from uavgram.geometry.ground.plane import fit_robust_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import listed_photos
-from uavgram.model.survey.survey import Ground, Survey
+from uavgram.model.survey import Ground, Survey
 from uavgram.stages.refine.annealing import (
     GROSS_SIGMAS,
     LEAST_REDUNDANCY,

@@ -15,8 +15,8 @@ from uavgram.estimation.survey.selection import remove_ties
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.pose import CandidatePoses
-from uavgram.model.survey.survey import Survey
+from uavgram.model.frames import CandidatePoses
+from uavgram.model.survey import Survey
 
 
 def add_tied_frames(survey: Survey) -> tuple[Survey, frozenset[int]]:

@@ -17,8 +17,7 @@ from uavgram.geometry.motion.telemetry_pose import (
     predict_pose,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.pose import Flight, PhotoExposures, Poses, Telemetry, TelemetryPrior
+from uavgram.model.frames import Flight, Frames, PhotoExposures, Poses, Telemetry, TelemetryPrior
 from uavgram.model.options import MountOptions, TelemetryOptions
 from uavgram.stages.seed.fault_effects import Faults, find_unsure_s, free_priors
 

@@ -16,7 +16,7 @@ from uavgram.geometry.motion.rotation import (
     ypr_from_matrix,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.flight.log import (
+from uavgram.model.flight_log import (
     AttitudeSamples,
     Boot,
     BootClock,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from uavgram.imaging.plates import read_cells
 from uavgram.imaging.raster import GroundRaster, Image, Painter, blur_mask, paint_layer
 from uavgram.model.arrays import Floats
-from uavgram.model.target_families import PLATE_CORNERS
+from uavgram.model.naming import PLATE_CORNERS
 from uavgram.synthetic.accident_scene import ScenePoint, Vehicle
 from uavgram.synthetic.scenario import PLATE_FAMILY, GroundSpec
 from uavgram.synthetic.scene import Surface

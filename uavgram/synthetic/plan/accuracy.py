@@ -10,6 +10,7 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.model.arrays import Floats
+from uavgram.model.naming import plate_label
 from uavgram.model.planned import (
     AccuracyGrid,
     ChosenBy,
@@ -20,7 +21,6 @@ from uavgram.model.planned import (
     PlanRequest,
     ReferenceKind,
 )
-from uavgram.model.target_families import plate_label
 from uavgram.synthetic.plan.cameras import find_visible, remove_small_plates
 from uavgram.synthetic.plan.choose import (
     FIRST_SPOT_COUNT,

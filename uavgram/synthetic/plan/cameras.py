@@ -15,7 +15,7 @@ from uavgram.geometry.motion.rotation import (
     matrix_from_ypr,
 )
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.synthetic.plan.scene import Deviation, PlanScene
 from uavgram.synthetic.sight import EDGE_PX, find_large_plates, is_inside
 

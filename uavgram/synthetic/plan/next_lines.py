@@ -16,11 +16,10 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.unknowns import Layout
 from uavgram.geometry.ground.row_projection import RowPoses, project_rows
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
+from uavgram.model.frames import Frames
+from uavgram.model.observations import KnownLines
 from uavgram.model.planned import NextLines
-from uavgram.model.survey.observations import KnownLines
-from uavgram.model.survey.survey import Survey
-from uavgram.model.survey.ties import NO_SIGHTINGS
+from uavgram.model.survey import NO_SIGHTINGS, Survey
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames

@@ -12,7 +12,7 @@ from uavgram.estimation.measuring.kinds import Measurand
 from uavgram.estimation.measuring.propagation import propagate
 from uavgram.geometry.ground.polygons import contains
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.target_families import MIN_SIDE_PX
+from uavgram.model.naming import MIN_SIDE_PX
 from uavgram.stages.plate_sides import SIDES
 from uavgram.synthetic.plan.cameras import PlannedCameras, find_visible, remove_small_plates
 from uavgram.synthetic.plan.elimination import (

@@ -18,7 +18,8 @@ from uavgram.geometry.ground.polygons import (
 from uavgram.geometry.ground.shapes import polygon_self_intersects
 from uavgram.io.area_file import Area, AreaFile, read_areas
 from uavgram.model.arrays import Floats, FrozenArrays
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
+from uavgram.model.observations import MeasurementRequest
 from uavgram.model.options import (
     GroundOptions,
     MountOptions,
@@ -27,7 +28,6 @@ from uavgram.model.options import (
     TelemetryOptions,
 )
 from uavgram.model.planned import Corners, PlanRequest
-from uavgram.model.survey.observations import MeasurementRequest
 from uavgram.synthetic.inputs import make_project
 from uavgram.synthetic.observe import MeanGenerator
 from uavgram.synthetic.scenario import PlateSpec, Scenario, Site

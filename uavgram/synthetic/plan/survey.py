@@ -18,11 +18,10 @@ from uavgram.estimation.survey.likelihood import SurveyProblem
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.unknowns import State
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.frames import Frames
-from uavgram.model.flight.pose import PhotoExposures, Telemetry
+from uavgram.model.frames import Frames, PhotoExposures, Telemetry
+from uavgram.model.naming import PLATE_CORNERS, corner_label
+from uavgram.model.observations import KnownLines, Picks
 from uavgram.model.options import SolveOptions
-from uavgram.model.survey.observations import KnownLines, Picks
-from uavgram.model.target_families import PLATE_CORNERS, corner_label
 from uavgram.stages.assemble import assemble
 from uavgram.stages.plate_sides import OWN_SIGMA_SHARE, PLATE_TAPE, SIDES, SQUARE, own_scale_sigma
 from uavgram.stages.seed.poses import seed

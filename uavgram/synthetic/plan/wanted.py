@@ -9,7 +9,7 @@ import numpy as np
 
 from uavgram.geometry.ground.polygons import contains, crosses, find_long_axis
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.observations import MeasurementRequest
+from uavgram.model.observations import MeasurementRequest
 from uavgram.synthetic.plan.scene import PlanScene
 
 MAX_SPOTS = 340

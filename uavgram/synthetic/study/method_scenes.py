@@ -14,7 +14,7 @@ from uavgram.geometry.motion.rotation import (
     matrix_from_ypr,
 )
 from uavgram.model.arrays import Floats
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 
 SIZE_PX = (4000, 3000)
 FOCAL_PX = 2250.0

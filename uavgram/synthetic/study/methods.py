@@ -18,7 +18,7 @@ from uavgram.geometry.ground.plane_pose import pose_above_plane
 from uavgram.geometry.motion.rotation import hat
 from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.camera.calibration import Calibration
+from uavgram.model.camera import Calibration
 from uavgram.model.simulation import MethodRow, PhotoDesign, PhotoDraws
 from uavgram.synthetic.study.method_scenes import LOG_SIGMA, MethodScenes, Setting, draw_scenes
 

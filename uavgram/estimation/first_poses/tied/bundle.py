@@ -15,8 +15,8 @@ from uavgram.estimation.solver.sparse.structure import Structure
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.motion.rotation import exp_so3
 from uavgram.model.arrays import Bools, Floats, FrozenArrays, Ints
-from uavgram.model.camera.calibration import Calibration
-from uavgram.model.survey.survey import Survey
+from uavgram.model.camera import Calibration
+from uavgram.model.survey import Survey
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -36,7 +36,7 @@ from uavgram.geometry.motion.telemetry_pose import (
     predict_pose,
 )
 from uavgram.model.arrays import Floats, Ints
-from uavgram.model.flight.pose import PhotoExposures, TelemetryPrior
+from uavgram.model.frames import PhotoExposures, TelemetryPrior
 
 
 class Telemetry(Observation):

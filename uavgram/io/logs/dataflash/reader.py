@@ -31,7 +31,7 @@ from uavgram.io.logs.dataflash.tables import (
 from uavgram.io.logs.messages import Found, Messages, Row, Topic, as_numbers
 from uavgram.io.logs.samples import clock_samples, find_plausible_rows, find_restarts, is_height
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
+from uavgram.model.flight_log import CameraEvents, FlightLog, GimbalSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|Blimp|AntennaTracker)\s+V?\d[\w.\-]*(\s+\(\w+\))?")
 _ODD_ONES = 0.05  # share of all rows: fewer rows of another mount are damaged numbers of this one

@@ -22,7 +22,7 @@ from uavgram.io.logs.messages import Found, Row, Topic, message_name, vehicle_ki
 from uavgram.io.logs.samples import attitude_samples, find_plausible_rows, quaternions_of_angles
 from uavgram.io.logs.tlog.frames import FrameTable, Stream, find_vehicles, scan_frames, split_boots
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.log import CameraEvents, FlightLog, GimbalSamples, MessageCount
+from uavgram.model.flight_log import CameraEvents, FlightLog, GimbalSamples, MessageCount
 
 _FIRMWARE = re.compile(r"\b(Ardu\w+|APM:\w+|PX4)\s+[Vv]?\d[\w.\-]*(\s+\(\w+\))?")
 _LARGEST_RAD = 7.0  # of an angle: some firmware sends 2 pi for 0

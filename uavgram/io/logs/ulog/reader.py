@@ -19,7 +19,7 @@ from uavgram.io.logs.messages import Found, Row, Topic, vehicle_kind
 from uavgram.io.logs.samples import find_plausible_rows
 from uavgram.io.logs.ulog.tables import UlogTables, read_tables
 from uavgram.model.arrays import Bools, Floats
-from uavgram.model.flight.log import CameraEvents, FlightLog, MessageCount
+from uavgram.model.flight_log import CameraEvents, FlightLog, MessageCount
 
 # lowest byte of ver_sw_release (PX4 src/lib/version/version.c)
 _RELEASE_KINDS = {0: "development", 64: "alpha", 128: "beta", 192: "candidate", 255: "release"}

@@ -20,8 +20,7 @@ from uavgram.estimation.survey.unknowns import State
 from uavgram.geometry.camera.back_projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
-from uavgram.model.survey.corrections import Cause, SurveyCorrection
-from uavgram.model.survey.survey import Survey
+from uavgram.model.survey import Cause, Survey, SurveyCorrection
 from uavgram.stages.refine.causes.hypothesis import Diagnosis, Hypothesis, correct_survey
 from uavgram.stages.refine.minima import FULL, TRIAL_ITERATIONS, Participants, adjust_on_trial
 from uavgram.stages.refine.readjustment import convert_state
