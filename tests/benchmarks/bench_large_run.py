@@ -24,7 +24,7 @@ from scipy.signal import lfilter
 from scipy.spatial import cKDTree
 
 from uavgram.geometry.camera.projection import project
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.io.logs.tlog.writer import write_tlog
 from uavgram.io.photos.tagging import insert_exif

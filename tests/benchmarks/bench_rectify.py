@@ -41,7 +41,7 @@ import numpy as np
 import rasterio
 from rasterio.warp import Resampling, reproject
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.geometry.ground.top_view import View
 from uavgram.io.exports.geotiff import write_colour_geotiff
 from uavgram.io.files import photo_files

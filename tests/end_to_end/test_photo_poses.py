@@ -30,7 +30,7 @@ from published_scenes import (
 
 import uavgram
 from uavgram.cli import main
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.io.photos.pose_sources import read_photo_poses
 from uavgram.model.arrays import Floats

@@ -27,7 +27,7 @@ from uavgram.estimation.measuring.propagation import propagate
 from uavgram.estimation.measuring.second_order import compute_curvature
 from uavgram.estimation.survey.adjustment import Refined
 from uavgram.geometry.camera.lens import largest_radius
-from uavgram.geometry.ground import shapes
+from uavgram.geometry.ground import measurements
 from uavgram.io.cameras import read_drone_cameras
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import Calibration, CameraTags
@@ -128,7 +128,7 @@ def error_of(scene: Scene, refined: Refined) -> tuple[float, bool]:
     enough = abs(terms.sigma[0] / measured.sigma[0] - 1.0) <= MAX_SIGMA_DIFFERENCE
     enough &= abs(terms.bias[0] / measured.sigma[0]) <= MAX_BIAS_SIGMAS
     world, _ = adjustment.joint_points(np.array(MEASURED))
-    value, _ = shapes.distance(world)
+    value, _ = measurements.distance(world)
     true = np.linalg.norm(np.subtract(*scene.world[list(MEASURED)]))
     return (value - true) / measured.sigma[0], bool(enough)
 

@@ -10,7 +10,7 @@ from unittest.mock import patch
 import numpy as np
 
 from uavgram.estimation.survey.adjustment import Refined
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.message import Message
 from uavgram.model.options import SolveOptions
 from uavgram.model.survey import Survey

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.camera.projection import back_project, project
 from uavgram.model.arrays import Floats
 from uavgram.model.observations import KnownThings, Picks, Source
 from uavgram.model.survey import TiePicks

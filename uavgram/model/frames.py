@@ -150,7 +150,7 @@ class TelemetryPrior(FrozenArrays):
 
     A camera is at ``p(t) - bias + Rb l`` and has the rotation ``Rz Rm(t) C exp(boresight)`` with t
     = `time_s` - clock correction - drift (`time_s` - `middle_s`); see
-    geometry/motion/telemetry_pose.py.
+    geometry/motion/camera_motion.py.
 
     Attributes
     ----------

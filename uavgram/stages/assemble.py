@@ -13,7 +13,7 @@ from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.correlated_errors import compute_trend_inflation
 from uavgram.estimation.survey.observed import Observations
 from uavgram.estimation.survey.rolling import add_readout
-from uavgram.geometry.motion.telemetry_pose import LEVER_ARM, SHARED_SIZE
+from uavgram.geometry.motion.camera_motion import LEVER_ARM, SHARED_SIZE
 from uavgram.model.arrays import Floats, FrozenArrays, Ints
 from uavgram.model.flight_log import Track
 from uavgram.model.frames import Frames, Poses, Telemetry, TelemetryPrior

@@ -8,8 +8,8 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_utc
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.geometry.earth.gps_time import utc_text
+from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.geometry.gps_time import utc_text
 from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import (
     Boot,

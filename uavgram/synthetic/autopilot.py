@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.geometry.motion.rotation import matrix_from_ypr, xyzw_from_matrix
 from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import (

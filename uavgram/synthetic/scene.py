@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from uavgram.geometry.ground.polygons import squares_on_plane
+from uavgram.geometry.ground.figures import squares_on_plane
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.stages.plate_sides import OWN_SIGMA_SHARE
 from uavgram.synthetic.scenario import GroundSpec, Scenario

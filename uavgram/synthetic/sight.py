@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats
 from uavgram.model.camera import Calibration
 from uavgram.model.naming import MIN_SIDE_PX, PLATE_CORNERS

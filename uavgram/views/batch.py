@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M
+from uavgram.geometry.geodesy import EARTH_RADIUS_M
 from uavgram.model.batch import Batch, Drift, PooledRatio, SurveyRow
 from uavgram.model.result.reliability import VerdictLevel
 from uavgram.views.formatting import number

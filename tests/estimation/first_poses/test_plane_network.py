@@ -9,7 +9,7 @@ import numpy as np
 from scenes import Scene
 
 from uavgram.estimation.first_poses.known_frames import PlaneNetwork
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.survey import Survey
 
 

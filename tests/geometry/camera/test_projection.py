@@ -12,7 +12,6 @@ from derivatives import assert_derivative, central_differences
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from uavgram.geometry.camera.back_projection import share_without_rays
 from uavgram.geometry.camera.projection import (
     BeyondFold,
     back_project,
@@ -20,6 +19,7 @@ from uavgram.geometry.camera.projection import (
     largest_radius,
     project,
     project_with_jacobian,
+    share_without_rays,
 )
 from uavgram.model.arrays import Floats
 from uavgram.model.camera import LensModel

@@ -21,7 +21,7 @@ from pyogrio.raw import read
 from pyproj import CRS, Geod, Proj, Transformer
 from rasterio.transform import xy
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.exports.gis import write_geopackage
 from uavgram.model.arrays import Floats

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
+from uavgram.geometry.geodesy import geodetic_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import GeoTags, Poses
 from uavgram.model.survey import Geodetic, World

@@ -11,8 +11,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from uavgram.errors import UavgramError
-from uavgram.geometry.earth.geodesy import geodetic_from_enu
-from uavgram.geometry.motion.telemetry_pose import exposures_by_time
+from uavgram.geometry.geodesy import geodetic_from_enu
+from uavgram.geometry.motion.camera_motion import exposures_by_time
 from uavgram.model.arrays import Floats
 from uavgram.model.frames import Frames, PhotoExposures, PhotoPoses
 from uavgram.model.message import Message

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from scipy.stats import chi2
 
 from uavgram.config.project import load_project
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.io.logs.flight_log import read_flight_log
 from uavgram.io.photos.catalogue import read_photos
 from uavgram.model.arrays import Floats

@@ -10,7 +10,7 @@ import pytest
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.first_poses.tied.bundle import TiedPoses
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import ENU_FROM_NED, exp_so3
 from uavgram.io.logs.flight_log import read_flight_log

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from uavgram.errors import UavgramError
-from uavgram.geometry.earth.gps_time import DAY_S, MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
+from uavgram.geometry.gps_time import DAY_S, MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
 from uavgram.model.arrays import Floats
 from uavgram.model.flight_log import Boot, BootClock, ClockSamples
 from uavgram.model.message import Message

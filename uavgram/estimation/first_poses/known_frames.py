@@ -23,8 +23,7 @@ from uavgram.estimation.first_poses.plane_search import (
     search_known_planes,
 )
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
-from uavgram.geometry.ground.plane import intersect_ground
-from uavgram.geometry.ground.plane_pose import pose_above_plane
+from uavgram.geometry.ground.plane import intersect_ground, pose_above_plane
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import KnownThing
 from uavgram.model.survey import Survey

@@ -12,8 +12,8 @@ from typing import Annotated
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project, share_without_rays
 from uavgram.geometry.camera.lens import largest_radius
+from uavgram.geometry.camera.projection import back_project, share_without_rays
 from uavgram.model.arrays import NAN_IS_NONE, Floats, FrozenArrays
 from uavgram.model.camera import Calibration, CameraTags
 

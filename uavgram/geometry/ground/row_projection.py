@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.camera.projection import back_project, project
 from uavgram.geometry.motion.camera_motion import compute_row_share, rotate_vector
 from uavgram.geometry.motion.rotation import hat
 from uavgram.model.arrays import Floats, Ints

@@ -210,7 +210,7 @@ def _window(step_px: Floats) -> int:
 
 
 def _refine(image: Image, start_px: Floats, half_px: int) -> Floats:
-    """Refine corners by gradients at the image's own size; `gradient.py` has the exact ones."""
+    """Refine corners by gradients at the image's own size; `corners.py` has the exact ones."""
     return search_corners(image, start_px, half_px, 20, 0.01)
 
 

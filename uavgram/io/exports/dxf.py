@@ -15,7 +15,7 @@ from ezdxf import const, units
 from ezdxf.document import Drawing
 from ezdxf.filemanagement import new
 
-from uavgram.geometry.earth.geodesy import map_scale, projected_from_enu
+from uavgram.geometry.geodesy import map_scale, projected_from_enu
 from uavgram.io.exports.dxf_sheets import (
     ALIGNED,
     LABELS,

@@ -24,7 +24,7 @@ import numpy as np
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.model.arrays import Floats
 from uavgram.model.maps import Attribute, Features, Layer, ShapeKind, transform_vertices
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.geometry.motion.rotation import xyzw_from_matrix
 from uavgram.io.cameras import colmap_text
 from uavgram.io.tables.csv_tables import csv_text

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, ElementTree, SubElement
 import numpy as np
 from pyproj import Geod
 
-from uavgram.geometry.earth.geodesy import EARTH_RADIUS_M, Origin, geodetic_from_enu
+from uavgram.geometry.geodesy import EARTH_RADIUS_M, Origin, geodetic_from_enu
 from uavgram.io.json_codec import Record, records
 from uavgram.io.outputs import replace_text
 from uavgram.model.arrays import Floats

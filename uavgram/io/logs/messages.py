@@ -1,6 +1,6 @@
 """Messages of a flight log as columns, rows of a format's table, and MAVLink's definitions.
 
-For each quantity a table names the fields and messages that state it: see `build.py`.
+For each quantity a table names the fields and messages that state it: see `boots.py`.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ class StatedValues:
     time_s
         (N,) since boot.
     columns
-        (N,) each, in SI units (positions in degrees; angles too, where `build.Table` has them so).
+        (N,) each, in SI units (positions in degrees; angles too, where `boots.Table` has them so).
     valid
         (N,) messages with values; None for all.
     """
@@ -127,7 +127,7 @@ class Row:
     message
         The kind of message, or several of the same form: the first that the log has is read.
     fields
-        In the order that the quantity has in `build.Table`; alternative names as a tuple.
+        In the order that the quantity has in `boots.Table`; alternative names as a tuple.
     per
         Number of stored units in one of ours: 1e7 where 1e-7 degrees are stored. One for all
         fields, or one for each.

@@ -21,7 +21,7 @@ import exifread
 import numpy as np
 
 from uavgram.errors import InputError, no_file
-from uavgram.geometry.earth.geodesy import Origin
+from uavgram.geometry.geodesy import Origin
 from uavgram.input_files import read_bytes, refuse_unread
 from uavgram.model.camera import CameraTags
 

@@ -21,8 +21,8 @@ from pyproj import CRS, Transformer
 from pyproj.exceptions import CRSError
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.geodesy import AXES_EXCHANGED, Origin, are_axes_exchanged, within_area
-from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.geometry.geodesy import AXES_EXCHANGED, Origin, are_axes_exchanged, within_area
+from uavgram.geometry.gps_time import utc_from_gps
 from uavgram.geometry.motion.camera_motion import gimbal_from_nadir
 from uavgram.input_files import read_bytes, read_text
 from uavgram.io.photos.pose_tags import RTK_FLOOR_HORIZONTAL_M, RTK_FLOOR_VERTICAL_M

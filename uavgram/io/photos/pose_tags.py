@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.camera_motion import gimbal_from_nadir
 from uavgram.io.photos.metadata import (
     DJI,

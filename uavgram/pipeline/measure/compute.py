@@ -26,7 +26,7 @@ from uavgram.estimation.measuring.error_budget import (
 from uavgram.estimation.measuring.propagation import MeasuredValues, propagate
 from uavgram.estimation.survey.adjustment import Adjustment, Refined
 from uavgram.estimation.survey.observed import Observations
-from uavgram.geometry.earth.geodesy import normalise_crs, utm_crs
+from uavgram.geometry.geodesy import normalise_crs, utm_crs
 from uavgram.imaging.known_point_pose import find_known_point_poses
 from uavgram.io.files import find_relative_name
 from uavgram.model.frames import Frames

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from uavgram.geometry.earth.geodesy import projected_from_enu
+from uavgram.geometry.geodesy import projected_from_enu
 from uavgram.imaging.top_view.mosaic import GroundTexture
 from uavgram.io.exports.dxf import place_texts, write_local_dxf, write_map_dxf
 from uavgram.io.exports.dxf_sheets import NumberFormat

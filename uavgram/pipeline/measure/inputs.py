@@ -13,7 +13,7 @@ import numpy as np
 
 from uavgram.config.project import load_project, project_file
 from uavgram.errors import InputError, near_miss
-from uavgram.geometry.camera.back_projection import share_without_rays
+from uavgram.geometry.camera.projection import share_without_rays
 from uavgram.imaging.photos.decoding import is_same_exposure
 from uavgram.input_files import unread_format
 from uavgram.io.files import digest_inputs

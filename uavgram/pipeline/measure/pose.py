@@ -13,7 +13,7 @@ from uavgram.config.project import error_of_key
 from uavgram.config.project_text import AssumedOrigin
 from uavgram.errors import GeometryError, InputError, UavgramError
 from uavgram.estimation.survey.observed import NO_CONTROL
-from uavgram.geometry.earth.geodesy import (
+from uavgram.geometry.geodesy import (
     SAME_SITE_M,
     are_axes_exchanged,
     curvature_drop,

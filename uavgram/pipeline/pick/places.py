@@ -18,7 +18,7 @@ from uavgram.estimation.measuring.transferred_pixels import (
 from uavgram.estimation.solver.normal_equations import SingularError
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.observed import NO_CONTROL
-from uavgram.geometry.earth.geodesy import enu_from_geodetic, geodetic_from_enu
+from uavgram.geometry.geodesy import enu_from_geodetic, geodetic_from_enu
 from uavgram.geometry.ground.row_projection import RowPoses
 from uavgram.imaging.matching.least_squares import SoughtPoints
 from uavgram.model.arrays import Bools, Floats, Ints

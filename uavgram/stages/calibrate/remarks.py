@@ -15,7 +15,7 @@ from uavgram.estimation.calibration.network import (
     detect_focus_drift,
     detect_rolling_shutter,
 )
-from uavgram.geometry.camera.back_projection import share_without_rays
+from uavgram.geometry.camera.projection import share_without_rays
 from uavgram.geometry.camera.properties import FRAME_35MM_DIAGONAL_MM
 from uavgram.model.board import CalibrationResult, LensSetting, ModelScore
 from uavgram.model.message import Message, MessagePlural

@@ -12,7 +12,7 @@ from uavgram.estimation.reliability.redundancy import compute_upper_tail
 from uavgram.estimation.survey.adjustment import Adjustment
 from uavgram.estimation.survey.known_kinds.kinds import ALL_KINDS
 from uavgram.estimation.survey.observations.known import compute_known_rows, describe_thing
-from uavgram.geometry.ground.line_of_position import compute_line_offsets
+from uavgram.geometry.ground.conditions import compute_line_offsets
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.naming import figures

@@ -26,7 +26,7 @@ from uavgram.estimation.survey.adjustment import Adjustment, LeftOutCause, Refin
 from uavgram.estimation.survey.ground_planes import PLANE_SIZE
 from uavgram.estimation.survey.names import ObservationNames
 from uavgram.estimation.survey.observations.observation import Suspicion
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural, propose_pick_removal
 from uavgram.model.naming import FOOT_M, figures, listed

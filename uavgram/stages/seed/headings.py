@@ -16,7 +16,7 @@ from uavgram.estimation.first_poses.heading_search import PlanPoints, search_hea
 from uavgram.estimation.first_poses.tied.bundle import compute_tied_rays
 from uavgram.estimation.first_poses.tied.placing import fit_to_positions
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Bools, Floats

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.geometry.motion.rotation import matrix_from_ypr
 from uavgram.model.arrays import Floats

@@ -8,7 +8,7 @@ import numpy as np
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.clocks.clock_line import fit_boot_clock, to_utc
-from uavgram.geometry.earth.gps_time import DAY_S, utc_text
+from uavgram.geometry.gps_time import DAY_S, utc_text
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.flight_log import Boot, BootClock, FlightLog
 from uavgram.model.message import Message

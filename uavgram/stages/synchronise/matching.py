@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from uavgram.errors import UavgramError
 from uavgram.estimation.first_poses.tied.bundle import TiedPoses
-from uavgram.geometry.earth.gps_time import DAY_S
+from uavgram.geometry.gps_time import DAY_S
 from uavgram.model.flight_log import Boot, BootClock, FlightLog
 from uavgram.model.frames import Frames, Pairing, Photos
 from uavgram.model.message import Message

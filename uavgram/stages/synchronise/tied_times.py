@@ -10,7 +10,7 @@ from uavgram.estimation.clocks.tied_clock import TiedClock, estimate_tied_clock
 from uavgram.estimation.first_poses.tied.bundle import TiedPoses, compute_rays
 from uavgram.estimation.first_poses.tied.placing import level_scene
 from uavgram.estimation.first_poses.tied.tied_poses import estimate_tied_poses
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
+from uavgram.geometry.geodesy import enu_from_geodetic
 from uavgram.geometry.motion.interpolation import interpolate_rotation
 from uavgram.geometry.motion.rotation import ENU_FROM_NED
 from uavgram.model.arrays import Floats, Ints

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.camera.projection import back_project, project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera import Calibration

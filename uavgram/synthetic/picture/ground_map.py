@@ -7,8 +7,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project
+from uavgram.geometry.camera.projection import back_project, project
 from uavgram.geometry.motion.camera_motion import compute_row_share
 from uavgram.imaging.raster import Weights
 from uavgram.model.arrays import Floats

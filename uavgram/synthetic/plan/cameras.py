@@ -6,8 +6,7 @@ from typing import Annotated, NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.camera.back_projection import back_project
-from uavgram.geometry.camera.projection import project_with_jacobian
+from uavgram.geometry.camera.projection import back_project, project_with_jacobian
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
     GIMBAL_FROM_CAMERA,

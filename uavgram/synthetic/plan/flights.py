@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.ground.polygons import contains, crosses, find_long_axis
+from uavgram.geometry.ground.figures import contains, crosses, find_long_axis
 from uavgram.model.arrays import Floats
 from uavgram.model.planned import FlightPattern, PlanRequest
 from uavgram.synthetic.plan.cameras import PlannedCameras, find_visible

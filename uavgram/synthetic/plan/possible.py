@@ -10,7 +10,7 @@ import numpy as np
 from uavgram.errors import GeometryError
 from uavgram.estimation.measuring.kinds import Measurand
 from uavgram.estimation.measuring.propagation import propagate
-from uavgram.geometry.ground.polygons import contains
+from uavgram.geometry.ground.figures import contains
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.naming import MIN_SIDE_PX
 from uavgram.stages.plate_sides import SIDES

@@ -9,13 +9,13 @@ from typing import Annotated, NamedTuple
 import numpy as np
 
 from uavgram.errors import InputError, near_miss
-from uavgram.geometry.earth.geodesy import enu_from_geodetic
-from uavgram.geometry.ground.polygons import (
+from uavgram.geometry.geodesy import enu_from_geodetic
+from uavgram.geometry.ground.figures import (
     find_long_axis,
     orient_counterclockwise,
     squares_on_plane,
 )
-from uavgram.geometry.ground.shapes import polygon_self_intersects
+from uavgram.geometry.ground.measurements import polygon_self_intersects
 from uavgram.io.area_file import Area, AreaFile, read_areas
 from uavgram.model.arrays import Floats, FrozenArrays
 from uavgram.model.camera import Calibration

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from uavgram.geometry.ground.polygons import contains, crosses, find_long_axis
+from uavgram.geometry.ground.figures import contains, crosses, find_long_axis
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.observations import MeasurementRequest
 from uavgram.synthetic.plan.scene import PlanScene

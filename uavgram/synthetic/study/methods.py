@@ -12,9 +12,8 @@ from uavgram.estimation.first_poses.known_lines import compute_direct_poses, pos
 from uavgram.estimation.first_poses.length_poses import LengthFrames, search_frames
 from uavgram.estimation.first_poses.pose_problem import LineRows
 from uavgram.estimation.repeated.single_photo import adjust_photos
-from uavgram.geometry.camera.back_projection import back_project_with_jacobian
-from uavgram.geometry.ground.plane import intersect_ground_with_jacobian
-from uavgram.geometry.ground.plane_pose import pose_above_plane
+from uavgram.geometry.camera.projection import back_project_with_jacobian
+from uavgram.geometry.ground.plane import intersect_ground_with_jacobian, pose_above_plane
 from uavgram.geometry.motion.rotation import hat
 from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.gps_time import utc_from_gps
+from uavgram.geometry.gps_time import utc_from_gps
 from uavgram.input_files import read_bytes
 from uavgram.io.logs.boots import ANY_CODE, StatedResets, Table, build_log
 from uavgram.io.logs.camera_events import events_of, gimbal_from_angles, image_numbers

@@ -12,7 +12,7 @@ from typing import Literal
 import numpy as np
 
 from uavgram.errors import InputError
-from uavgram.geometry.earth.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
+from uavgram.geometry.gps_time import MAX_PLAUSIBLE_UTC_S, MIN_PLAUSIBLE_UTC_S
 from uavgram.io.logs.boots import StatedResets, Table, build_log
 from uavgram.io.logs.camera_events import events_of, image_numbers
 from uavgram.io.logs.messages import Found, Row, Topic, vehicle_kind

@@ -17,7 +17,7 @@ from uavgram.estimation.survey.observations.lengths import describe_ends
 from uavgram.estimation.survey.observations.observation import Member, Suspicion
 from uavgram.estimation.survey.selection import Selection, remove_known, select_picks
 from uavgram.estimation.survey.unknowns import State
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.geometry.ground.plane import intersect_ground
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.survey import Cause, Survey, SurveyCorrection

@@ -17,7 +17,7 @@ from uavgram.estimation.reliability.hypotheses import (
 )
 from uavgram.estimation.reliability.redundancy import compute_redundancy
 from uavgram.estimation.survey.adjustment import Adjustment
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural

@@ -15,7 +15,7 @@ import numpy as np
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.reliability.redundancy import compute_core_fit
 from uavgram.estimation.reliability.test_statistics import compute_reductions
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.message import Message, MessagePlural
 from uavgram.model.survey import SurveyCorrection

@@ -12,7 +12,7 @@ from uavgram.estimation.first_poses.consensus import AGREEMENT_SIGMAS, MIN_PICKS
 from uavgram.estimation.first_poses.homography import resect_from_plane
 from uavgram.estimation.reliability.hypotheses import HypothesisTest
 from uavgram.estimation.survey.adjustment import LeftOutCause
-from uavgram.geometry.camera.back_projection import back_project
+from uavgram.geometry.camera.projection import back_project
 from uavgram.model.arrays import Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.message import Message, MessagePlural

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pymavlink.DFReader import DFReaderClock
 
-from uavgram.geometry.earth.gps_time import (
+from uavgram.geometry.gps_time import (
     GPS_EPOCH_UTC_S,
     MAX_PLAUSIBLE_UTC_S,
     MIN_PLAUSIBLE_UTC_S,

@@ -7,18 +7,18 @@ import pytest
 from derivatives import assert_derivative, central_differences
 from scipy.spatial.transform import Rotation
 
+from uavgram.geometry.motion.camera_motion import (
+    SHARED_SIZE,
+    FlightPath,
+    correct_time,
+    predict_pose,
+)
 from uavgram.geometry.motion.rotation import (
     ENU_FROM_NED,
     GIMBAL_FROM_CAMERA,
     log_so3,
     matrix_from_ypr,
     xyzw_from_matrix,
-)
-from uavgram.geometry.motion.telemetry_pose import (
-    SHARED_SIZE,
-    FlightPath,
-    correct_time,
-    predict_pose,
 )
 from uavgram.model.arrays import Floats
 

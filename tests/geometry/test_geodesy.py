@@ -9,7 +9,7 @@ from pyproj.aoi import AreaOfInterest
 from pyproj.database import query_utm_crs_info
 
 from uavgram.errors import GeometryError
-from uavgram.geometry.earth.geodesy import (
+from uavgram.geometry.geodesy import (
     enu_from_geodetic,
     explain_unsuitable_crs,
     geodetic_from_enu,
