@@ -10,7 +10,7 @@ from datetime import UTC, date, datetime
 import numpy as np
 from numpy.typing import ArrayLike
 
-from uavgram.model.arrays import Floats, Ints
+from uavgram.model.arrays import Floats
 
 
 def _utc_s(year: int, month: int, day: int) -> float:
@@ -42,11 +42,6 @@ _LEAP_DAYS = tuple(
 _LEAP_UTC_S = np.array([_utc_s(day.year, day.month, day.day) for day in _LEAP_DAYS])
 # The same moments counted without leap seconds, as GPS does.
 _LEAP_GPS_S = _LEAP_UTC_S + np.arange(1, len(_LEAP_UTC_S) + 1)
-
-
-def leap_seconds(utc_s: ArrayLike) -> Ints:
-    """Count GPS minus UTC [s] at UTC instants (...) since the Unix epoch; 0 before 1981."""
-    return np.searchsorted(_LEAP_UTC_S, np.asarray(utc_s, np.float64), side="right")
 
 
 def utc_from_gps(week: ArrayLike, milliseconds: ArrayLike) -> Floats:

@@ -5,7 +5,7 @@ is drawn that way on a grid twice as fine as the pixels, blurred there by the re
 blur, and averaged over each pixel. The picture is then smooth in the plate's corners, and its
 derivative by a corner is its gradient times the shift of the pattern with this corner.
 
-The grey value of a pixel is ``black + contrast share`` with `share` of `picture.render`. The
+The grey value of a pixel is ``black + contrast share`` with the `share` of `render_plate`. The
 contrast varies linearly over the plate (oblique sun, vignetting) and is multiplied by shadows
 across the plate; shadows are searched for where the fit without them is poor. Parameters that enter
 linearly are eliminated in each step (variable projection: Golub and Pereyra 1973, with Kaufman's

@@ -25,10 +25,10 @@ from uavgram.pipeline.measure.inputs import NO_POINTS, Inputs, read_inputs
 from uavgram.pipeline.measure.observations import append_plate_sides
 from uavgram.pipeline.measure.pose import PosedFrames, pose_frames
 from uavgram.pipeline.threads import one_blas_thread
-from uavgram.synthetic.inputs import DrawnSurvey
-from uavgram.synthetic.observe import MeanGenerator
+from uavgram.synthetic.observations import MeanGenerator
 from uavgram.synthetic.scenario import RepeatedSurvey
 from uavgram.synthetic.scenario_file import load_repeated
+from uavgram.synthetic.survey import DrawnSurvey
 
 KINDS_WITHOUT_MOTION = frozenset({"skid_speed", "speed"})
 """Kinds of measurements with mostly other uncertainties than the survey's: not repeated."""

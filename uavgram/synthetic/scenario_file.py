@@ -16,9 +16,8 @@ from uavgram.model.observations import MeasurementRequest
 from uavgram.pipeline.cameras.read import assume_drone_camera, read_camera
 from uavgram.stages.camera import assume_camera, find_camera
 from uavgram.synthetic.errors import LOST_EXPOSURE_INDEX, USUAL_SECTIONS
-from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.scenario import CameraSpec, RepeatedSurvey, Scenario
-from uavgram.synthetic.survey import find_senseless, simulate
+from uavgram.synthetic.survey import ScenarioWorld, find_senseless, simulate
 
 MAX_ITEMS = 2000
 """Limit of the items of all lists of a scenario together."""

@@ -19,9 +19,8 @@ from uavgram.pipeline.measure.compute import assemble_survey
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.stages.refine import refine
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
-from uavgram.synthetic.inputs import make_inputs
 from uavgram.synthetic.scenario import CameraSpec, FlightPlan, Scenario
-from uavgram.synthetic.survey import simulate
+from uavgram.synthetic.survey import make_inputs, simulate
 
 ENDS = ((-9.0, -6.0), (8.0, -7.0), (9.0, 6.0), (-8.0, 7.0), (0.5, -1.0), (2.0, 3.0))
 LINES = (("A", "B"), ("B", "C"), ("C", "D"), ("D", "A"), ("E", "F"), ("A", "E"))

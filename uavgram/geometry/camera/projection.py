@@ -473,15 +473,6 @@ def share_without_rays(
     return float(np.isnan(ray[..., 0]).mean())
 
 
-__all__ = [
-    "BeyondFold",
-    "back_project",
-    "back_project_with_jacobian",
-    "largest_radius",
-    "project",
-    "project_with_jacobian",
-]
-
 BeyondFold = Literal["nan", "extend"]
 
 

@@ -24,15 +24,17 @@ from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs, read_inputs
 from uavgram.pipeline.measure.pose import pose_frames
 from uavgram.pipeline.threads import with_one_blas_thread
-from uavgram.synthetic.plan.elimination import Functions, eliminate_points, whiten_readings
+from uavgram.synthetic.observations import is_inside
 from uavgram.synthetic.plan.layouts import (
     Candidates,
+    Functions,
     Objective,
     compute_criterion_with_one_more,
+    eliminate_points,
     invert,
+    whiten_readings,
 )
-from uavgram.synthetic.plan.wanted import compute_equal_weights, join_spots, make_spots
-from uavgram.synthetic.sight import is_inside
+from uavgram.synthetic.plan.scene import compute_equal_weights, join_spots, make_spots
 
 MIN_LENGTH_M, MAX_LENGTH_M = 3.0, 15.0
 MAX_SPOTS = 150

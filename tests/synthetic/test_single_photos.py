@@ -11,12 +11,11 @@ from uavgram.estimation.repeated.predicted_lengths import PredictedLengths, pred
 from uavgram.model.observations import MeasurementRequest
 from uavgram.synthetic.accident_scene import SceneLine, ScenePoint
 from uavgram.synthetic.errors import ErrorSpec, StatedSpec
-from uavgram.synthetic.inputs import ScenarioWorld
 from uavgram.synthetic.scenario import CameraSpec, FlightPlan, Scenario, Site, Station
 from uavgram.synthetic.simulate import predict_sigmas
-from uavgram.synthetic.study.method_scenes import SIZE_PX
-from uavgram.synthetic.study.photos import (
+from uavgram.synthetic.single_photos import (
     LENS,
+    SIZE_PX,
     StudyCell,
     StudyPhoto,
     StudyScene,
@@ -24,7 +23,8 @@ from uavgram.synthetic.study.photos import (
     make_photo,
     simulate_cell,
 )
-from uavgram.synthetic.study.run import STUDY_GRIDS
+from uavgram.synthetic.study import STUDY_GRIDS
+from uavgram.synthetic.survey import ScenarioWorld
 
 NO_LOG_SIGMA = np.array([100.0, 100.0, 1000.0, 10.0, 10.0, 10.0])
 """Of the pose [m, rad]: so weak that it moves no length."""

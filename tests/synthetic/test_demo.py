@@ -18,7 +18,7 @@ from uavgram.io.tables.known import read_known_points, read_lines
 from uavgram.io.tables.measure import read_measure
 from uavgram.io.tables.picks import read_picks
 from uavgram.model.options import Project, TimeOptions
-from uavgram.synthetic.files import write_demo
+from uavgram.synthetic.demo import write_demo
 from uavgram.synthetic.scenario import Scenario
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
 

@@ -10,8 +10,8 @@ import pytest
 
 from uavgram.synthetic.errors import FixedErrors, RaisedPoint, WrongLength
 from uavgram.synthetic.scenario import FlightPlan, GroundSpec, Pattern, Scenario, Station
-from uavgram.synthetic.scene import draw_surface
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
+from uavgram.synthetic.truth import draw_surface
 
 CLEAN = simulate(Scenario())
 

@@ -15,10 +15,8 @@ from uavgram.imaging.raster import GroundRaster, Image, Painter, make_box
 from uavgram.model.arrays import Floats
 from uavgram.model.naming import corner_label
 from uavgram.synthetic.accident_scene import DEMO_POINTS, Mark
-from uavgram.synthetic.autopilot import draw_biases
-from uavgram.synthetic.flight import compute_true_poses, simulate_motion
-from uavgram.synthetic.picture.ground_map import compute_ground_map, get_whole_photo
-from uavgram.synthetic.picture.render import render_photos
+from uavgram.synthetic.flight import compute_true_poses, draw_biases, simulate_motion
+from uavgram.synthetic.rendering import compute_ground_map, get_whole_photo, render_photos
 from uavgram.synthetic.scenario import PLATE_FAMILY, GroundSpec, PlateSpec, Scenario
 from uavgram.synthetic.survey import SimulatedSurvey, simulate
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -10,17 +12,18 @@ from pathlib import Path
 from typing import Any
 
 from uavgram.errors import UavgramError, near_miss
+from uavgram.io.json_codec import Json, encode
 from uavgram.io.outputs import staged_output
-from uavgram.io.results.simulation_json import write_studies
-from uavgram.model.simulation import MethodRow, Study
+from uavgram.model.simulation import SOURCES, MethodRow, Study
 from uavgram.pipeline.parallel import run_in_processes
 from uavgram.pipeline.progress import Progress, silent
 from uavgram.pipeline.threads import one_blas_thread
-from uavgram.synthetic.study.method_scenes import Setting
-from uavgram.synthetic.study.methods import LIMIT_SETTINGS, compare_methods
-from uavgram.synthetic.study.photos import StudyCell, StudyScene, simulate_cell
+from uavgram.synthetic.pose_methods import LIMIT_SETTINGS, compare_methods
+from uavgram.synthetic.single_photos import Setting, StudyCell, StudyScene, simulate_cell
 from uavgram.views.study import render_study_page
 from uavgram.views.study_figures import figure_files
+
+STUDY_SCHEMA = 1
 
 Numbers = Mapping[str, float | str]
 """Values of a scene, by name."""
@@ -264,3 +267,28 @@ def make_studies(
             page = render_study_page(studies, figures)
             (hidden / PAGE_FILE).write_text(page, encoding="utf-8")
         yield made
+
+
+def write_studies(studies: tuple[Study, ...], path: Path) -> None:
+    """Write study.json: metres, seconds and shares; null for missing values.
+
+    Parameters
+    ----------
+    studies
+        Studies to write.
+    path
+        Output file.
+    """
+    record = {"schema": STUDY_SCHEMA, "sources": list(SOURCES), "studies": _finite(encode(studies))}
+    path.write_text(json.dumps(record, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _finite(value: Json) -> Json:
+    """Replace infinite numbers, of undetermined methods, which JSON cannot hold."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, list):
+        return [_finite(item) for item in value]
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    return value

@@ -19,7 +19,7 @@ from uavgram.imaging.known_point_pose import MIN_POINTS, find_poses_from_points
 from uavgram.model.arrays import Bools, Floats, Ints
 from uavgram.model.camera import Calibration
 from uavgram.model.simulation import MethodRow, PhotoDesign, PhotoDraws
-from uavgram.synthetic.study.method_scenes import LOG_SIGMA, MethodScenes, Setting, draw_scenes
+from uavgram.synthetic.single_photos import LOG_SIGMA, MethodScenes, Setting, draw_scenes
 
 Starts = tuple[Floats, Floats]
 """Centres (B, S, 3) and rotations (B, S, 3, 3) of S starts of each scene; NaN: no more."""

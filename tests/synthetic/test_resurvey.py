@@ -15,10 +15,9 @@ from uavgram.model.observations import KnownThings, Picks, Source
 from uavgram.model.survey import TiePicks
 from uavgram.pipeline.measure.compute import compute
 from uavgram.pipeline.measure.inputs import Inputs
-from uavgram.synthetic.inputs import make_inputs
 from uavgram.synthetic.resurvey import ProjectWorld, make_project_world
 from uavgram.synthetic.scenario import RepeatedSurvey, Scenario
-from uavgram.synthetic.survey import simulate
+from uavgram.synthetic.survey import make_inputs, simulate
 
 TIE_PX, MATCH_PX, HEIGHT_M, KNOWN_M = 0.3, 0.05, 0.05, 0.02
 AZIMUTH_DEG = 0.3
